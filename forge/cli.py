@@ -1,0 +1,88 @@
+"""From argv to a command, and from errors to exit codes; nothing else decides either.
+
+Exit codes: 0 done, 1 a package failed, 2 the user must mend something, 70 our bug, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from typing import TYPE_CHECKING, NoReturn
+
+from forge import __version__
+from forge.errors import ForgeError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+COMMANDS = {
+    "build": "build the packages of a workspace",
+    "list": "list the packages of a workspace",
+    "graph": "show how packages depend on each other",
+    "info": "show what is known about packages",
+    "interface": "compile, list and show .msg, .srv and .action files",
+    "pkg": "create a package; ask about installed ones",
+    "run": "run an executable of an installed package",
+}
+
+EXIT_USER = 2
+EXIT_BUG = 70
+EXIT_INTERRUPTED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        options = _parser(arguments).parse_args(arguments)
+        code: int = options.run(options)
+        sys.stdout.flush()
+    except ForgeError as error:
+        for problem in error.problems:
+            print(problem.render(), file=sys.stderr)
+        return EXIT_USER
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output has left, as `head` does: not an error, but the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
+        return _our_bug()
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse with our exit code and a hint instead of a page of usage."""
+
+    def error(self, message: str) -> NoReturn:
+        print(f"error: {message}\nhint: '{self.prog} --help' lists what it takes", file=sys.stderr)
+        raise SystemExit(EXIT_USER)
+
+
+def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser that knows every command, and the options of the one that is asked for."""
+    parser = _Parser(prog="forge", description="Build ROS 2 workspaces and compile ROS 2 interfaces.")
+    parser.add_argument("--version", action="version", version=f"forge {__version__}")
+    parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
+    parser.add_argument("--log-level", metavar="LEVEL", default="warning", help="how much forge says about itself")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    for word, summary in COMMANDS.items():
+        command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
+        if word in arguments:
+            # Only the asked command pays for its imports: `forge --help` answers at once.
+            module = importlib.import_module(f"forge.commands.{word.replace('-', '_')}")
+            module.register(command)
+            command.set_defaults(run=module.run)
+    return parser
+
+
+def _our_bug() -> int:
+    """Print the traceback and where to report it."""
+    import traceback  # noqa: PLC0415  (only a bug pays for it)
+
+    traceback.print_exc()
+    print("this is a bug in forge, not in your workspace; please report it with the text above", file=sys.stderr)
+    return EXIT_BUG

@@ -1,0 +1,1 @@
+"""One module per word the user types: register(parser), run(options) -> int."""

@@ -1,0 +1,95 @@
+"""What a user can mend: problems with a place, a cause and a remedy.
+
+    ForgeError            everything below; the command line shows its problems and exits with 2
+      WorkspaceError      the workspace, a manifest or an existing install does not allow the command
+      SelectionError      the command line names packages that cannot be selected
+      InterfaceError      an interface definition is wrong
+      EnvironmentFault    the machine lacks something: a compiler, CMake, numpy, a writable folder
+
+Anything else that escapes a command is our bug, and says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A spot in a file. Lines and columns count from 1; `source` is the whole line as written."""
+
+    path: Path | str
+    line: int | None = None
+    column: int | None = None
+    source: str | None = None
+
+    def __str__(self) -> str:
+        parts = [str(self.path)]
+        if self.line is not None:
+            parts.append(str(self.line))
+            if self.column is not None:
+                parts.append(str(self.column))
+        return ":".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing to mend: lower case, no full stop, names in single quotes."""
+
+    message: str
+    place: Place | None = None
+    hint: str | None = None
+
+    def render(self, severity: str = "error") -> str:
+        """Return the text a user reads: place, message, source line with caret, hint."""
+        where = f"{self.place}: " if self.place else ""
+        lines = [f"{where}{severity}: {self.message}"]
+        if self.place and self.place.source is not None:
+            lines.append(f"    {self.place.source}")
+            if self.place.column is not None:
+                lines.append("    " + _caret_indent(self.place.source, self.place.column) + "^")
+        if self.hint:
+            lines.append(f"hint: {self.hint}")
+        return "\n".join(lines)
+
+
+class ForgeError(Exception):
+    """Problems that the user can mend; a stage raises all it found, not the first."""
+
+    def __init__(self, *problems: Problem) -> None:
+        """Carry at least one problem."""
+        super().__init__("\n".join(problem.render() for problem in problems))
+        self.problems = problems
+
+
+class WorkspaceError(ForgeError):
+    """The workspace, a manifest or an existing install does not allow the command."""
+
+
+class SelectionError(ForgeError):
+    """The command line names packages that cannot be selected."""
+
+
+class InterfaceError(ForgeError):
+    """An interface definition is wrong."""
+
+
+class EnvironmentFault(ForgeError):  # noqa: N818  (EnvironmentError is a builtin's name)
+    """The machine lacks something the command needs."""
+
+
+def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeError) -> None:
+    """Raise `error` with the problems, unless there are none."""
+    found = tuple(problems)
+    if found:
+        raise error(*found)
+
+
+def _caret_indent(source: str, column: int) -> str:
+    """Return the blanks that put a caret under `column`; tabs stay tabs, so the columns agree."""
+    return "".join("\t" if character == "\t" else " " for character in source[: column - 1])

@@ -1,0 +1,1 @@
+"""Interface definitions to code: parse, resolve, render, write; knows nothing of building."""

@@ -1,0 +1,239 @@
+"""The nouns of interface definitions, frozen and valid once resolved.
+
+Type names follow IDL ('boolean', 'octet', 'float', 'double'), as rosidl's generators do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from forge.errors import Place
+
+HIDDEN_MEMBER = "structure_needs_at_least_one_member"
+
+Value = bool | int | float | str | tuple["bool | int | float | str", ...]
+"""A literal: numbers, text, or a tuple of them for arrays and sequences. An octet is an int."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class TypeName:
+    """The full name of an interface, such as std_msgs/msg/Header."""
+
+    package: str
+    kind: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.package}/{self.kind}/{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Primitive:
+    """A basic type by its IDL name: boolean, octet, char, wchar, int8 ... uint64, float, double."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A string (UTF-8) or wstring (UTF-16), with an upper bound or None."""
+
+    wide: bool = False
+    bound: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Another message."""
+
+    name: TypeName
+
+
+Element = Primitive | Text | Named
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """Exactly `size` elements."""
+
+    of: Element
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """Any number of elements, at most `bound` unless that is None."""
+
+    of: Element
+    bound: int | None = None
+
+
+Type = Element | Array | Sequence
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A member of a message. `doc` has a line per item; `unit` as in the comment 'speed [m/s]'."""
+
+    name: str
+    type: Type
+    default: Value | None = None
+    doc: tuple[str, ...] = ()
+    unit: str | None = None
+    place: Place | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A named value of a bare primitive or unbounded string type."""
+
+    name: str
+    type: Primitive | Text
+    value: Value
+    doc: tuple[str, ...] = ()
+    place: Place | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True)
+class Message:
+    """A structure. `fields` are what a user sees; `members` what is on the wire and in C++."""
+
+    name: TypeName
+    fields: tuple[Field, ...] = ()
+    constants: tuple[Constant, ...] = ()
+    doc: tuple[str, ...] = ()
+
+    @cached_property
+    def members(self) -> tuple[Field, ...]:
+        """The fields, or the one hidden uint8 that stands for none (interface spec 1.5)."""
+        return self.fields or (Field(HIDDEN_MEMBER, Primitive("uint8")),)
+
+
+@dataclass(frozen=True)
+class Service:
+    """A request and a response. `event` (Iron and later) exists for the type hash only."""
+
+    name: TypeName
+    request: Message
+    response: Message
+
+    @cached_property
+    def event(self) -> Message:
+        """The derived X_Event message."""
+        info = Named(TypeName("service_msgs", "msg", "ServiceEventInfo"))
+        return Message(
+            _suffixed(self.name, "Event"),
+            (
+                Field("info", info),
+                Field("request", Sequence(Named(self.request.name), 1)),
+                Field("response", Sequence(Named(self.response.name), 1)),
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class Action:
+    """A goal, a result and a feedback, and the types that ROS derives from them."""
+
+    name: TypeName
+    goal: Message
+    result: Message
+    feedback: Message
+
+    @cached_property
+    def send_goal(self) -> Service:
+        """The derived X_SendGoal service."""
+        name = _suffixed(self.name, "SendGoal")
+        request = (Field("goal_id", _UUID), Field("goal", Named(self.goal.name)))
+        response = (Field("accepted", Primitive("boolean")), Field("stamp", _TIME))
+        return _service(name, request, response)
+
+    @cached_property
+    def get_result(self) -> Service:
+        """The derived X_GetResult service."""
+        name = _suffixed(self.name, "GetResult")
+        response = (Field("status", Primitive("int8")), Field("result", Named(self.result.name)))
+        return _service(name, (Field("goal_id", _UUID),), response)
+
+    @cached_property
+    def feedback_message(self) -> Message:
+        """The derived X_FeedbackMessage message."""
+        fields = (Field("goal_id", _UUID), Field("feedback", Named(self.feedback.name)))
+        return Message(_suffixed(self.name, "FeedbackMessage"), fields)
+
+
+Interface = Message | Service | Action
+
+
+@dataclass(frozen=True)
+class Source:
+    """An interface file as found: `relative` is like 'msg/Pose.msg', `text` its content."""
+
+    package: str
+    relative: str
+    path: Path
+    text: str
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """All interfaces of one package, resolved, in the order of their names.
+
+    `known` holds every message that these refer to, however deep, other packages' included.
+    `sources` are the files read, those of other packages included (for dependency records).
+    """
+
+    package: str
+    interfaces: Mapping[TypeName, Interface]
+    known: Mapping[TypeName, Message]
+    sources: tuple[Source, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A text to be written below the output folder; `path` is relative and uses '/'."""
+
+    path: str
+    text: str
+
+
+def messages_of(interface: Interface) -> Iterator[Message]:
+    """Yield every message that code is generated for, in the order in which they can be defined."""
+    match interface:
+        case Message():
+            yield interface
+        case Service():
+            yield interface.request
+            yield interface.response
+        case Action():
+            yield from (interface.goal, interface.result, interface.feedback)
+            yield from messages_of(interface.send_goal)
+            yield from messages_of(interface.get_result)
+            yield interface.feedback_message
+
+
+def element_of(type_: Type) -> Element:
+    """Return the type itself, or that of its elements."""
+    return type_.of if isinstance(type_, Array | Sequence) else type_
+
+
+_UUID = Named(TypeName("unique_identifier_msgs", "msg", "UUID"))
+_TIME = Named(TypeName("builtin_interfaces", "msg", "Time"))
+
+
+def _suffixed(name: TypeName, suffix: str) -> TypeName:
+    return TypeName(name.package, name.kind, f"{name.name}_{suffix}")
+
+
+def _service(name: TypeName, request: tuple[Field, ...], response: tuple[Field, ...]) -> Service:
+    return Service(
+        name,
+        Message(_suffixed(name, "Request"), request),
+        Message(_suffixed(name, "Response"), response),
+    )

@@ -1,0 +1,228 @@
+"""The nouns of building: frozen, valid once born."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+
+class Kind(Enum):
+    """What a package.xml tag says about a dependency (REP 149)."""
+
+    BUILD = "build"
+    BUILD_EXPORT = "build_export"
+    BUILDTOOL = "buildtool"
+    BUILDTOOL_EXPORT = "buildtool_export"
+    EXEC = "exec"
+    TEST = "test"
+    DOC = "doc"
+
+
+BUILD_KINDS = frozenset({Kind.BUILD, Kind.BUILDTOOL})
+RUN_KINDS = frozenset({Kind.BUILD_EXPORT, Kind.BUILDTOOL_EXPORT, Kind.EXEC})
+TEST_KINDS = frozenset({Kind.TEST})
+
+
+@dataclass(frozen=True, slots=True)
+class Dependency:
+    """Another package or system key, and in which roles it is needed."""
+
+    name: str
+    kinds: frozenset[Kind]
+    versions: tuple[tuple[str, str], ...] = ()
+    """Constraints such as ('gte', '1.2.0')."""
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """A maintainer or an author."""
+
+    name: str
+    email: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """A child of the manifest's export element: tag, attributes and inner XML, stripped."""
+
+    tag: str
+    attributes: tuple[tuple[str, str], ...]
+    content: str
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """A package.xml after its conditions were evaluated."""
+
+    name: str
+    version: str
+    description: str
+    build_type: str
+    dependencies: tuple[Dependency, ...]
+    path: Path
+    format: int = 3
+    maintainers: tuple[Person, ...] = ()
+    licenses: tuple[str, ...] = ()
+    group_dependencies: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    exports: tuple[Export, ...] = ()
+
+    def names(self, kinds: frozenset[Kind]) -> tuple[str, ...]:
+        """Return the dependencies that are needed in any of `kinds`, in the manifest's order."""
+        return tuple(d.name for d in self.dependencies if d.kinds & kinds)
+
+
+@dataclass(frozen=True, slots=True)
+class Package:
+    """A folder with a manifest. `embedded` ones forge brought along."""
+
+    path: Path
+    manifest: Manifest
+    embedded: bool = False
+
+    @property
+    def name(self) -> str:
+        """The manifest's name."""
+        return self.manifest.name
+
+    @property
+    def build_type(self) -> str:
+        """The manifest's build type, such as ament_cmake."""
+        return self.manifest.build_type
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """All packages below the base paths, by name; names are unique, or it is not made."""
+
+    root: Path
+    packages: Mapping[str, Package]
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """The selection options of a command line, as typed."""
+
+    select: tuple[str, ...] | None = None
+    skip: tuple[str, ...] = ()
+    up_to: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The packages to work on, in topological order; `left_out` says why others are not."""
+
+    names: tuple[str, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One edit of an environment variable; `operation` is a dsv word (workspace spec 8.3)."""
+
+    operation: str
+    variable: str
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One program to run: printed, hashed, logged and repeated by hand as it stands here."""
+
+    label: str
+    argv: tuple[str, ...]
+    cwd: Path
+    env: tuple[tuple[str, str], ...] = ()
+    """Variables set for this step alone, beyond the environment of its task."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """The work on one package. `needs` come first and make up its environment, lowest first."""
+
+    name: str
+    package: Package
+    prefix: Path
+    build_dir: Path
+    needs: tuple[str, ...]
+    steps: tuple[Step, ...]
+    digest: str
+    reason: str
+    embedded: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class BuildPlan:
+    """Tasks in topological order, and the packages that need none."""
+
+    tasks: Mapping[str, Task]
+    fresh: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """A task began."""
+
+    task: str
+
+
+@dataclass(frozen=True, slots=True)
+class StepStarted:
+    """A step of a task began; `environment` holds only what differs from forge's own."""
+
+    task: str
+    step: Step
+    environment: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class StepFinished:
+    """A step ended with the exit code of its program (negative: a signal)."""
+
+    task: str
+    step: Step
+    code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A line that a task's program printed, with its line end."""
+
+    task: str
+    line: bytes
+    stderr: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A task ended; `step` is the one that failed, when `code` is not 0."""
+
+    task: str
+    code: int
+    seconds: float
+    step: Step | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Aborted:
+    """A task was stopped before its end, because another failed or the user interrupted."""
+
+    task: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Skipped:
+    """A task did not start; `because` names the failed package, or says 'interrupted'."""
+
+    task: str
+    because: str
+
+
+Event = Started | StepStarted | StepFinished | Output | Finished | Aborted | Skipped

@@ -1,0 +1,25 @@
+"""Rules about names: what a package may be called, snake case, near misses."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_LOWER_THEN_WORD = re.compile(r"(.)([A-Z][a-z]+)")
+_LOWER_THEN_UPPER = re.compile(r"([a-z0-9])([A-Z])")
+
+
+def snake_case(name: str) -> str:
+    """Return rosidl's file name for an interface: 'UInt8' gives 'u_int8', 'ColorRGBA' 'color_rgba'."""
+    return _LOWER_THEN_UPPER.sub(r"\1_\2", _LOWER_THEN_WORD.sub(r"\1_\2", name)).lower()
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str | None:
+    """Return a hint naming the closest known name, or None when nothing is near."""
+    import difflib  # noqa: PLC0415  (6 ms at start-up for the rare mistake)
+
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"did you mean '{near[0]}'?" if near else None
