@@ -1,0 +1,223 @@
+"""What every test may ask for: a tree of files, a run of forge, a golden folder, a tool of the machine."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import shutil
+import sys
+from collections import Counter
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import pytest
+
+from forge.cli import main
+from forge.files import write_if_changed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    Variables = Mapping[str, str | None]
+    """Values by name; None takes a variable away."""
+
+GOLDEN = Path(__file__).parent / "golden"
+
+REMEDIES = {
+    "bash": "apt-get install bash",
+    "clang": "apt-get install clang",
+    "clang++": "apt-get install clang",
+    "cmake": "pip install cmake",
+    "dash": "apt-get install dash",
+    "fish": "apt-get install fish",
+    "g++": "apt-get install g++",
+    "gcc": "apt-get install gcc",
+    "git": "apt-get install git",
+    "make": "apt-get install make",
+    "ninja": "pip install ninja",
+    "pkg-config": "apt-get install pkg-config",
+    "shellcheck": "apt-get install shellcheck",
+    "zsh": "apt-get install zsh",
+}
+"""The command that brings each tool which a test may need."""
+
+_FOREIGN = ("AMENT_", "CMAKE_PREFIX_PATH", "COLCON_", "FORGE_", "PYTHONPATH", "ROS_")
+_LEFT_OUT = "left_out"
+
+
+class Tree(Protocol):
+    """What the fixture `tree` gives."""
+
+    def __call__(self, files: Mapping[str, str]) -> Path:
+        """Write the files below the test's folder and return that; a text with '#!' is executable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What a command line left behind: its exit code and what it printed, children included."""
+
+    code: int
+    out: str
+    err: str
+
+
+class Forge(Protocol):
+    """What the fixture `forge` gives."""
+
+    def __call__(self, *argv: str, cwd: Path | None = None, env: Variables | None = None) -> Ran:
+        """Run the command line in-process; `env` adds variables, and takes away those that are None."""
+
+
+class Golden(Protocol):
+    """What the fixture `golden` gives."""
+
+    def __call__(self, case: Path | str, files: Mapping[str, str]) -> None:
+        """Hold `files` against CASE/expected, or write them there; a str is below tests/golden."""
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Tree:
+    """Make files from a table of paths and texts."""
+
+    def write(files: Mapping[str, str]) -> Path:
+        for name, text in files.items():
+            path = tmp_path / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            if text.startswith("#!"):
+                path.chmod(0o755)
+        return tmp_path
+
+    return write
+
+
+@pytest.fixture
+def forge(capfd: pytest.CaptureFixture[str]) -> Forge:
+    """Run forge as its users do, but in-process and far from any ROS that this shell has sourced."""
+
+    def run(*argv: str, cwd: Path | None = None, env: Variables | None = None) -> Ran:
+        capfd.readouterr()
+        with _surroundings(cwd, env or {}):
+            try:
+                code = main(argv)
+            except SystemExit as leaving:  # argparse leaves this way, after --help and after mistakes
+                code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        out, err = capfd.readouterr()
+        return Ran(code, out, err)
+
+    return run
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Golden:
+    """Compare texts with those that a reviewer has accepted."""
+    accept: bool = request.config.getoption("--accept")
+
+    def hold(case: Path | str, files: Mapping[str, str]) -> None:
+        expected = GOLDEN / case / "expected"
+        if accept:
+            _accept(expected, files)
+        else:
+            differences = "".join(_differences(_read(expected), files))
+            if differences:
+                pytest.fail(f"{differences}\nif that is right: pytest --accept", pytrace=False)
+
+    return hold
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add --accept."""
+    parser.addoption("--accept", action="store_true", help="write what goldens are to expect from now on")
+
+
+def pytest_configure() -> None:
+    """Let tests find the programs of their own virtual environment, activated or not."""
+    scripts = str(Path(sys.executable).parent)
+    if scripts not in os.environ.get("PATH", "").split(os.pathsep):
+        os.environ["PATH"] = os.pathsep.join(filter(None, (os.environ.get("PATH"), scripts)))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Leave out a test whose tool this machine lacks."""
+    for marker in item.iter_markers("needs"):
+        for tool in marker.args:
+            if shutil.which(tool) is None:
+                item.user_properties.append((_LEFT_OUT, tool))
+                pytest.skip(f"needs {tool}")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was left out, and which command brings it back."""
+    tools, reasons = _left_out(terminalreporter)
+    if not tools and not reasons:
+        return
+    terminalreporter.section("left out")
+    for tool, count in sorted(tools.items()):
+        remedy = REMEDIES.get(tool, f"put '{tool}' on PATH")
+        terminalreporter.line(f"{count} for want of {tool}: {remedy}")
+    for reason, count in sorted(reasons.items()):
+        terminalreporter.line(f"{count} because of: {reason}")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Where FORGE_TEST_NOTHING_LEFT_OUT is set, fail if anything was left out."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter and os.environ.get("FORGE_TEST_NOTHING_LEFT_OUT") == "1" and any(_left_out(reporter)):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def _left_out(reporter: pytest.TerminalReporter) -> tuple[Counter[str], Counter[str]]:
+    """Count the tests left out, by the tool they need and, for the others, by their reason."""
+    tools: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
+    for report in reporter.stats.get("skipped", []):
+        tool = dict(getattr(report, "user_properties", ())).get(_LEFT_OUT)
+        if tool is not None:
+            tools[str(tool)] += 1
+        else:
+            reasons[report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)] += 1
+    return tools, reasons
+
+
+@contextmanager
+def _surroundings(cwd: Path | None, env: Variables) -> Iterator[None]:
+    """Change the working folder and the environment for a while."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith(_FOREIGN)]:
+            patch.delenv(name)
+        for name, value in env.items():
+            if value is None:
+                patch.delenv(name, raising=False)
+            else:
+                patch.setenv(name, value)
+        if cwd is not None:
+            patch.chdir(cwd)
+        yield
+
+
+def _read(folder: Path) -> dict[str, str]:
+    """Return every file below the folder by its relative path."""
+    paths = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+
+
+def _differences(expected: Mapping[str, str], actual: Mapping[str, str]) -> Iterator[str]:
+    """Yield a unified diff per file that is not as expected, missing and additional ones included."""
+    for name in sorted(expected.keys() | actual.keys()):
+        if name not in actual:
+            yield f"missing: {name}\n"
+        elif name not in expected:
+            yield f"not expected: {name}\n{actual[name]}\n"
+        elif expected[name] != actual[name]:
+            before, after = (texts[name].splitlines(keepends=True) for texts in (expected, actual))
+            yield from difflib.unified_diff(before, after, f"expected/{name}", f"actual/{name}")
+
+
+def _accept(expected: Path, files: Mapping[str, str]) -> None:
+    """Make the folder hold exactly these files."""
+    for name in _read(expected).keys() - files.keys():
+        (expected / name).unlink()
+    for name, text in files.items():
+        write_if_changed(expected / name, text)
