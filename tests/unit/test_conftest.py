@@ -34,9 +34,7 @@ def test_that_runs():
 def run_suite(folder: Path, **env: str) -> subprocess.CompletedProcess[str]:
     """Run the suite above with a copy of the real conftest."""
     root = Path(__file__).parents[2]
-    (folder / "conftest.py").write_text(
-        (root / "tests/conftest.py").read_text(encoding="utf-8"), encoding="utf-8"
-    )
+    shutil.copy(root / "tests/conftest.py", folder)
     (folder / "test_suite.py").write_text(SUITE, encoding="utf-8")
     (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n  needs(tool): x\n", encoding="utf-8")
     argv = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
