@@ -1,0 +1,1 @@
+"""Python programs on the same interfaces as robot_demo_cpp."""
