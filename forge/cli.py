@@ -67,7 +67,9 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(prog="forge", description="Build ROS 2 workspaces and compile ROS 2 interfaces.")
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
-    parser.add_argument("--log-level", metavar="LEVEL", default="warning", help="how much forge says about itself")
+    parser.add_argument(
+        "--log-level", metavar="LEVEL", default="warning", help="how much forge says about itself"
+    )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
     for word, summary in COMMANDS.items():
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
@@ -84,5 +86,7 @@ def _our_bug() -> int:
     import traceback  # noqa: PLC0415  (only a bug pays for it)
 
     traceback.print_exc()
-    print("this is a bug in forge, not in your workspace; please report it with the text above", file=sys.stderr)
+    print(
+        "this is a bug in forge, not in your workspace; please report it with the text above", file=sys.stderr
+    )
     return EXIT_BUG

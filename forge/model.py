@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from forge.errors import Problem
+
 
 class Kind(Enum):
     """What a package.xml tag says about a dependency (REP 149)."""
@@ -71,6 +73,7 @@ class Manifest:
     group_dependencies: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()
     exports: tuple[Export, ...] = ()
+    warnings: tuple[Problem, ...] = ()
 
     def names(self, kinds: frozenset[Kind]) -> tuple[str, ...]:
         """Return the dependencies that are needed in any of `kinds`, in the manifest's order."""
@@ -84,6 +87,8 @@ class Package:
     path: Path
     manifest: Manifest
     embedded: bool = False
+    has_actions: bool = False
+    """There are .action files, which need interfaces that nobody writes into a manifest."""
 
     @property
     def name(self) -> str:
@@ -98,10 +103,15 @@ class Package:
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """All packages below the base paths, by name; names are unique, or it is not made."""
+    """All packages below the base paths, by name.
+
+    `problems` are manifests that could not be read and names that two folders claim: a build
+    refuses to start with any, a listing shows the rest. Of equal names the first folder counts.
+    """
 
     root: Path
     packages: Mapping[str, Package]
+    problems: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +150,8 @@ class Step:
     cwd: Path
     env: tuple[tuple[str, str], ...] = ()
     """Variables set for this step alone, beyond the environment of its task."""
+    record: tuple[Path, str] | None = None
+    """A file that says this step was done: removed before it starts, written once it succeeded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +166,13 @@ class Task:
     steps: tuple[Step, ...]
     digest: str
     reason: str
-    embedded: bool = False
+    files: tuple[tuple[Path, str], ...] = ()
+    """What the steps read and forge writes before them, when it changed."""
+
+    @property
+    def embedded(self) -> bool:
+        """Tell if forge brought the package along."""
+        return self.package.embedded
 
 
 @dataclass(frozen=True, slots=True)

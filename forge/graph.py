@@ -1,0 +1,107 @@
+"""Order, closure and cycle of a graph given as name -> names it needs; nothing but names here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+
+def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
+    """Return all names, each after what it needs, or None when there is a cycle.
+
+    The order is colcon's: all names without open needs make a layer, sorted by name; then the next.
+    Needs that are no key of the graph do not count.
+    """
+    open_needs = {name: {need for need in wanted if need in needs} for name, wanted in needs.items()}
+    dependents = reverse(needs)
+    layer = sorted(name for name, wanted in open_needs.items() if not wanted)
+    ordered: list[str] = []
+    while layer:
+        ordered += layer
+        following = []
+        for name in layer:
+            for dependent in dependents[name]:
+                open_needs[dependent].discard(name)
+                if not open_needs[dependent]:
+                    following.append(dependent)
+        layer = sorted(following)
+    return tuple(ordered) if len(ordered) == len(needs) else None
+
+
+def reverse(needs: Mapping[str, frozenset[str]]) -> dict[str, frozenset[str]]:
+    """Return name -> names that need it, for the names of the graph."""
+    dependents: dict[str, set[str]] = {name: set() for name in needs}
+    for name, wanted in needs.items():
+        for need in wanted:
+            if need in dependents:
+                dependents[need].add(name)
+    return {name: frozenset(names) for name, names in dependents.items()}
+
+
+def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozenset[str]:
+    """Return the names and all that they need, however deep, as far as the graph knows it."""
+    found: set[str] = set()
+    waiting = [name for name in names if name in needs]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting.extend(need for need in needs[name] if need in needs)
+    return frozenset(found)
+
+
+def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> dict[str, frozenset[str]]:
+    """Return for each name of a topological order all that it needs, itself left out."""
+    found: dict[str, frozenset[str]] = {}
+    for name in ordered:
+        direct = frozenset(need for need in needs[name] if need in needs)
+        found[name] = direct.union(*(found[need] for need in direct))
+    return found
+
+
+def find_cycle(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
+    """Return a shortest cycle as a -> b -> ... -> a (first and last are equal), or None."""
+    best: tuple[str, ...] | None = None
+    for start in sorted(_unorderable(needs)):
+        path = _shortest_way(needs, start, len(best) - 1 if best else None)
+        if path and (best is None or len(path) < len(best)):
+            best = path
+    return best
+
+
+def _unorderable(needs: Mapping[str, frozenset[str]]) -> frozenset[str]:
+    """Return the names that are on a cycle or between two: peel off free ends from both sides."""
+    left = set(needs)
+    for graph in (needs, reverse(needs)):
+        changed = True
+        while changed:
+            free = {name for name in left if not graph[name] & left}
+            left -= free
+            changed = bool(free)
+    return frozenset(left)
+
+
+def _shortest_way(
+    needs: Mapping[str, frozenset[str]], start: str, limit: int | None
+) -> tuple[str, ...] | None:
+    """Return the shortest way from `start` back to itself with fewer than `limit` steps, or None."""
+    before: dict[str, str] = {}
+    layer = [start]
+    steps = 0
+    while layer and (limit is None or steps + 1 < limit):
+        steps += 1
+        following = []
+        for name in layer:
+            for need in sorted(needs[name]):
+                if need == start:
+                    way = [start, name]
+                    while way[-1] != start:
+                        way.append(before[way[-1]])
+                    return tuple(reversed(way))
+                if need in needs and need not in before:
+                    before[need] = name
+                    following.append(need)
+        layer = following
+    return None

@@ -1,0 +1,167 @@
+"""Which embedded packages a build needs, and what nobody provides; pure.
+
+A name is looked for in the workspace, then in underlays and the system, then among the packages
+that forge brings along. The embedded ones come in families (ament, lint, rosidl) that are used whole
+or not at all, so that two implementations of one API never meet in one build.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from forge.errors import Place, Problem
+from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+FAMILY_MARKS = {
+    "ament": ("ament_cmake", "ament_cmake_core"),
+    "lint": ("ament_lint_auto",),
+    "rosidl": ("rosidl_default_generators", "rosidl_cmake"),
+}
+"""Where one of these is found in the workspace, an underlay or the system, its family is provided."""
+
+ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
+"""What generated code of .action files refers to and manifests commonly leave unsaid."""
+
+ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
+
+# Names that are ROS packages rather than keys of a system package: the former hold no '-', and
+# system keys rarely begin or end like these.
+_ROS_BEGINNINGS = ("rcl", "rmw", "tf2", "launch", "ros2", "rosbag2", "nav2_", "moveit_", "ament_", "rosidl_")
+_ROS_ENDINGS = ("_msgs", "_interfaces", "_srvs", "_actions")
+_ROS_NAMES = frozenset(
+    {
+        "class_loader", "cv_bridge", "demo_nodes_cpp", "demo_nodes_py", "image_transport", "joint_state_publisher",
+        "message_filters", "pluginlib", "rclcpp", "rclpy", "robot_state_publisher", "rviz2", "rqt", "turtlesim", "urdf",
+        "xacro",
+    }
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Provision:
+    """The packages of a build, embedded ones included, and how names resolve among them.
+
+    `needs` has an edge for every dependency of any kind that one of `packages` answers to.
+    `missing` maps a package to its dependencies that look like ROS packages and that nobody provides.
+    """
+
+    packages: Mapping[str, Package]
+    needs: Mapping[str, frozenset[str]]
+    missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def provide(
+    workspace: Mapping[str, Package],
+    embedded: Mapping[str, Package],
+    provider: Callable[[str], object | None],
+) -> Provision:
+    """Return the workspace's packages with the embedded ones that they need, however deep.
+
+    `provider(name)` tells the prefix in which an underlay or the system has a package, else None.
+    """
+    answers = _answers(workspace, embedded, provider)
+    packages = dict(workspace)
+    needs: dict[str, frozenset[str]] = {}
+    missing: dict[str, tuple[str, ...]] = {}
+    waiting = list(workspace)
+    while waiting:
+        name = waiting.pop()
+        if name in needs:
+            continue
+        wanted = _wanted(packages[name])
+        found = {other: _resolve(other, workspace, answers, provider) for other in wanted}
+        needs[name] = frozenset(other.name for other in found.values() if other and other.name != name)
+        unmet = [
+            other for other in wanted if found[other] is None and is_ros_name(other) and not provider(other)
+        ]
+        if unmet:
+            missing[name] = tuple(unmet)
+        for other in found.values():
+            if other and other.name not in packages:
+                packages[other.name] = other
+                waiting.append(other.name)
+    return Provision(packages, needs, missing)
+
+
+def is_ros_name(name: str) -> bool:
+    """Tell if a dependency that nobody provides is surely a ROS package, not a system library."""
+    if "-" in name:
+        return False
+    return name in _ROS_NAMES or name.startswith(_ROS_BEGINNINGS) or name.endswith(_ROS_ENDINGS)
+
+
+def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[Problem], list[Problem]]:
+    """Return what stops a build of `names`, and what merely deserves a warning.
+
+    A package that CMake builds cannot do without its build dependencies; a Python package is installed
+    without them, and so is a package that needs them only to run or to test.
+    """
+    errors: dict[str, list[str]] = {}
+    warnings: dict[str, list[str]] = {}
+    for name in names:
+        package = provision.packages[name]
+        required = set(package.manifest.names(BUILD_KINDS)) if package.build_type != "ament_python" else set()
+        for dependency in provision.missing.get(name, ()):
+            found = errors if dependency in required else warnings
+            found.setdefault(dependency, []).append(name)
+    return (
+        [_missing(dependency, users, provision) for dependency, users in sorted(errors.items())],
+        [_missing(dependency, users, provision) for dependency, users in sorted(warnings.items())],
+    )
+
+
+def _answers(
+    workspace: Mapping[str, Package],
+    embedded: Mapping[str, Package],
+    provider: Callable[[str], object | None],
+) -> dict[str, Package]:
+    """Return every name that an embedded package answers to, families that others provide left out."""
+    taken = {
+        family
+        for family, marks in FAMILY_MARKS.items()
+        if any(mark in workspace or provider(mark) for mark in marks)
+    }
+    answers: dict[str, Package] = {}
+    for package in embedded.values():
+        exports = package.manifest.exports
+        if not any(export.tag == "forge_family" and export.content in taken for export in exports):
+            names = [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
+            answers.update(dict.fromkeys(names, package))
+    return answers
+
+
+def _wanted(package: Package) -> tuple[str, ...]:
+    names = package.manifest.names(ALL_KINDS)
+    if package.has_actions:
+        # Not for the packages that make up this list themselves.
+        names += tuple(need for need in ACTION_NEEDS if need != package.name)
+    return tuple(dict.fromkeys(names))
+
+
+def _resolve(
+    name: str,
+    workspace: Mapping[str, Package],
+    answers: Mapping[str, Package],
+    provider: Callable[[str], object | None],
+) -> Package | None:
+    if name in workspace:
+        return workspace[name]
+    if name in answers and not provider(name):
+        return answers[name]
+    return None
+
+
+def _missing(dependency: str, users: list[str], provision: Provision) -> Problem:
+    who = ", ".join(f"'{user}'" for user in sorted(users))
+    verb = "needs" if len(users) == 1 else "need"
+    return Problem(
+        f"{who} {verb} '{dependency}', which is neither in the workspace nor in a sourced underlay, "
+        "and forge does not bring it along",
+        Place(provision.packages[sorted(users)[0]].manifest.path),
+        f"source an installation that has it, or add its sources to the workspace "
+        "(docs/how-to/rclcpp.md in the documentation)",
+    )

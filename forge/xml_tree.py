@@ -1,0 +1,116 @@
+"""XML text to a small tree that knows its places: elements with line, column and inner text, pure.
+
+Document type declarations are refused: manifests need none, and entities are how XML is made to explode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from xml.parsers import expat
+
+from forge.errors import Place, Problem, WorkspaceError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@dataclass(slots=True)
+class Element:
+    """An element as written. `text` is what stands directly inside; `inner` all of it, tags included."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    column: int
+    start: int
+    text: str = ""
+    inner: str = ""
+    children: list[Element] = field(default_factory=list)
+
+    def all(self, tag: str) -> Iterator[Element]:
+        """Yield the direct children of that tag."""
+        return (child for child in self.children if child.tag == tag)
+
+
+def parse_xml(content: bytes, path: Path) -> Element:
+    """Return the root element of an XML document; raises WorkspaceError with the place of a fault."""
+    builder = _Builder(content)
+    try:
+        builder.parser.Parse(content, True)  # noqa: FBT003  (expat's own signature)
+    except expat.ExpatError as error:
+        message = expat.ErrorString(error.code)
+        raise WorkspaceError(_problem(message, content, path, error.lineno, error.offset + 1)) from None
+    except _DeclarationError as error:
+        message = "document type declarations are not allowed in a manifest"
+        raise WorkspaceError(_problem(message, content, path, error.line, None)) from None
+    assert builder.root is not None  # noqa: S101  (expat refuses a document without a root)
+    return builder.root
+
+
+class _DeclarationError(Exception):
+    def __init__(self, line: int) -> None:
+        super().__init__(line)
+        self.line = line
+
+
+class _Builder:
+    """Receives expat's calls and grows the tree."""
+
+    def __init__(self, content: bytes) -> None:
+        self.content = content
+        self.root: Element | None = None
+        self.open: list[Element] = []
+        self.inner_starts: list[int] = []
+        self.parser = expat.ParserCreate("utf-8")
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.characters
+        self.parser.StartDoctypeDeclHandler = self.doctype
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        parser = self.parser
+        element = Element(
+            tag,
+            attributes,
+            parser.CurrentLineNumber,
+            parser.CurrentColumnNumber + 1,
+            parser.CurrentByteIndex,
+        )
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+
+    def end(self, _tag: str) -> None:
+        element = self.open.pop()
+        written = self.content[element.start : self.parser.CurrentByteIndex]
+        element.inner = written[_end_of_tag(written) :].decode(errors="replace")
+
+    def characters(self, text: str) -> None:
+        self.open[-1].text += text
+
+    def doctype(self, *_: object) -> None:
+        raise _DeclarationError(self.parser.CurrentLineNumber)
+
+
+def _end_of_tag(written: bytes) -> int:
+    """Return where the start tag ends; a '>' inside a quoted attribute does not end it."""
+    quote = 0
+    for index, byte in enumerate(written):
+        if quote:
+            quote = 0 if byte == quote else quote
+        elif byte in b"\"'":
+            quote = byte
+        elif byte == ord(">"):
+            return index + 1
+    return len(written)
+
+
+def _problem(message: str, content: bytes, path: Path, line: int, column: int | None) -> Problem:
+    lines = content.decode(errors="replace").split("\n")
+    source = lines[line - 1].rstrip("\r") if line <= len(lines) else None
+    return Problem(f"not well-formed XML: {message}", Place(path, line, column, source))
