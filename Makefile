@@ -1,0 +1,47 @@
+# What a person types in a checkout. Needed beforehand: Python >= 3.10 with venv, make, a C++17 compiler.
+# Everything else is installed into virtual environments here and nowhere else.
+
+PYTHON ?= python3
+PYTEST ?= .venv/bin/python -m pytest
+
+.PHONY: help demo test lint types bench clean
+
+help:
+	@echo "make demo    build examples_ws without any ROS and run its programs"
+	@echo "make test    run the whole test suite"
+	@echo "make lint    check style and format"
+	@echo "make types   check types"
+	@echo "make bench   measure, print JSON"
+	@echo "make clean   remove what these commands made"
+
+demo: .venv-demo/.ready
+	@. .venv-demo/bin/activate && sh examples_ws/demo.sh
+
+test: .venv/.ready
+	$(PYTEST)
+
+lint: .venv/.ready
+	.venv/bin/python -m ruff check .
+	.venv/bin/python -m ruff format --check .
+
+types: .venv/.ready
+	.venv/bin/python -m mypy
+
+bench: .venv/.ready
+	.venv/bin/python -m tests.bench
+
+clean:
+	rm -rf .venv .venv-demo examples_ws/build examples_ws/install examples_ws/log
+
+# The demo installs forge as its users do: a wheel, with the cmake and ninja wheels beside it.
+.venv-demo/.ready: pyproject.toml $(shell find forge templates -type f -not -name '*.pyc')
+	$(PYTHON) -m venv .venv-demo
+	.venv-demo/bin/python -m pip install --quiet --upgrade '.[cmake]'
+	@touch $@
+
+# Dependency groups need a pip that is newer than the one many Pythons bring.
+.venv/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv
+	.venv/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
+	.venv/bin/python -m pip install --quiet --editable '.[cmake]' --group test
+	@touch $@
