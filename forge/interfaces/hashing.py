@@ -1,0 +1,180 @@
+"""RIHS01: the hash by which Iron and later tell types apart (interface spec 8)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING
+
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Text,
+    TypeName,
+    element_of,
+    messages_of,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from forge.interfaces.model import Catalog, Element, Interface, Type
+
+Description = dict[str, object]
+"""A type as the JSON object that is hashed: its name and its fields."""
+
+_PRIMITIVE_IDS = {
+    "int8": 2, "uint8": 3, "int16": 4, "uint16": 5, "int32": 6, "uint32": 7, "int64": 8, "uint64": 9,
+    "float": 10, "double": 11, "long double": 12, "char": 13, "wchar": 14, "boolean": 15, "octet": 16,
+}  # fmt: skip
+_ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
+
+_TIME = TypeName("builtin_interfaces", "msg", "Time")
+_EVENT_INFO = TypeName("service_msgs", "msg", "ServiceEventInfo")
+_IMPLIED = {
+    _TIME: (Field("sec", Primitive("int32")), Field("nanosec", Primitive("uint32"))),
+    _EVENT_INFO: (
+        Field("event_type", Primitive("uint8")),
+        Field("stamp", Named(_TIME)),
+        Field("client_gid", Array(Primitive("uint8"), 16)),
+        Field("sequence_number", Primitive("int64")),
+    ),
+}
+"""What the event of every service refers to, for Humble's prefixes do not have it (spec 3)."""
+
+
+class Hasher:
+    """Describes and hashes the types of one catalog; each type is described once."""
+
+    def __init__(self, catalog: Catalog) -> None:
+        """Know the catalog's types, the derived ones included, and what they refer to."""
+        structures = {name: message.members for name, message in catalog.known.items()}
+        for interface in catalog.interfaces.values():
+            structures.update(structures_of(interface))
+        self._structures: Mapping[TypeName, tuple[Field, ...]] = {**_IMPLIED, **structures}
+        self._texts: dict[TypeName, str] = {}
+        self._closures: dict[TypeName, frozenset[TypeName]] = {}
+
+    def hash(self, name: TypeName) -> str:
+        """Return 'RIHS01_' and 64 digits."""
+        referenced = ", ".join(map(self._text, self.referenced(name)))
+        text = f'{{"type_description": {self._text(name)}, "referenced_type_descriptions": [{referenced}]}}'
+        return f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}"
+
+    def referenced(self, name: TypeName) -> list[TypeName]:
+        """Return the types below `name`, however deep, without itself, in the order of their names."""
+        return sorted(self._closure(name), key=str)
+
+    def describe(self, name: TypeName) -> Description:
+        """Return the description of one type without those it refers to."""
+        return {"type_name": str(name), "fields": [_field(member) for member in self._structures[name]]}
+
+    def fields(self, name: TypeName) -> tuple[Field, ...]:
+        """Return the fields that are described."""
+        return self._structures[name]
+
+    def _text(self, name: TypeName) -> str:
+        if name not in self._texts:
+            self._texts[name] = json.dumps(self.describe(name))
+        return self._texts[name]
+
+    def _closure(self, name: TypeName) -> frozenset[TypeName]:
+        if name not in self._closures:
+            below: set[TypeName] = set()
+            for member in self._structures[name]:
+                element = element_of(member.type)
+                if isinstance(element, Named):
+                    below |= {element.name, *self._closure(element.name)}
+            self._closures[name] = frozenset(below)
+        return self._closures[name]
+
+
+def hashes(catalog: Catalog) -> dict[TypeName, str]:
+    """Return the hash of each interface of a catalog and of each type derived from it, by name."""
+    hasher = Hasher(catalog)
+    names = {name for interface in catalog.interfaces.values() for name, _ in structures_of(interface)}
+    return {name: hasher.hash(name) for name in sorted(names)}
+
+
+def structures_of(interface: Interface) -> Iterator[tuple[TypeName, tuple[Field, ...]]]:
+    """Yield each type that an interface defines or implies, with its fields; services have three."""
+    for message in messages_of(interface):
+        yield message.name, message.members
+    match interface:
+        case Service():
+            yield from _service(interface)
+        case Action():
+            yield from _service(interface.send_goal)
+            yield from _service(interface.get_result)
+            yield (
+                interface.name,
+                (
+                    Field("goal", Named(interface.goal.name)),
+                    Field("result", Named(interface.result.name)),
+                    Field("feedback", Named(interface.feedback.name)),
+                    Field("send_goal_service", Named(interface.send_goal.name)),
+                    Field("get_result_service", Named(interface.get_result.name)),
+                    Field("feedback_message", Named(interface.feedback_message.name)),
+                ),
+            )
+        case Message():
+            pass
+
+
+def _service(service: Service) -> Iterator[tuple[TypeName, tuple[Field, ...]]]:
+    yield service.event.name, service.event.members
+    yield (
+        service.name,
+        (
+            Field("request_message", Named(service.request.name)),
+            Field("response_message", Named(service.response.name)),
+            Field("event_message", Named(service.event.name)),
+        ),
+    )
+
+
+def _field(member: Field) -> Description:
+    element = element_of(member.type)
+    type_id, string_capacity, nested = _element(element)
+    offset, capacity = _collection(member.type)
+    return {
+        "name": member.name,
+        "type": {
+            "type_id": type_id + offset,
+            "capacity": capacity,
+            "string_capacity": string_capacity,
+            "nested_type_name": nested,
+        },
+    }
+
+
+def _element(element: Element) -> tuple[int, int, str]:
+    """Return id, string capacity and name of a nested type."""
+    match element:
+        case Named(name):
+            return 1, 0, str(name)
+        case Text(wide, None):
+            return 18 if wide else 17, 0, ""
+        case Text(wide, bound):
+            return 22 if wide else 21, bound or 0, ""
+        case Primitive(name):
+            return _PRIMITIVE_IDS[name], 0, ""
+
+
+def _collection(type_: Type) -> tuple[int, int]:
+    """Return what a collection adds to the id of its elements, and its capacity."""
+    match type_:
+        case Array(_, size):
+            return _ARRAY, size
+        case Sequence(_, None):
+            return _SEQUENCE, 0
+        case Sequence(_, bound):
+            return _BOUNDED_SEQUENCE, bound or 0
+        case _:
+            return 0, 0

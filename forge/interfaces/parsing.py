@@ -1,0 +1,222 @@
+"""The text of a .msg, .srv or .action file to an interface whose type names are full but unchecked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.interfaces.comments import read_comments
+from forge.interfaces.declarations import TYPE_NAME, Declaration, read_declaration
+from forge.interfaces.faults import Fault
+from forge.interfaces.literals import read_value
+from forge.interfaces.model import (
+    HIDDEN_MEMBER,
+    Action,
+    Constant,
+    Field,
+    Message,
+    Primitive,
+    Service,
+    Source,
+    Text,
+    TypeName,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Interface
+
+SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
+"""The kinds of files, and what the name of each of their sections ends in."""
+
+_SEPARATOR = "---"
+
+
+@dataclass(frozen=True, slots=True)
+class Parsed:
+    """An interface and the file that it was read from."""
+
+    source: Source
+    interface: Interface
+
+
+def parse_all(sources: Iterable[Source]) -> tuple[Parsed, ...]:
+    """Parse several files; raises InterfaceError with the problems of all of them."""
+    results = [_attempt(source) for source in sources]
+    raise_if_any((p for r in results if isinstance(r, InterfaceError) for p in r.problems), InterfaceError)
+    return tuple(result for result in results if isinstance(result, Parsed))
+
+
+def parse(source: Source) -> Interface:
+    """Parse one file; a type name without a package is one of the file's own package.
+
+    Raises InterfaceError with every problem of the file, in the order of its lines.
+    """
+    name = type_name(source)
+    lines = _lines(source)
+    sections = list(_sections(lines))
+    problems = _outline_problems(source, name, lines, len(sections))
+    messages = []
+    for suffix, section in zip(SECTIONS[name.kind], sections, strict=False):
+        reader = _SectionReader(replace(name, name=name.name + suffix), source)
+        messages.append(reader.read(section))
+        problems += reader.problems
+    raise_if_any(problems, InterfaceError)
+    match messages:
+        case [message]:
+            return message
+        case [request, response]:
+            return Service(name, request, response)
+        case _:
+            return Action(name, *messages)
+
+
+def _attempt(source: Source) -> Parsed | InterfaceError:
+    """Return the error instead of raising it, so that the next file is read as well."""
+    try:
+        return Parsed(source, parse(source))
+    except InterfaceError as error:
+        return error
+
+
+def type_name(source: Source) -> TypeName:
+    """Return the name that a file gives its interface: package, kind by its ending, stem."""
+    path = PurePosixPath(source.relative)
+    return TypeName(source.package, path.suffix.removeprefix("."), path.stem)
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A line of a file; `text` has blanks for tabs, so that columns stay."""
+
+    number: int
+    text: str
+    source: str
+
+    def place(self, path: object, offset: int = 0) -> Place:
+        return Place(str(path), self.number, offset + 1, self.source)
+
+
+def _lines(source: Source) -> list[_Line]:
+    text = source.text.removeprefix("\ufeff")
+    return [_Line(n, line.replace("\t", " "), line) for n, line in enumerate(text.splitlines(), 1)]
+
+
+def _sections(lines: list[_Line]) -> Iterator[list[_Line]]:
+    section: list[_Line] = []
+    for line in lines:
+        if line.text == _SEPARATOR:
+            yield section
+            section = []
+        else:
+            section.append(line)
+    yield section
+
+
+def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count: int) -> list[Problem]:
+    """Return what is wrong with the file's name and its number of sections."""
+    problems = []
+    if not TYPE_NAME.fullmatch(name.name):
+        message = f"'{name.name}' cannot be the name of an interface"
+        hint = "such a name is CamelCase: letters and digits, the first in upper case"
+        problems.append(Problem(message, Place(source.path), hint))
+    wanted = len(SECTIONS[name.kind])
+    if count != wanted:
+        separators = [line for line in lines if line.text == _SEPARATOR]
+        excess = separators[wanted - 1].place(source.path) if count > wanted else Place(source.path)
+        parts = {1: "no separator '---'", 2: "one separator '---'", 3: "two separators '---'"}[wanted]
+        message = f"a .{name.kind} file has {parts}, not {count - 1}"
+        stricter = "the line holds nothing else, no blanks either" if count < wanted else None
+        problems.append(Problem(message, excess, stricter))
+    return problems
+
+
+@dataclass(slots=True)
+class _Entry:
+    """A declaration, and the comment lines found for it so far."""
+
+    line: _Line
+    declaration: Declaration
+    comments: list[str]
+
+
+@dataclass(slots=True)
+class _SectionReader:
+    """Reads one message; the problems that it met stay in `problems`."""
+
+    name: TypeName
+    source: Source
+    problems: list[Problem] = field(default_factory=list)
+
+    def read(self, lines: list[_Line]) -> Message:
+        """Return the message, without the declarations that were wrong."""
+        heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
+        entries = self._entries(lines[heading:])
+        fields: dict[str, Field] = {}
+        constants: dict[str, Constant] = {}
+        for entry in entries:
+            self._add(entry, fields, constants)
+        if [(f.name, f.type) for f in fields.values()] == [(HIDDEN_MEMBER, Primitive("uint8"))]:
+            fields.clear()
+        doc, _ = read_comments(line.text for line in lines[:heading])
+        return Message(self.name, tuple(fields.values()), tuple(constants.values()), doc)
+
+    def _entries(self, lines: list[_Line]) -> list[_Entry]:
+        """Return the declarations, each with the comments before, behind and indented below it."""
+        entries: list[_Entry] = []
+        collected: list[str] = []
+        broken = False
+        for line in lines:
+            code, mark, comment = line.text.partition("#")
+            if not mark and not code.strip():
+                continue
+            if mark and code and not code.strip():
+                # A broken declaration takes its comments along; they are nobody else's.
+                if entries and not broken:
+                    entries[-1].comments.append(mark + comment)
+                continue
+            if mark:
+                collected.append(mark + comment)
+            if code:
+                declaration = self._declaration(line, code.rstrip())
+                broken = declaration is None
+                if declaration:
+                    entries.append(_Entry(line, declaration, collected))
+                collected = []
+        return entries
+
+    def _declaration(self, line: _Line, code: str) -> Declaration | None:
+        try:
+            return read_declaration(code, self.name.package)
+        except Fault as fault:
+            self._report(line, fault)
+            return None
+
+    def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
+        """Make the field or constant of an entry, unless its value or its name forbids it."""
+        declaration, line = entry.declaration, entry.line
+        earlier = (constants if declaration.constant else fields).get(declaration.name)
+        if earlier:
+            first = earlier.place.line if earlier.place else None
+            kind = "constant" if declaration.constant else "field"
+            column = line.text.index(declaration.name, line.text.index(" "))
+            message = f"{kind} '{declaration.name}' is already declared in line {first}"
+            self._report(line, Fault(message, offset=column))
+            return
+        try:
+            value = None if declaration.value is None else read_value(declaration.value, declaration.type)
+        except Fault as fault:
+            self._report(line, fault.shifted(declaration.value_offset))
+            return
+        doc, unit = read_comments(entry.comments)
+        place = line.place(self.source.path)
+        if not declaration.constant:
+            fields[declaration.name] = Field(declaration.name, declaration.type, value, doc, unit, place)
+        elif value is not None and isinstance(declaration.type, Primitive | Text):
+            constants[declaration.name] = Constant(declaration.name, declaration.type, value, doc, place)
+
+    def _report(self, line: _Line, fault: Fault) -> None:
+        self.problems.append(Problem(fault.message, line.place(self.source.path, fault.offset), fault.hint))

@@ -1,0 +1,173 @@
+"""Every type that a package refers to, found; its names, free of clashes; its messages, free of cycles."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
+from typing import TYPE_CHECKING, Protocol
+
+from forge.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.interfaces.model import Catalog, Message, Named, TypeName, element_of, messages_of
+from forge.interfaces.parsing import Parsed, type_name
+from forge.names import did_you_mean, snake_case
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from forge.interfaces.model import Field, Source
+
+ACTION_PARTS = (
+    TypeName("action_msgs", "srv", "CancelGoal"),
+    TypeName("action_msgs", "msg", "GoalInfo"),
+    TypeName("action_msgs", "msg", "GoalStatusArray"),
+)
+"""What the code of an action refers to beyond the members of its messages (interface spec 5.3)."""
+
+
+class Known(Protocol):
+    """The interfaces of other packages, parsed when they are asked for."""
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return the interface of that name, or None; raises InterfaceError when its file is wrong."""
+
+    def names(self) -> Iterable[TypeName]:
+        """Return all names there are, for hints."""
+
+
+def resolve(package: str, parsed: Iterable[Parsed], known: Known) -> Catalog:
+    """Return the catalog of a package's parsed files; `known` is asked only for what they refer to.
+
+    Raises InterfaceError: unknown types, cycles, two files for one name or for one generated file.
+    """
+    unique, problems = _unique(parsed)
+    own = {message.name: message for p in unique.values() for message in messages_of(p.interface)}
+    search = _Search(package, own, known, set(unique))
+    for message in own.values():
+        search.follow(message)
+    messages = {**own, **search.found}
+    problems += search.problems
+    problems += _cycles(messages)
+    raise_if_any(problems, InterfaceError)
+    interfaces = {name: unique[name].interface for name in sorted(unique)}
+    sources = [unique[name].source for name in interfaces] + list(search.sources.values())
+    return Catalog(package, interfaces, messages, tuple(sources))
+
+
+def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Problem]]:
+    """Return the files by name, and the problems of those that get in each other's way."""
+    unique: dict[TypeName, Parsed] = {}
+    outputs: dict[tuple[str, str], Parsed] = {}
+    problems = []
+    for each in parsed:
+        name = type_name(each.source)
+        rival = unique.setdefault(name, each)
+        if rival is not each:
+            message = f"'{name}' is also defined in '{rival.source.path}'"
+            problems.append(Problem(message, Place(each.source.path)))
+            continue
+        output = snake_case(name.name)
+        rival = outputs.setdefault((name.kind, output), each)
+        if rival is not each:
+            names = f"'{name.name}' and '{type_name(rival.source).name}'"
+            message = f"{names} would both be generated into '{output}'"
+            hint = "rename one of them: file names do not keep upper and lower case apart"
+            problems.append(Problem(message, Place(each.source.path), hint))
+    return unique, problems
+
+
+@dataclass(slots=True)
+class _Search:
+    """Follows references from message to message; each is looked up once."""
+
+    package: str
+    own: Mapping[TypeName, Message]
+    known: Known
+    interfaces: set[TypeName]
+    found: dict[TypeName, Message] = field(default_factory=dict)
+    sources: dict[TypeName, Source] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    _broken: set[TypeName] = field(default_factory=set)
+
+    def follow(self, start: Message) -> None:
+        """Find what a message refers to, however deep."""
+        waiting = [start]
+        while waiting:
+            for member in waiting.pop().fields:
+                element = element_of(member.type)
+                if not isinstance(element, Named) or element.name in self.own or element.name in self.found:
+                    continue
+                message = self._look_up(element.name)
+                if message:
+                    waiting.append(message)
+                elif element.name not in self._broken:
+                    self.problems.append(self._unknown(start, member, element.name))
+
+    def _look_up(self, name: TypeName) -> Message | None:
+        """Return a message of another package; a file that cannot be read is reported once."""
+        if name in self._broken or name.package == self.package:
+            return None
+        try:
+            parsed = self.known.find(name)
+        except InterfaceError as error:
+            self._broken.add(name)
+            self.problems += error.problems
+            return None
+        if parsed is None or not isinstance(parsed.interface, Message):
+            return None
+        self.sources[name] = parsed.source
+        self.found[name] = parsed.interface
+        return parsed.interface
+
+    def _unknown(self, start: Message, member: Field, name: TypeName) -> Problem:
+        if member.place is None:
+            message = f"the action '{start.name}' implies '{name}', which is not there"
+            return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
+        written = f"{name.package}/{name.name}"
+        names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
+        candidates = {f"{n.package}/{n.name}": n for n in names if n.kind == "msg"}
+        return Problem(f"unknown type '{written}'", member.place, _hint(name, self.package, candidates))
+
+
+def _hint(name: TypeName, own: str, candidates: Mapping[str, TypeName]) -> str | None:
+    """Return the nearest type, of whatever package, and what makes it available."""
+    written = f"{name.package}/{name.name}"
+    namesakes = sorted(text for text, candidate in candidates.items() if candidate.name == name.name)
+    best = did_you_mean(written, namesakes) or did_you_mean(written, candidates)
+    if not best and namesakes:
+        best = f"did you mean '{namesakes[0]}'?"
+    packages = {candidate.package for candidate in candidates.values()}
+    suggested = best.split("'")[1].partition("/")[0] if best else name.package
+    missing = f"add <depend>{suggested}</depend> to package.xml" if suggested != own else None
+    if best:
+        return f"{best} {missing}" if missing and suggested != name.package else best
+    return None if name.package in packages else missing
+
+
+def _cycles(messages: Mapping[TypeName, Message]) -> list[Problem]:
+    """Return a problem for each cycle of messages that contain each other."""
+    needs: dict[TypeName, dict[TypeName, Field]] = defaultdict(dict)
+    for name, message in messages.items():
+        for member in message.fields:
+            element = element_of(member.type)
+            if isinstance(element, Named) and element.name in messages:
+                needs[name].setdefault(element.name, member)
+    problems = []
+    while cycle := _cycle(needs):
+        path = " -> ".join(f"{name.package}/{name.name}" for name in cycle)
+        place = needs[cycle[0]][cycle[1]].place
+        problems.append(Problem(f"a message cannot contain itself: {path}", place))
+        for container, contained in pairwise(cycle):
+            del needs[container][contained]
+    return problems
+
+
+def _cycle(needs: Mapping[TypeName, Mapping[TypeName, Field]]) -> list[TypeName] | None:
+    """Return some cycle, its first member repeated at its end."""
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        # graphlib walks against the direction of 'contains'.
+        return list(reversed(error.args[1]))
+    return None

@@ -1,0 +1,124 @@
+"""Where definitions lie: folders, installed packages, and the set that forge brings along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.ament_index import INDEX
+from forge.errors import InterfaceError, Place, Problem
+from forge.interfaces.model import Source, TypeName
+from forge.interfaces.parsing import SECTIONS, Parsed, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+EMBEDDED = Path(__file__).parent.parent / "embedded"
+
+
+def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
+    """Read the msg/, srv/ and action/ files of a package's folder, in the order of their names.
+
+    Raises InterfaceError when there is none, or when one is not UTF-8.
+    """
+    relatives = [
+        f"{kind}/{path.name}" for kind in SECTIONS for path in sorted((folder / kind).glob(f"*.{kind}"))
+    ]
+    if not relatives:
+        hint = "definitions lie in its folders msg, srv and action"
+        raise InterfaceError(Problem(f"there is no interface in '{folder}'", hint=hint))
+    return tuple(read_source(package, folder, relative) for relative in relatives)
+
+
+def read_source(package: str, base: Path, relative: str) -> Source:
+    """Read the file `relative` below `base` as one of `package`.
+
+    Raises InterfaceError when it cannot be read, is not UTF-8 or has another ending.
+    """
+    path = base / relative
+    if PurePosixPath(relative).suffix.removeprefix(".") not in SECTIONS:
+        hint = "definitions end in .msg, .srv or .action"
+        raise InterfaceError(Problem("not an interface definition", Place(path), hint))
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InterfaceError(Problem(f"cannot read the definition: {reason}", Place(path))) from error
+    try:
+        return Source(package, relative, path, content.decode())
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InterfaceError(Problem("the text is not UTF-8", Place(path, line))) from error
+
+
+@dataclass(slots=True)
+class Library:
+    """The interfaces of all packages that can be found, read and parsed once, when asked for.
+
+    Included folders win over prefixes, earlier prefixes over later ones, all over the embedded set.
+    """
+
+    includes: Mapping[str, Path] = field(default_factory=dict)
+    prefixes: tuple[Path, ...] = ()
+    embedded: Path | None = EMBEDDED
+    _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return the interface of that name, or None; raises InterfaceError when its file is wrong."""
+        if name not in self._parsed:
+            folder = self.folder(name.package)
+            relative = f"{name.kind}/{name.name}.{name.kind}"
+            found = folder is not None and (folder / relative).is_file()
+            self._parsed[name] = self._parse(name.package, folder, relative) if folder and found else None
+        return self._parsed[name]
+
+    def folder(self, package: str) -> Path | None:
+        """Return the folder that holds a package's msg, srv and action folders."""
+        return next((folder for folder in self._folders(package) if _has_interfaces(folder)), None)
+
+    def packages(self) -> dict[str, Path]:
+        """Return the folder of each package that has interfaces, by name."""
+        names = set(self.includes)
+        for prefix in self.prefixes:
+            names |= _entries(prefix / INDEX / "rosidl_interfaces")
+        if self.embedded:
+            names |= _entries(self.embedded)
+        folders = {name: self.folder(name) for name in sorted(names)}
+        return {name: folder for name, folder in folders.items() if folder}
+
+    def names(self) -> Iterator[TypeName]:
+        """Yield the name of every interface there is."""
+        for package, folder in self.packages().items():
+            yield from names_in(package, folder)
+
+    def _folders(self, package: str) -> Iterator[Path]:
+        if package in self.includes:
+            yield self.includes[package]
+        for prefix in self.prefixes:
+            yield prefix / "share" / package
+        if self.embedded:
+            yield self.embedded / package
+
+    def _parse(self, package: str, folder: Path, relative: str) -> Parsed:
+        source = read_source(package, folder, relative)
+        return Parsed(source, parse(source))
+
+
+def names_in(package: str, folder: Path) -> Iterable[TypeName]:
+    """Yield the names of the interfaces in a package's folder; installed halves of services are none."""
+    for kind in SECTIONS:
+        for path in sorted((folder / kind).glob(f"*.{kind}")):
+            if "_" not in path.stem:
+                yield TypeName(package, kind, path.stem)
+
+
+def _has_interfaces(folder: Path) -> bool:
+    return any((folder / kind).is_dir() for kind in SECTIONS)
+
+
+def _entries(folder: Path) -> set[str]:
+    """Return the visible names in a folder, which need not exist."""
+    if not folder.is_dir():
+        return set()
+    return {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
