@@ -8,8 +8,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+_PACKAGE = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]*")
+_EMAIL = re.compile(r"[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{2,}")
 _LOWER_THEN_WORD = re.compile(r"(.)([A-Z][a-z]+)")
 _LOWER_THEN_UPPER = re.compile(r"([a-z0-9])([A-Z])")
+
+
+def is_package_name(text: str) -> bool:
+    """Tell if a package may be called so (workspace spec 1.2)."""
+    return _PACKAGE.fullmatch(text) is not None
+
+
+def is_email(text: str) -> bool:
+    """Tell if a manifest accepts this as an e-mail address (workspace spec 1.2)."""
+    return _EMAIL.fullmatch(text) is not None
 
 
 def snake_case(name: str) -> str:
