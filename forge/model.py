@@ -142,6 +142,21 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What is on disk today, and what the journal says of yesterday.
+
+    `records` and `sources` are digests by package: of its last complete build, and of its sources
+    now (embedded packages only). `configured` is (generator, record) of each build folder that CMake
+    knows. `installed` are the packages whose prefix says they are complete.
+    """
+
+    records: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+    configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    installed: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """One program to run: printed, hashed, logged and repeated by hand as it stands here."""
 

@@ -33,12 +33,9 @@ ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
 _ROS_BEGINNINGS = ("rcl", "rmw", "tf2", "launch", "ros2", "rosbag2", "nav2_", "moveit_", "ament_", "rosidl_")
 _ROS_ENDINGS = ("_msgs", "_interfaces", "_srvs", "_actions")
 _ROS_NAMES = frozenset(
-    {
-        "class_loader", "cv_bridge", "demo_nodes_cpp", "demo_nodes_py", "image_transport", "joint_state_publisher",
-        "message_filters", "pluginlib", "rclcpp", "rclpy", "robot_state_publisher", "rviz2", "rqt", "turtlesim", "urdf",
-        "xacro",
-    }
-)  # fmt: skip
+    {"class_loader", "cv_bridge", "demo_nodes_cpp", "demo_nodes_py", "image_transport", "message_filters"}
+    | {"pluginlib", "robot_state_publisher", "rqt", "rviz2", "turtlesim", "urdf", "xacro"}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +158,7 @@ def _missing(dependency: str, users: list[str], provision: Provision) -> Problem
     return Problem(
         f"{who} {verb} '{dependency}', which is neither in the workspace nor in a sourced underlay, "
         "and forge does not bring it along",
-        Place(provision.packages[sorted(users)[0]].manifest.path),
-        f"source an installation that has it, or add its sources to the workspace "
+        Place(provision.packages[min(users)].manifest.path),
+        "source an installation that has it, or add its sources to the workspace "
         "(docs/how-to/rclcpp.md in the documentation)",
     )

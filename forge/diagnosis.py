@@ -1,0 +1,45 @@
+"""The first error in a failed program's output: the line a person would look for; pure."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
+_COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
+_CMAKE = re.compile(r"^CMake Error\b")
+_LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
+_OTHER = re.compile(r"^(error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE)
+_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+
+
+@dataclass(frozen=True, slots=True)
+class FirstError:
+    """The lines that say what went wrong, and whether it is a fault in an interface definition."""
+
+    lines: tuple[str, ...]
+    interface: bool = False
+
+
+def first_error(output: Sequence[str]) -> FirstError | None:
+    """Return the first error that `output` shows, the surest kind first; None when none is known."""
+    plain = [_COLOUR.sub("", line.rstrip("\r\n")) for line in output]
+    for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
+        for index, line in enumerate(plain):
+            if pattern.search(line):
+                return FirstError(_block(plain, index, extent), pattern is _INTERFACE)
+    return None
+
+
+def _block(lines: Sequence[str], start: int, extent: int) -> tuple[str, ...]:
+    """Return the line and those after it that belong to it: indented ones and a hint."""
+    block = [lines[start]]
+    for line in lines[start + 1 : start + extent]:
+        if not (line.startswith((" ", "hint:")) or (not line and block[0].startswith("CMake"))):
+            break
+        block.append(line)
+    return tuple(line for line in block if line.strip())

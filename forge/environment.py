@@ -1,0 +1,244 @@
+"""The dsv language: what installed packages say about the environment, and what that makes of it.
+
+A package's `share/P/package.dsv` names its hooks; colcon, ament and forge read and write the same
+language (workspace spec 8.3). Here it is text in, values out: the callers open the files.
+"""
+
+from __future__ import annotations
+
+import heapq
+import re
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.errors import Place, Problem, WorkspaceError
+from forge.model import Change
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    Read = Callable[[str], str | None]
+    """The text of a file below a package's prefix, or None when it is not there."""
+
+OPERATIONS = (
+    "prepend-non-duplicate",
+    "prepend-non-duplicate-if-exists",
+    "append-non-duplicate",
+    "set",
+    "set-if-unset",
+)
+
+_VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A hook that only a shell can read: the same file name in one or more shells' languages."""
+
+    paths: tuple[str, ...]
+    """Below the package's prefix, or absolute."""
+
+    def path(self, shell: str) -> str | None:
+        """Return the file to source in `shell`: its own, else the one for any sh, else none."""
+        by_extension = {PurePosixPath(path).suffix: path for path in self.paths}
+        return by_extension.get(f".{shell}", by_extension.get(".sh"))
+
+
+Hook = Change | Script
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """A change of a variable that depends on nothing but the variable.
+
+    `operation` is prepend, append, set or default; the value of an edit that is `below` is a path
+    below the package's prefix, and the prefix itself when empty.
+    """
+
+    operation: str
+    variable: str
+    value: str
+    below: bool
+
+    def at(self, prefix: str) -> str:
+        """Return the value of a package in `prefix`."""
+        if not self.below:
+            return self.value
+        return f"{prefix}/{self.value}" if self.value else prefix
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """A package of an install tree: `folder` is its prefix below the root, '' where all share one."""
+
+    name: str
+    folder: str
+    edits: tuple[Edit | Script, ...]
+
+
+def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]]:
+    """Return the changes and the sourced paths of one dsv file, each in the file's order.
+
+    Raises WorkspaceError naming every line that the language does not know.
+    """
+    changes: list[Change] = []
+    sources: list[str] = []
+    problems: list[Problem] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        operation, separator, rest = line.partition(";")
+        variable, has_value, values = rest.partition(";")
+        if operation == "source" and separator:
+            sources.append(rest)
+        elif operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
+            several = operation not in {"set", "set-if-unset"}
+            parts = values.split(";") if several else [values]
+            changes += (Change(operation, variable, value) for value in parts)
+        else:
+            problems.append(
+                Problem(
+                    "this line is no environment hook",
+                    Place(path, number, source=line),
+                    hint="a line reads 'OPERATION;VARIABLE;VALUE' or 'source;PATH'",
+                )
+            )
+    if problems:
+        raise WorkspaceError(*problems)
+    return tuple(changes), tuple(sources)
+
+
+def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:
+    """Return the hooks of package `name`, those of nested files in their place.
+
+    A file's own changes come before what it sources. Sourced files that differ in their extension
+    are one hook; where a dsv file is among them, or merely beside them, it speaks for all.
+    Raises WorkspaceError for lines that the language does not know.
+    """
+    start = f"share/{name}/package.dsv"
+    return tuple(_read_file(start, read, frozenset())) if read(start) is not None else ()
+
+
+def _read_file(path: str, read: Read, opened: frozenset[str]) -> Iterator[Hook]:
+    """Yield the hooks of one dsv file; one that sources itself is read once."""
+    text = read(path)
+    if text is None or path in opened:
+        return
+    changes, sources = parse_dsv(text, path)
+    yield from changes
+    groups: dict[str, list[str]] = {}
+    for source in sources:
+        groups.setdefault(str(PurePosixPath(source).with_suffix("")), []).append(source)
+    for stem, paths in groups.items():
+        if read(f"{stem}.dsv") is not None:
+            yield from _read_file(f"{stem}.dsv", read, opened | {path})
+        elif scripts := tuple(p for p in paths if not p.endswith(".dsv")):
+            yield Script(scripts)
+
+
+def settle(hooks: Iterable[Hook], exists: Callable[[str], bool]) -> tuple[Edit | Script, ...]:
+    """Decide what depends on files: prepends of paths that may be missing, values that may be paths.
+
+    `exists` is asked about paths below the package's prefix, or absolute ones.
+    """
+    settled: list[Edit | Script] = []
+    for hook in hooks:
+        if isinstance(hook, Script):
+            settled.append(hook)
+        elif hook.operation in {"set", "set-if-unset"}:
+            below = not hook.value or (not hook.value.startswith("/") and exists(hook.value))
+            word = "set" if hook.operation == "set" else "default"
+            settled.append(Edit(word, hook.variable, hook.value, below))
+        elif not hook.operation.endswith("-if-exists") or exists(hook.value):
+            word = hook.operation.partition("-")[0]
+            settled.append(Edit(word, hook.variable, hook.value, not hook.value.startswith("/")))
+    return tuple(settled)
+
+
+def apply(
+    variables: Mapping[str, str], edits: Iterable[tuple[str, Edit]], *, first: bool = False
+) -> dict[str, str]:
+    """Return `variables` after the edits, each with the prefix of its package.
+
+    An entry that a variable holds already stays where it is, as when a workspace is sourced; with
+    `first` it moves to the front and empty entries go, as when a single package is sourced.
+    """
+    result = dict(variables)
+    lists: dict[str, _Entries] = {}
+    for prefix, edit in edits:
+        value = edit.at(prefix)
+        entries = lists.get(edit.variable)
+        if edit.operation == "set" or (edit.operation == "default" and not _text(edit, result, entries)):
+            lists.pop(edit.variable, None)
+            result[edit.variable] = value
+        elif edit.operation != "default":
+            if entries is None:
+                entries = lists[edit.variable] = _Entries.of(result.get(edit.variable, ""), first=first)
+            entries.add(value, last=edit.operation == "append")
+    result.update((variable, entries.text()) for variable, entries in lists.items())
+    return result
+
+
+def _text(edit: Edit, result: Mapping[str, str], entries: _Entries | None) -> str:
+    """Return what the variable of `edit` holds at this moment."""
+    return entries.text() if entries is not None else result.get(edit.variable, "")
+
+
+@dataclass(slots=True)
+class _Entries:
+    """A variable that is being edited; dicts keep the order and find duplicates at once."""
+
+    held: dict[str, None]
+    original: list[str]
+    first: bool
+    front: dict[str, None] = field(default_factory=dict)  # the last one added comes first
+    back: dict[str, None] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, text: str, *, first: bool) -> _Entries:
+        """Take a variable's text apart; an empty one has no entries."""
+        original = [entry for entry in text.split(":") if entry or not first] if text else []
+        return cls(dict.fromkeys(original), original, first)
+
+    def add(self, value: str, *, last: bool) -> None:
+        """Add a value to the front, or as the last one; where it is already, only `first` moves it."""
+        known = value in self.front or value in self.back or value in self.held
+        if last:
+            if not known:
+                self.back[value] = None
+        elif not known or self.first:
+            self.front.pop(value, None)
+            self.back.pop(value, None)
+            self.front[value] = None
+
+    def text(self) -> str:
+        """Return the entries joined again."""
+        kept = (entry for entry in self.original if not self.first or entry not in self.front)
+        return ":".join([*reversed(self.front), *kept, *self.back])
+
+
+def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
+    """Return the packages of a prefix in the order in which they are sourced.
+
+    As colcon does: always the alphabetically smallest of those whose needs are sourced. Unknown
+    names do not matter. Where packages need each other, the smallest of the rest goes on: sourcing
+    has no better answer, and without one nothing would work.
+    """
+    waiting = {name: {need for need in needs[name] if need in needs and need != name} for name in needs}
+    users: dict[str, list[str]] = {name: [] for name in needs}
+    for name, open_needs in waiting.items():
+        for need in open_needs:
+            users[need].append(name)
+    ready = sorted(name for name, open_needs in waiting.items() if not open_needs)
+    ordered: dict[str, None] = {}
+    while len(ordered) < len(needs):
+        name = heapq.heappop(ready) if ready else min(name for name in needs if name not in ordered)
+        if name in ordered:
+            continue
+        ordered[name] = None
+        for user in users[name]:
+            waiting[user].discard(name)
+            if not waiting[user]:
+                heapq.heappush(ready, user)
+    return tuple(ordered)

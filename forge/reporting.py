@@ -1,0 +1,187 @@
+"""Events to the terminal, in colcon's words (workspace spec 6.2), and the closing summary.
+
+Progress goes to stdout and failures to stderr, where colcon's readers expect them.
+"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from typing import TYPE_CHECKING
+
+from forge.diagnosis import FirstError, first_error
+from forge.model import Aborted, Finished, Output, Skipped, Started, StepFinished, StepStarted
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.model import BuildPlan, Event
+
+HANDLERS = {
+    "console_start_end": True,
+    "console_stderr": True,
+    "summary": True,
+    "console_direct": False,
+    "console_cohesion": False,
+    "console_package_list": False,
+    # Known to colcon's users; forge always, or never, does what they name.
+    "log": True,
+    "event_log": True,
+    "log_command": True,
+    "store_result": True,
+    "compile_commands": True,
+    "desktop_notification": False,
+    "status": False,
+    "parallel_status": False,
+    "terminal_title": False,
+}
+"""The event handlers that --event-handlers knows, and whether they are on by default."""
+
+_LONGEST_TAIL = 20_000
+"""How many lines of a package's output are kept to be shown when it fails."""
+
+
+class Report:
+    """What a build has to say; owned by the loop of the command."""
+
+    def __init__(self, plan: BuildPlan, handlers: dict[str, bool], logs: Path | None) -> None:
+        """Begin with nothing to say; `logs` is the folder that failures point at."""
+        self._plan = plan
+        self._on = handlers
+        self._logs = logs
+        self._output: dict[str, list[tuple[bytes, bool]]] = {}
+        self._stderr: set[str] = set()
+        self._finished: list[str] = []
+        self._failed: dict[str, FirstError | None] = {}
+        self._aborted: list[str] = []
+        self._skipped: list[str] = []
+
+    @property
+    def exit_code(self) -> int:
+        """0, 1 when a package failed, 2 when all that failed did so over an interface definition."""
+        if not self._failed:
+            return 0
+        return 2 if all(error and error.interface for error in self._failed.values()) else 1
+
+    def show(self, event: Event) -> None:
+        """Print what `event` means to a person."""
+        match event:
+            case Started(task):
+                if self._on["console_start_end"]:
+                    _out(f"Starting >>> {self._label(task)}")
+            case Output(task, line, stderr):
+                self._take(task, line, stderr=stderr)
+            case Finished(task, code, seconds):
+                self._close(task)
+                if code:
+                    self._fail(event)
+                else:
+                    self._finished.append(task)
+                    if self._on["console_start_end"]:
+                        _out(f"Finished <<< {self._label(task)} [{duration(seconds)}]")
+            case Aborted(task, seconds):
+                self._aborted.append(task)
+                if self._on["console_start_end"]:
+                    _out(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
+            case Skipped(task):
+                self._skipped.append(task)
+            case StepStarted() | StepFinished():
+                pass
+
+    def summarise(self, seconds: float) -> None:
+        """Print the closing lines; embedded packages are counted apart."""
+        if not self._on["summary"]:
+            return
+        own = [name for name in self._finished if not self._plan.tasks[name].embedded]
+        _out(f"\nSummary: {_count(own)} finished [{duration(seconds)}]")
+        brought = len(self._finished) - len(own)
+        if brought:
+            _out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
+        for names, words in (
+            (list(self._failed), "failed"),
+            (self._aborted, "aborted"),
+            (sorted(self._stderr), "had stderr output"),
+        ):
+            if names:
+                _out(f"  {_count(names)} {words}: {' '.join(sorted(names))}")
+        if self._skipped:
+            _out(f"  {_count(self._skipped)} not processed")
+
+    def _label(self, task: str) -> str:
+        return f"{task} (embedded)" if self._plan.tasks[task].embedded else task
+
+    def _take(self, task: str, line: bytes, *, stderr: bool) -> None:
+        kept = self._output.setdefault(task, [])
+        kept.append((line, stderr))
+        if len(kept) > 2 * _LONGEST_TAIL:
+            # The beginning holds the first error, the end the last words: the middle may go.
+            del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
+        if stderr:
+            self._stderr.add(task)
+        if self._on["console_direct"]:
+            _write(line, stderr=stderr)
+
+    def _close(self, task: str) -> None:
+        """Show a task's output as one piece where that was asked for."""
+        lines = self._output.get(task, [])
+        if self._on["console_cohesion"] and lines and not self._on["console_direct"]:
+            _write(f"--- output: {task}\n".encode())
+            for line, _ in lines:
+                _write(line)
+            _write(b"---\n")
+        elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
+            _write(f"--- stderr: {task}\n".encode(), stderr=True)
+            for line, stderr in lines:
+                if stderr:
+                    _write(line, stderr=True)
+            _write(b"---\n", stderr=True)
+
+    def _fail(self, event: Finished) -> None:
+        """Name the package, the step, the first error, the log and the command to repeat."""
+        task = event.task
+        text = [line.decode(errors="replace") for line, _ in self._output.get(task, [])]
+        error = first_error(text)
+        self._failed[task] = error
+        lines = [
+            f"Failed   <<< {self._label(task)} [{duration(event.seconds)}, exited with code {event.code}]"
+        ]
+        if error:
+            lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
+            lines += [f"    {line}" for line in error.lines]
+        if self._logs:
+            lines.append(f"  log: {self._logs / task / 'stdout_stderr.log'}")
+        if event.step:
+            lines.append(f"  repeat: cd {shlex.quote(str(event.step.cwd))} && {shlex.join(event.step.argv)}")
+        _write(("\n".join(lines) + "\n").encode(), stderr=True)
+
+
+def duration(seconds: float) -> str:
+    """Return seconds as colcon writes them: 0.15s, 12.3s, 1min 5s, 1h 2min 3s."""
+    if seconds < 9.995:  # noqa: PLR2004  (where two decimals would round up to 10.00)
+        return f"{seconds:.2f}s"
+    if seconds < 59.95:  # noqa: PLR2004
+        return f"{seconds:.1f}s"
+    whole = round(seconds)
+    hours, rest = divmod(whole, 3600)
+    minutes, rest = divmod(rest, 60)
+    return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
+
+
+def _count(names: list[str]) -> str:
+    return f"{len(names)} package{'' if len(names) == 1 else 's'}"
+
+
+def _out(line: str) -> None:
+    _write(f"{line}\n".encode())
+
+
+def _write(content: bytes, *, stderr: bool = False) -> None:
+    """Write bytes as they are: a package's output may be in any encoding."""
+    stream = sys.stderr if stderr else sys.stdout
+    sys.stdout.flush()
+    binary = getattr(stream, "buffer", None)
+    if binary is None:
+        stream.write(content.decode(errors="replace"))
+    else:
+        binary.write(content)
+    stream.flush()

@@ -1,0 +1,90 @@
+"""What may start next: a board of tasks, without threads and without a clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.graph import closures
+from forge.model import Aborted, Finished, Skipped, Started
+
+if TYPE_CHECKING:
+    from forge.model import BuildPlan, Event
+
+
+class Board:
+    """The state of a build: what waits, what runs, what ended; owned by the one loop.
+
+    At most `limit` tasks run at a time (0: any number). Among ready tasks those that more others wait
+    for go first. After a failure nothing starts any more, or with `continue_on_error` nothing that
+    needs the failed package.
+    """
+
+    def __init__(self, plan: BuildPlan, limit: int, *, continue_on_error: bool = False) -> None:
+        """Put every task of the plan on the board, waiting."""
+        self._needs = {
+            name: frozenset(need for need in task.needs if need in plan.tasks)
+            for name, task in plan.tasks.items()
+        }
+        self._limit = limit or len(plan.tasks) + 1
+        self._continue = continue_on_error
+        self._done: set[str] = set()
+        self._running: set[str] = set()
+        self._failed: dict[str, str] = {}
+        self._stopped_by: str | None = None
+        below = closures(self._needs, self._needs)
+        weight = dict.fromkeys(self._needs, 0)
+        for needs in below.values():
+            for need in needs:
+                weight[need] += 1
+        # Sorting is stable: ties keep the plan's topological order.
+        self._waiting = sorted(self._needs, key=lambda name: -weight[name])
+
+    @property
+    def running(self) -> frozenset[str]:
+        """The tasks that began and did not end."""
+        return frozenset(self._running)
+
+    @property
+    def stopped(self) -> bool:
+        """Tell if nothing will start any more."""
+        return self._stopped_by is not None
+
+    def advance(self) -> list[Started | Skipped]:
+        """Return what happens now: tasks that start, and tasks that never will."""
+        events: list[Started | Skipped] = []
+        left: list[str] = []
+        for name in self._waiting:
+            because = self._stopped_by or next(
+                (n for n in sorted(self._needs[name]) if n in self._failed), None
+            )
+            if because is not None:
+                self._failed[name] = because
+                events.append(Skipped(name, because))
+            elif len(self._running) < self._limit and self._needs[name] <= self._done:
+                self._running.add(name)
+                events.append(Started(name))
+            else:
+                left.append(name)
+        self._waiting = left
+        return events
+
+    def note(self, event: Event) -> None:
+        """Take note of how a task ended; other events change nothing."""
+        match event:
+            case Finished(task, 0):
+                self._running.discard(task)
+                self._done.add(task)
+            case Finished(task):
+                self._running.discard(task)
+                self._failed[task] = task
+                if not self._continue:
+                    self.stop(task)
+            case Aborted(task):
+                self._running.discard(task)
+                self._failed[task] = task
+            case _:
+                pass
+
+    def stop(self, because: str) -> None:
+        """Start nothing any more; the first reason counts."""
+        self._stopped_by = self._stopped_by or because

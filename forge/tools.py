@@ -1,0 +1,112 @@
+"""The programs a build starts: where CMake, Ninja, make and a compiler are, and what to do without."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.errors import EnvironmentFault, Problem, raise_if_any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from forge.model import Package
+
+CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
+
+_CMAKE_HINT = (
+    "install it with forge, `pip install 'ros-forge[cmake]'`, or with your distribution's cmake package"
+)
+_COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
+_PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """What was found; `ninja` and `make` are None when the machine has none."""
+
+    cmake: Path
+    ninja: Path | None = None
+    make: Path | None = None
+
+
+def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Tools | None:
+    """Return the tools that building `packages` takes, or None when none of them needs CMake.
+
+    Raises EnvironmentFault that names everything that is missing.
+    """
+    needy = [package for package in packages if package.build_type in CMAKE_TYPES]
+    if not needy:
+        return None
+    cmake = _find_cmake(variables)
+    ninja = _find("ninja", variables)
+    make = _find("make", variables)
+    problems = []
+    if cmake is None:
+        problems.append(Problem(f"CMake was not found; {_who(needy)} it", hint=_CMAKE_HINT))
+    elif not (ninja or make or "CMAKE_GENERATOR" in variables):
+        hint = "`pip install 'ros-forge[cmake]'` brings Ninja along"
+        problems.append(Problem(f"neither Ninja nor make was found; {_who(needy)} one", hint=hint))
+    compiled = [package for package in needy if not package.embedded and _compiles(package)]
+    if compiled and not _has_compiler(variables):
+        hint = "install g++ or clang++, as in `apt install g++` or `dnf install gcc-c++`, or set CXX"
+        problems.append(Problem(f"no C++ compiler was found; {_who(compiled)} one", hint=hint))
+    raise_if_any(problems, EnvironmentFault)
+    assert cmake is not None  # noqa: S101  (else there was a problem)
+    return Tools(cmake, ninja, make)
+
+
+def _find(program: str, variables: Mapping[str, str]) -> Path | None:
+    """Return a program from PATH, else from beside the interpreter that runs forge."""
+    here = str(Path(sys.executable).parent)
+    found = shutil.which(program, path=os.pathsep.join([variables.get("PATH", os.defpath), here]))
+    return Path(found) if found else None
+
+
+def _find_cmake(variables: Mapping[str, str]) -> Path | None:
+    """Return CMAKE_COMMAND, else the first on PATH, else the wheel's.
+
+    The wheel's command is a Python script that starts the program: we start the program itself.
+    """
+    named = variables.get("CMAKE_COMMAND")
+    if named:
+        return Path(named)
+    found = _find("cmake", variables)
+    if found is None or found.parent == Path(sys.executable).parent:
+        wheel = importlib.util.find_spec("cmake")
+        for folder in (wheel and wheel.submodule_search_locations) or ():
+            program = Path(folder) / "data" / "bin" / "cmake"
+            if program.is_file():
+                return program
+    return found
+
+
+def _has_compiler(variables: Mapping[str, str]) -> bool:
+    if "CXX" in variables or "CC" in variables:
+        return True
+    path = variables.get("PATH", os.defpath)
+    return any(shutil.which(compiler, path=path) for compiler in _COMPILERS)
+
+
+def _compiles(package: Package) -> bool:
+    """Tell if the package's project() enables a language, as it does unless it says NONE."""
+    try:
+        text = (package.path / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    project = _PROJECT.search(text)
+    return project is None or "NONE" not in project.group(1).split()
+
+
+def _who(packages: list[Package]) -> str:
+    first = f"'{packages[0].name}'"
+    rest = len(packages) - 1
+    if not rest:
+        return f"{first} needs"
+    return f"{first} and {rest} more package{'s' if rest > 1 else ''} need"

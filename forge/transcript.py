@@ -1,0 +1,140 @@
+"""Events to log files: a folder per run, a folder per package, and one file of all events.
+
+log/build_2026-11-21_09-30-00/events.jsonl         every event but output, a line each
+log/build_2026-11-21_09-30-00/PACKAGE/command.log  what was run, where, and how it ended
+log/build_2026-11-21_09-30-00/PACKAGE/{stdout,stderr,stdout_stderr,streams}.log
+log/latest_build -> build_2026-11-21_09-30-00, log/latest -> latest_build
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shlex
+import time
+from dataclasses import fields
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from forge.errors import EnvironmentFault, Place, Problem
+from forge.model import Output, Step, StepFinished, StepStarted
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import TracebackType
+    from typing import BinaryIO
+
+    from forge.model import Event
+
+STREAMS = ("stdout", "stderr", "stdout_stderr", "streams")
+
+
+class Transcript:
+    """The log of one run; closes its files at the end of a `with`."""
+
+    def __init__(self, folder: Path | None) -> None:
+        """Write below `folder`, or nowhere when that is None."""
+        self.folder = folder
+        self._begun = time.monotonic()
+        self._files: dict[Path, BinaryIO] = {}
+
+    def __enter__(self) -> Transcript:
+        """Return the open transcript."""
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        """Close every file."""
+        for stream in self._files.values():
+            stream.close()
+        self._files.clear()
+
+    def write(self, event: Event) -> None:
+        """Add one event to the files it belongs to."""
+        if self.folder is None:
+            return
+        match event:
+            case Output(task, line, stderr):
+                own = "stderr" if stderr else "stdout"
+                for name in (own, "stdout_stderr"):
+                    self._append(f"{task}/{name}.log", line)
+                self._append(f"{task}/streams.log", self._stamp() + line)
+            case _:
+                self._append("events.jsonl", self._line(event))
+                if isinstance(event, StepStarted | StepFinished):
+                    text = _command_line(event)
+                    self._append(f"{event.task}/command.log", text)
+                    self._append(f"{event.task}/streams.log", self._stamp() + text)
+
+    def _line(self, event: Event) -> bytes:
+        said: dict[str, object] = {
+            "time": round(time.monotonic() - self._begun, 6),
+            "event": type(event).__name__,
+        }
+        for field in fields(event):
+            value = getattr(event, field.name)
+            if isinstance(value, Step):
+                value = {"label": value.label, "argv": value.argv, "cwd": str(value.cwd)}
+            if field.name != "environment":
+                said[field.name] = value
+        return json.dumps(said).encode() + b"\n"
+
+    def _stamp(self) -> bytes:
+        return f"[{time.monotonic() - self._begun:.3f}s] ".encode()
+
+    def _append(self, name: str, content: bytes) -> None:
+        assert self.folder is not None  # noqa: S101  (write() looked)
+        path = self.folder / name
+        stream = self._files.get(path)
+        if stream is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            stream = self._files[path] = path.open("ab", buffering=0)
+        stream.write(content)
+
+
+def open_transcript(logs: Path | None, verb: str, argv: list[str]) -> Transcript:
+    """Make the folder of a run and point `latest` at it; raises EnvironmentFault when that fails."""
+    if logs is None:
+        return Transcript(None)
+    try:
+        folder = _new_folder(logs, verb)
+        (folder / "logger_all.log").write_text(f"command line: {shlex.join(argv)}\n", encoding="utf-8")
+        _point(logs / f"latest_{verb}", folder.name)
+        _point(logs / "latest", f"latest_{verb}")
+    except OSError as error:
+        problem = Problem(
+            f"cannot write logs: {error.strerror}", Place(logs), "choose another place: --log-base DIR"
+        )
+        raise EnvironmentFault(problem) from None
+    return Transcript(folder)
+
+
+def _new_folder(logs: Path, verb: str) -> Path:
+    logs.mkdir(parents=True, exist_ok=True)
+    (logs / "COLCON_IGNORE").touch()
+    name = datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S")
+    for suffix in ("", *(f"_{number}" for number in range(2, 1000))):
+        with contextlib.suppress(FileExistsError):
+            (logs / (name + suffix)).mkdir()
+            return logs / (name + suffix)
+    raise FileExistsError(0, "too many runs within a second", str(logs))
+
+
+def _point(link: Path, target: str) -> None:
+    """Make a relative link; something that is no link and has the name is left alone."""
+    if link.is_symlink():
+        link.unlink()
+    elif link.exists():
+        return
+    # Two runs at once may both get here: then the other's link is as good.
+    with contextlib.suppress(FileExistsError):
+        link.symlink_to(target)
+
+
+def _command_line(event: StepStarted | StepFinished) -> bytes:
+    command = shlex.join(event.step.argv)
+    if isinstance(event, StepFinished):
+        return f"Invoked command in '{event.step.cwd}' returned '{event.code}': {command}\n".encode()
+    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in event.environment)
+    return f"Invoking command in '{event.step.cwd}': {variables}{command}\n".encode()

@@ -1,0 +1,193 @@
+"""`python -m forge.wheels SOURCE ...`: build a Python package's wheel and unpack it into a prefix.
+
+The package's own backend (PEP 517; setuptools for a setup.py) makes the wheel in the workspace's
+interpreter, the `installer` library unpacks it: console scripts go to lib/<package>, where `run`
+looks for them, modules to the site-packages folder, data files to where the package says.
+What an earlier build installed and this one does not is removed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import filecmp
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.errors import EnvironmentFault, ForgeError, Problem
+from forge.files import replace_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+MANIFEST = "install_manifest.txt"
+_SETUPTOOLS = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
+_LITTER = frozenset({"__pycache__", "build", "dist"})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Install one package; returns 0, or 2 after saying what the user must mend."""
+    options = _parser().parse_args(argv)
+    try:
+        wheel = _build_wheel(options.source, options.build, options.python)
+        installed = _unpack(wheel, options)
+    except ForgeError as error:
+        for problem in error.problems:
+            print(problem.render(), file=sys.stderr)  # noqa: T201  (a program of its own)
+        return 2
+    if options.link:
+        _link_to_sources(options.source, installed)
+    _remove_stale(options.build / MANIFEST, installed, options.prefix)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m forge.wheels", description=__doc__)
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="the package's folder")
+    parser.add_argument("--package", required=True, help="its name, for lib/<package>")
+    parser.add_argument("--build", required=True, type=Path, metavar="DIR", help="where it is built")
+    parser.add_argument("--prefix", required=True, type=Path, metavar="DIR", help="where it is installed")
+    parser.add_argument(
+        "--python", required=True, metavar="PATH", help="the interpreter to build with and for"
+    )
+    parser.add_argument("--site-packages", required=True, metavar="DIR", help="relative to the prefix")
+    parser.add_argument("--link", action="store_true", help="link files to their sources instead of copying")
+    return parser
+
+
+def _build_wheel(source: Path, build: Path, python: str) -> Path:
+    """Return the wheel that the package's backend makes; nothing is written into the source folder."""
+    import pyproject_hooks  # noqa: PLC0415
+
+    system = _build_system(source)
+    backend, *_ = str(system["build-backend"]).split(":")
+    out = build / "wheel"
+    for folder in (out, build / "build"):
+        # A leftover module from an earlier build would end up in the wheel.
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+    settings = build / "distutils.cfg"
+    settings.write_text(f"[egg_info]\negg_base = {build}\n[build]\nbuild_base = {build / 'build'}\n", "utf-8")
+    os.environ["DIST_EXTRA_CONFIG"] = str(settings)
+    caller = pyproject_hooks.BuildBackendHookCaller(
+        str(source),
+        str(system["build-backend"]),
+        backend_path=system.get("backend-path"),
+        python_executable=python,
+    )
+    try:
+        return out / caller.build_wheel(str(out))
+    except pyproject_hooks.BackendUnavailable:
+        hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
+        raise EnvironmentFault(Problem(f"the interpreter '{python}' has no '{backend}'", hint=hint)) from None
+    except Exception as error:
+        if type(error).__name__ == "CalledProcessError":
+            problem = Problem(f"the package's build backend '{backend}' failed; its own message stands above")
+            raise EnvironmentFault(problem) from None
+        raise
+
+
+def _build_system(source: Path) -> dict[str, object]:
+    """Return the build-system table of pyproject.toml, or setuptools' when there is none."""
+    path = source / "pyproject.toml"
+    if not path.is_file():
+        return dict(_SETUPTOOLS)
+    if sys.version_info >= (3, 11):
+        import tomllib  # noqa: PLC0415
+    else:
+        import tomli as tomllib  # noqa: PLC0415
+    table = tomllib.loads(path.read_text(encoding="utf-8")).get("build-system", {})
+    return {**_SETUPTOOLS, **table}
+
+
+def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
+    """Install the wheel's files into the prefix and return their paths."""
+    import installer  # noqa: PLC0415
+    from installer.destinations import SchemeDictionaryDestination  # noqa: PLC0415
+    from installer.sources import WheelFile  # noqa: PLC0415
+
+    site = options.prefix / options.site_packages
+    schemes = {
+        "purelib": str(site),
+        "platlib": str(site),
+        "scripts": str(options.prefix / "lib" / options.package),
+        "data": str(options.prefix),
+        "headers": str(options.prefix / "include" / options.package),
+    }
+    with WheelFile.open(wheel) as source:
+        _clear_the_way(source, options.build / MANIFEST)
+        destination = SchemeDictionaryDestination(
+            schemes, interpreter=options.python, script_kind="posix", overwrite_existing=True
+        )
+        installer.install(source, destination, additional_metadata={"INSTALLER": b"forge\n"})
+        record = site / source.dist_info_dir / "RECORD"
+    lines = record.read_text(encoding="utf-8").splitlines()
+    return tuple(Path(os.path.normpath(site / _path_of(line))) for line in lines)
+
+
+def _clear_the_way(source: object, manifest: Path) -> None:
+    """Remove the links of an earlier build: to write through them would change the sources."""
+    del source
+    for path in _recorded(manifest):
+        if path.is_symlink():
+            path.unlink()
+
+
+def _path_of(line: str) -> str:
+    """Return the path in a line of RECORD, which is CSV (PEP 376)."""
+    import csv  # noqa: PLC0415
+
+    return next(csv.reader([line]))[0]
+
+
+def _link_to_sources(source: Path, installed: Iterable[Path]) -> None:
+    """Replace each installed file by a link to the source file that it is a copy of."""
+    by_name: dict[str, list[Path]] = {}
+    for path in _source_files(source):
+        by_name.setdefault(path.name, []).append(path)
+    for path in installed:
+        for original in by_name.get(path.name, ()):
+            if filecmp.cmp(original, path, shallow=False):
+                path.unlink()
+                path.symlink_to(original)
+                break
+
+
+def _source_files(source: Path) -> Iterator[Path]:
+    for folder, names, files in os.walk(source):
+        names[:] = sorted(
+            n for n in names if n not in _LITTER and not n.startswith(".") and not n.endswith(".egg-info")
+        )
+        yield from (Path(folder) / name for name in sorted(files))
+
+
+def _remove_stale(manifest: Path, installed: Sequence[Path], prefix: Path) -> None:
+    """Remove what the last build installed and this one did not, then remember this one's files."""
+    for path in sorted(set(_recorded(manifest)) - set(installed), reverse=True):
+        if path.is_relative_to(prefix):
+            path.unlink(missing_ok=True)
+            for folder in path.parents:
+                if folder == prefix or not _remove_empty(folder):
+                    break
+    replace_file(manifest, "".join(f"{path}\n" for path in sorted(installed)).encode())
+
+
+def _recorded(manifest: Path) -> tuple[Path, ...]:
+    try:
+        return tuple(Path(line) for line in manifest.read_text(encoding="utf-8").splitlines())
+    except OSError:
+        return ()
+
+
+def _remove_empty(folder: Path) -> bool:
+    try:
+        folder.rmdir()
+    except OSError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())
