@@ -1,0 +1,195 @@
+"""What goes wrong on the first day: one clear message with its place and a hint, code 2, no traceback."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.snippets import ROOT, surroundings
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Ran, Tree
+
+MANIFEST = """<?xml version="1.0"?>
+<package format="3">
+  <name>{name}</name>
+  <version>1.0.0</version>
+  <description>Package {name}</description>
+  <maintainer email="someone@example.com">Someone</maintainer>
+  <license>Apache-2.0</license>
+  {depends}
+  <export><build_type>{build_type}</build_type></export>
+</package>
+"""
+
+CMAKELISTS = """cmake_minimum_required(VERSION 3.22)
+project({name} {languages})
+install(FILES package.xml DESTINATION share/{name})
+"""
+
+COMPILERS = ("c++", "g++", "gcc", "cc", "clang", "c89", "c99")
+
+
+def manifest(name: str, *depends: str, build_type: str = "cmake") -> str:
+    """Return a package.xml."""
+    lines = "\n  ".join(f"<depend>{depend}</depend>" for depend in depends)
+    return MANIFEST.format(name=name, depends=lines, build_type=build_type)
+
+
+def cmakelists(name: str, languages: str = "NONE") -> str:
+    """Return a CMakeLists.txt that installs one file."""
+    return CMAKELISTS.format(name=name, languages=languages)
+
+
+def one_message(ran: Ran, *parts: str) -> None:
+    """Hold that the command ended with code 2 and one message with these parts, before anything was built."""
+    assert ran.code == 2, ran
+    assert "Traceback" not in ran.err
+    assert "Starting >>>" not in ran.out
+    assert ran.err.count("error: ") == 1, ran.err
+    for part in parts:
+        assert part in ran.err, ran.err
+
+
+def test_no_package_at_all(forge: Forge, tree: Tree) -> None:
+    one_message(forge("build", cwd=tree({"readme.txt": "\n"})), "no package", "hint: ")
+
+
+def test_two_packages_of_one_name(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest("twin"), "src/b/package.xml": manifest("twin")})
+    one_message(forge("build", cwd=root), "'twin'", "src/a", "src/b")
+
+
+def test_a_cycle_is_named(forge: Forge, tree: Tree) -> None:
+    needs = {"a": "b", "b": "c", "c": "a", "bystander": "a"}
+    root = tree({f"src/{name}/package.xml": manifest(name, need) for name, need in needs.items()})
+    ran = forge("build", cwd=root)
+    one_message(ran, "cycle", "'a'", "'b'", "'c'")
+    assert "bystander" not in ran.err
+
+
+def test_a_malformed_manifest_is_shown_where_it_breaks(forge: Forge, tree: Tree) -> None:
+    broken = manifest("a").replace("</version>", "</versoin>")
+    one_message(forge("build", cwd=tree({"src/a/package.xml": broken})), "src/a/package.xml:4:", "error: ")
+
+
+def test_a_manifest_without_a_maintainer_says_so(forge: Forge, tree: Tree) -> None:
+    text = "".join(line for line in manifest("a").splitlines(keepends=True) if "maintainer" not in line)
+    one_message(forge("build", cwd=tree({"src/a/package.xml": text})), "src/a/package.xml", "maintainer")
+
+
+def test_a_package_that_is_not_there(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/robot/package.xml": manifest("robot")})
+    ran = forge("build", "--packages-up-to", "robbot", cwd=root)
+    one_message(ran, "'robbot'", "did you mean 'robot'?")
+
+
+def test_a_client_library_that_nobody_provides(forge: Forge, tree: Tree) -> None:
+    """It is told before CMake runs, with who needs it and where to read on."""
+    root = tree(
+        {
+            "src/node/package.xml": manifest("node", "rclcpp", build_type="ament_cmake"),
+            "src/node/CMakeLists.txt": cmakelists("node"),
+        }
+    )
+    one_message(forge("build", cwd=root), "src/node/package.xml", "'node' needs 'rclcpp'", "rclcpp.md")
+    assert not (root / "build/node").exists()
+
+
+def test_an_unknown_type_is_shown_with_a_caret(forge: Forge, tree: Tree) -> None:
+    root = tree({"robot/msg/Path.msg": "uint8 kind\ngeometry_msg/Pose[] poses\n"})
+    ran = forge("interface", "generate", "--package", "robot", "--output", "out", "robot", cwd=root)
+    one_message(
+        ran,
+        "robot/msg/Path.msg:2:1: error: ",
+        "    geometry_msg/Pose[] poses\n    ^",
+        "did you mean 'geometry_msgs/Pose'?",
+    )
+    assert not (root / "out").exists()
+
+
+@pytest.mark.needs("cmake")
+def test_an_unknown_type_in_a_build_is_shown_with_a_caret(forge: Forge, tree: Tree) -> None:
+    """The same message reaches the user through CMake and the build."""
+    text = manifest("robot", "rosidl_default_generators", build_type="ament_cmake")
+    group = "<member_of_group>rosidl_interface_packages</member_of_group>\n  <export>"
+    lists = """cmake_minimum_required(VERSION 3.22)
+project(robot)
+find_package(ament_cmake REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+rosidl_generate_interfaces(${PROJECT_NAME} "msg/Status.msg")
+ament_package()
+"""
+    root = tree(
+        {
+            "src/robot/package.xml": text.replace("<export>", group),
+            "src/robot/CMakeLists.txt": lists,
+            "src/robot/msg/Status.msg": "uint32 ok\nuint23 status\n",
+        }
+    )
+    ran = forge("build", cwd=root)
+    assert ran.code in (1, 2)
+    assert "Traceback" not in ran.err
+    assert "Status.msg:2:1: error: " in ran.err
+    assert "    uint23 status\n    ^" in ran.err
+    assert "did you mean 'uint32'?" in ran.err
+
+
+@pytest.mark.needs("cmake")
+def test_merged_after_isolated(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a")})
+    assert forge("build", cwd=root).code == 0
+    one_message(forge("build", "--merge-install", cwd=root), "install", "isolated", "--merge-install")
+
+
+@pytest.mark.needs("cmake")
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users on this system")
+def test_an_install_folder_that_cannot_be_written(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a"), "file": ""})
+    # Not even root can make a folder below a file.
+    ran = forge("build", "--install-base", "file/install", cwd=root)
+    one_message(ran, "file/install", "hint: ")
+
+
+def test_no_compiler(tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
+    one_message(_bare(root, without=COMPILERS), "'a' needs", "compiler", "hint: ")
+
+
+def test_no_cmake_names_the_extra(tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
+    one_message(_bare(root, without=("cmake", "ninja")), "CMake was not found", "ros-forge[cmake]")
+
+
+def _bare(root: Path, without: tuple[str, ...]) -> Ran:
+    """Run `forge build` as on a machine without some programs, and without their wheels."""
+    from tests.conftest import Ran  # noqa: PLC0415  (a conftest is imported by pytest first)
+
+    programs = _linked(root / "programs", [Path("/usr/bin"), Path("/bin")], without)
+    modules = _linked(root / "modules", [Path(sysconfig.get_path("purelib"))], ("cmake", "ninja"))
+    python = root / "venv/bin/python"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", root / "venv"], check=True)
+    variables = {name: value for name, value in surroundings(root).items() if name not in {"CC", "CXX"}}
+    variables |= {"PATH": str(programs), "PYTHONPATH": os.pathsep.join([str(ROOT), str(modules)])}
+    ended = subprocess.run(
+        [python, "-m", "forge", "build"], cwd=root, env=variables, capture_output=True, text=True, check=False
+    )
+    return Ran(ended.returncode, ended.stdout, ended.stderr)
+
+
+def _linked(folder: Path, sources: list[Path], without: tuple[str, ...]) -> Path:
+    """Link all that the source folders hold, except what begins with one of the names."""
+    folder.mkdir()
+    (folder / "COLCON_IGNORE").touch()
+    for entry in (entry for source in sources for entry in source.iterdir()):
+        if not entry.name.startswith(without) and not (folder / entry.name).is_symlink():
+            (folder / entry.name).symlink_to(entry)
+    shutil.rmtree(folder / "__pycache__", ignore_errors=True)
+    return folder
