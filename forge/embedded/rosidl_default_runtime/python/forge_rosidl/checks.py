@@ -1,0 +1,195 @@
+"""What a field accepts: each function returns the value to store, or fails as rosidl's setters do.
+
+The checks are assertions, so `python -O` turns them off and leaves the conversions.
+"""
+
+# ruff: noqa: S101  (see above)
+
+from __future__ import annotations
+
+from array import array
+from collections import UserList, UserString
+from collections.abc import Sequence, Set
+from math import isinf
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+
+class Number(NamedTuple):
+    """A numeric type: how Python and an array store it, and its range."""
+
+    python: type
+    code: str
+    low: int | float
+    high: int | float
+    range: str
+
+    def admits(self, value: Any) -> bool:  # noqa: ANN401
+        """Tell if a value of the right Python type is in the range; nan and infinities of a float are."""
+        return not (value < self.low or value > self.high) or (self.python is float and isinf(value))
+
+
+def _signed(code: str, bits: int) -> Number:
+    low, high = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
+    return Number(int, code, low, high, f"integer in [{low}, {high}]")
+
+
+def _unsigned(code: str, bits: int) -> Number:
+    return Number(int, code, 0, 2**bits - 1, f"unsigned integer in [0, {2**bits - 1}]")
+
+
+def _floating(code: str, high: float, shown: str) -> Number:
+    return Number(float, code, -high, high, f"float in [-{shown}, {shown}]")
+
+
+NUMBERS: Final = {
+    "int8": _signed("b", 8),
+    "uint8": _unsigned("B", 8),
+    "int16": _signed("h", 16),
+    "uint16": _unsigned("H", 16),
+    "int32": _signed("i", 32),
+    "uint32": _unsigned("I", 32),
+    "int64": _signed("q", 64),
+    "uint64": _unsigned("Q", 64),
+    "float": _floating("f", 3.4028234663852886e38, "3.402823466e+38"),
+    "double": _floating("d", 1.7976931348623157e308, "1.7976931348623157e+308"),
+}
+
+
+def refuse(unknown: Mapping[str, object]) -> None:
+    """Fail because the constructor got names that are no fields."""
+    assert not unknown, f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
+
+
+def boolean(name: str, value: Any) -> Any:  # noqa: ANN401
+    """Accept True and False."""
+    assert isinstance(value, bool), f"The '{name}' field must be of type 'bool'"
+    return value
+
+
+def number(name: str, value: Any, type_name: str) -> Any:  # noqa: ANN401
+    """Accept an int or a float in the range of the IDL type."""
+    kind = NUMBERS[type_name]
+    assert isinstance(value, kind.python), f"The '{name}' field must be of type '{kind.python.__name__}'"
+    article = "an" if kind.python is int else "a"
+    assert kind.admits(value), f"The '{name}' field must be {article} {kind.range}"
+    return value
+
+
+def octet(name: str, value: Any) -> Any:  # noqa: ANN401
+    """Accept one byte."""
+    assert isinstance(value, bytes | bytearray) and len(value) == 1, (  # noqa: PT018  (one message for both)
+        f"The '{name}' field must be of type 'bytes' or 'ByteString' with length 1"
+    )
+    return value
+
+
+def character(name: str, value: Any, highest: int) -> Any:  # noqa: ANN401
+    """Accept one character with a code point up to `highest`."""
+    assert isinstance(value, str | UserString) and len(value) == 1 and ord(str(value)) <= highest, (  # noqa: PT018
+        f"The '{name}' field must be of type 'str' or 'UserString' with length 1 "
+        f"and the character ord() in [0, {highest}]"
+    )
+    return value
+
+
+def text(name: str, value: Any) -> Any:  # noqa: ANN401
+    """Accept a string."""
+    assert isinstance(value, str), f"The '{name}' field must be of type 'str'"
+    return value
+
+
+def bounded_text(name: str, value: Any, longest: int) -> Any:  # noqa: ANN401
+    """Accept a string of at most `longest` characters."""
+    assert isinstance(value, str | UserString) and len(value) <= longest, (  # noqa: PT018
+        f"The '{name}' field must be string value not longer than {longest}"
+    )
+    return value
+
+
+def message(name: str, value: Any, class_: type) -> Any:  # noqa: ANN401
+    """Accept a message of the class."""
+    assert isinstance(value, class_), f"The '{name}' field must be a sub message of type '{class_.__name__}'"
+    return value
+
+
+def collection(
+    name: str, value: Any, element: type, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
+) -> Any:  # noqa: ANN401
+    """Accept a set or sequence of elements of a class: exactly `size`, or at most `bound`."""
+    assert _fits(value, size, bound) and all(isinstance(item, element) for item in value), (  # noqa: PT018
+        f"{_must(name, size, bound)} and each value of type '{element.__name__}'"
+    )
+    return value
+
+
+def texts(
+    name: str, value: Any, longest: int, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
+) -> Any:  # noqa: ANN401
+    """Accept a set or sequence of strings of at most `longest` characters each."""
+    assert (
+        _fits(value, size, bound)
+        and all(isinstance(item, str) for item in value)
+        and all(len(item) <= longest for item in value)
+    ), f"{_must(name, size, bound)} and each string value not longer than {longest} and each value of type 'str'"
+    return value
+
+
+def characters(
+    name: str, value: Any, highest: int, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
+) -> Any:  # noqa: ANN401
+    """Accept a set or sequence of single characters with code points up to `highest`."""
+    assert (
+        _fits(value, size, bound)
+        and all(isinstance(item, str) for item in value)
+        and all(len(item) == 1 and ord(item) <= highest for item in value)
+    ), f"{_must(name, size, bound)} and each value of type 'str' and the character ord() in [0, {highest}]"
+    return value
+
+
+def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> array[Any]:  # noqa: ANN401
+    """Accept an `array.array` of the right type code as it is, and convert a set or sequence of numbers."""
+    kind = NUMBERS[type_name]
+    if isinstance(value, array):
+        assert value.typecode == kind.code, (
+            f"The '{name}' array.array() must have the type code of '{kind.code}'"
+        )
+        assert bound is None or len(value) <= bound, f"The '{name}' array.array() must have a size <= {bound}"
+        return value
+    elements(name, value, type_name, bound=bound)
+    return array(kind.code, value)
+
+
+def new_numbers(name: str, value: Iterable[Any], type_name: str, bound: int | None = None) -> array[Any]:
+    """Return a new `array.array` of what a constructor was given; raises what the array raises."""
+    return numbers(name, array(NUMBERS[type_name].code, value), type_name, bound)
+
+
+def elements(
+    name: str, value: Any, type_name: str, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
+) -> None:
+    """Fail unless the value is a set or sequence of numbers in the range of the IDL type."""
+    kind = NUMBERS[type_name]
+    assert (
+        _fits(value, size, bound)
+        and all(issubclass(class_, kind.python) for class_ in set(map(type, value)))
+        and all(map(kind.admits, value))
+    ), f"{_must(name, size, bound)} and each value of type '{kind.python.__name__}' and each {kind.range}"
+
+
+def _fits(value: object, size: int | None, bound: int | None) -> bool:
+    """Tell if the value is a collection, no text, of a length that the field can take."""
+    return (
+        isinstance(value, Sequence | Set | UserList)
+        and not isinstance(value, str | UserString)
+        and (size is None or len(value) == size)
+        and (bound is None or len(value) <= bound)
+    )
+
+
+def _must(name: str, size: int | None, bound: int | None) -> str:
+    """Return how messages about collections begin."""
+    length = f" with length {size}" if size is not None else f" with length <= {bound}" if bound else ""
+    return f"The '{name}' field must be a set or sequence{length}"

@@ -1,0 +1,201 @@
+"""Base classes and metaclasses of generated messages, services and actions.
+
+What a message looks like from outside is rosidl's: read-only constants, `__slots__`, `SLOT_TYPES`,
+and a metaclass through which client libraries find the C side of a type.
+"""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from copy import copy
+from types import FunctionType
+from typing import Any, ClassVar, TypeVar
+
+_M = TypeVar("_M")
+
+
+class InterfaceType(type):
+    """The metaclass of all interface classes: constants stay as they are, C support comes late."""
+
+    _TYPE_SUPPORT: ClassVar[Any] = None
+
+    def __setattr__(cls, name: str, value: object) -> None:
+        """Set a class attribute; raises AttributeError for a constant or a default."""
+        _refuse_constant(cls, name)
+        super().__setattr__(name, value)
+
+    def __delattr__(cls, name: str) -> None:
+        """Delete a class attribute; raises AttributeError for a constant or a default."""
+        _refuse_constant(cls, name)
+        super().__delattr__(name)
+
+    @classmethod
+    def __import_type_support__(metacls) -> None:
+        """Look up what the package's C extension offers for this class, if there is one."""
+        extension = _extension(metacls.__module__)
+        if extension is not None:
+            metacls._load(extension)
+
+    @classmethod
+    def _load(metacls, extension: Any) -> None:  # noqa: ANN401  (a module is whatever it holds)
+        """Take this class's entries from the extension."""
+        raise NotImplementedError
+
+
+class MessageType(InterfaceType):
+    """The metaclass of messages."""
+
+    _CREATE_ROS_MESSAGE: ClassVar[Any] = None
+    _CONVERT_FROM_PY: ClassVar[Any] = None
+    _CONVERT_TO_PY: ClassVar[Any] = None
+    _DESTROY_ROS_MESSAGE: ClassVar[Any] = None
+
+    @classmethod
+    def _load(metacls, extension: Any) -> None:  # noqa: ANN401
+        suffix = _symbol_suffix(metacls, "msg")
+        metacls._CREATE_ROS_MESSAGE = getattr(extension, f"create_ros_message_{suffix}")
+        metacls._CONVERT_FROM_PY = getattr(extension, f"convert_from_py_{suffix}")
+        metacls._CONVERT_TO_PY = getattr(extension, f"convert_to_py_{suffix}")
+        metacls._DESTROY_ROS_MESSAGE = getattr(extension, f"destroy_ros_message_{suffix}")
+        metacls._TYPE_SUPPORT = getattr(extension, f"type_support_{suffix}")
+        for message in _nested_messages(_instance_of(metacls)):
+            if type(message)._TYPE_SUPPORT is None:
+                type(message).__import_type_support__()
+
+
+class ServiceType(InterfaceType):
+    """The metaclass of services."""
+
+    @classmethod
+    def _load(metacls, extension: Any) -> None:  # noqa: ANN401
+        metacls._TYPE_SUPPORT = getattr(extension, f"type_support_{_symbol_suffix(metacls, 'srv')}")
+        service = _instance_of(metacls)
+        type(service.Request).__import_type_support__()
+        type(service.Response).__import_type_support__()
+
+
+class ActionType(InterfaceType):
+    """The metaclass of actions."""
+
+    @classmethod
+    def _load(metacls, extension: Any) -> None:  # noqa: ANN401
+        metacls._TYPE_SUPPORT = getattr(extension, f"type_support_{_symbol_suffix(metacls, 'action')}")
+        action = _instance_of(metacls)
+        parts = (action.Goal, action.Result, action.Feedback)
+        for part in (*parts, *(value for value in vars(action.Impl).values() if isinstance(value, InterfaceType))):
+            type(part).__import_type_support__()
+
+
+class Message:
+    """The base of all message classes."""
+
+    __slots__ = ()
+    _fields_and_field_types: ClassVar[dict[str, str]] = {}
+    SLOT_TYPES: ClassVar[tuple[Any, ...]] = ()
+
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]:
+        """Return the name of each field with its type as text, in the order of declaration."""
+        return dict(cls._fields_and_field_types)
+
+    def __eq__(self, other: object) -> bool:
+        """Tell if the other is a message of this class whose fields are all equal."""
+        if not isinstance(other, self.__class__):
+            return False
+        for slot in self.__slots__:
+            mine, theirs = getattr(self, slot), getattr(other, slot)
+            if getattr(mine, "shape", ()):  # a numpy array, which compares element by element
+                mine, theirs = mine.tolist(), theirs.tolist()
+            if mine != theirs:
+                return False
+        return True
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        """Return the message as the call that makes it, with arrays shown as lists."""
+        names = [*self.__class__.__module__.split(".")[:-1], self.__class__.__name__]
+        values = ", ".join(f"{slot[1:]}={_shown(getattr(self, slot))}" for slot in self.__slots__)
+        return f"{'.'.join(names)}({values})"
+
+
+class Service:
+    """The base of all service classes: a pair of messages, never an object."""
+
+    def __init__(self) -> None:
+        """Raise NotImplementedError."""
+        raise NotImplementedError("Service classes can not be instantiated")
+
+
+class Action:
+    """The base of all action classes: a set of messages and services, never an object."""
+
+    def __init__(self) -> None:
+        """Raise NotImplementedError."""
+        raise NotImplementedError("Action classes can not be instantiated")
+
+
+def fresh(name: str) -> property:
+    """Return the metaclass's side of a default that could be changed: each reader gets a copy."""
+    return property(lambda cls: copy(cls.__dict__[name]), doc="A copy of the default.")
+
+
+def several(class_: type[_M], count: int) -> list[_M]:
+    """Return that many new messages of the class."""
+    return [class_() for _ in range(count)]
+
+
+def _refuse_constant(cls: type, name: str) -> None:
+    """Raise AttributeError if `name` is a constant: public, and neither a field nor a method."""
+    value = cls.__dict__.get(name, property)
+    if name.startswith("_") or isinstance(value, (property, FunctionType, classmethod, staticmethod, type)):
+        return
+    raise AttributeError(f"can't set attribute '{name}' of '{cls.__name__}': it is a constant")
+
+
+def _extension(module: str) -> Any:  # noqa: ANN401
+    """Return the C extension of the module's package, or None when it cannot be imported."""
+    import importlib  # noqa: PLC0415  (only client libraries come here)
+    import logging  # noqa: PLC0415
+
+    package = module.partition(".")[0]
+    try:
+        return importlib.import_module(f"{package}.{package}_s__rosidl_typesupport_c")
+    except ImportError:
+        logging.getLogger("forge_rosidl").debug("no C type support for '%s'", package, exc_info=True)
+        return None
+
+
+def _symbol_suffix(metacls: type, kind: str) -> str:
+    """Return the end of the C extension's names, such as 'msg__srv__set_bool__request'."""
+    import re  # noqa: PLC0415
+
+    name = metacls.__name__.partition("_")[2]
+    name = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", name)
+    name = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name).lower()
+    return f"{kind}__{metacls.__module__.split('.')[1]}__{name}"
+
+
+def _instance_of(metacls: type) -> Any:  # noqa: ANN401
+    """Return the one class whose metaclass this is."""
+    return getattr(sys.modules[metacls.__module__], metacls.__name__.partition("_")[2])
+
+
+def _nested_messages(message: type[Message]) -> list[Any]:
+    """Return the classes of the message's fields, collections looked into."""
+    import importlib  # noqa: PLC0415  (only client libraries come here)
+
+    found = []
+    for slot_type in message.SLOT_TYPES:
+        element = getattr(slot_type, "value_type", slot_type)
+        if hasattr(element, "namespaces"):
+            beside = sys.modules[message.__module__]  # where the parts of an action are
+            module = beside if hasattr(beside, element.name) else importlib.import_module(".".join(element.namespaces))
+            found.append(getattr(module, element.name))
+    return found
+
+
+def _shown(value: object) -> str:
+    return repr(value.tolist() if isinstance(value, array) else value)
+

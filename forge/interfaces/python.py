@@ -1,0 +1,178 @@
+"""Python modules for a catalog: one per interface file, with rosidl's names and behaviour.
+
+What all messages share lives in the run-time package forge_rosidl; here is what differs.
+Names that users did not choose begin with '_' in generated text, as no field's name does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
+from forge.interfaces.python_fields import BUILTINS, FieldView, Scope, literal, view_field
+from forge.names import snake_case
+from forge.templating import render
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from forge.interfaces.model import Catalog, Interface, Message
+
+_CANCEL = TypeName("action_msgs", "srv", "CancelGoal")
+_STATUS = TypeName("action_msgs", "msg", "GoalStatusArray")
+
+
+@dataclass(frozen=True, slots=True)
+class _MessageView:
+    """A message class as the template shows it."""
+
+    name: str
+    doc_end: str
+    constants: tuple[tuple[str, str], ...]
+    defaults: tuple[tuple[str, str], ...]
+    fresh: tuple[str, ...]
+    fields: tuple[FieldView, ...]
+    own: str
+
+
+@dataclass(frozen=True, slots=True)
+class _ServiceView:
+    """A service class as the template shows it."""
+
+    name: str
+    request: str
+    response: str
+
+
+@dataclass(frozen=True, slots=True)
+class _ActionView:
+    """An action class as the template shows it."""
+
+    name: str
+    cancel: str
+    status: str
+
+
+def files(catalog: Catalog) -> Iterator[File]:
+    """Yield the Python package of the catalog's interfaces, to be put where Python finds packages."""
+    yield File(f"{catalog.package}/__init__.py", "")
+    yield File(f"{catalog.package}/py.typed", "")
+    for kind in sorted({name.kind for name in catalog.interfaces}):
+        names = [name for name in catalog.interfaces if name.kind == kind]
+        yield File(f"{catalog.package}/{kind}/__init__.py", _namespace(catalog.package, kind, names))
+    for name, interface in catalog.interfaces.items():
+        yield File(f"{_module(name).replace('.', '/')}.py", _interface(interface))
+
+
+def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> str:
+    """Return the module that gathers the classes of one kind."""
+    members = sorted((_module(name), name.name) for name in names)
+    return render("python/namespace.py.j2", title=f"{package}/{kind}", members=members)
+
+
+def _interface(interface: Interface) -> str:
+    """Return the module of one interface file."""
+    messages = tuple(messages_of(interface))
+    imported = _imported(interface, messages)
+    classes = imported | {message.name: message.name.name for message in messages}
+    views = [_message(message, classes) for message in messages]
+    standard, shared = _shared_imports(views)
+    return render(
+        "python/interface.py.j2",
+        title=str(interface.name),
+        standard=standard,
+        shared=shared,
+        imported=[(_module(name), name.name, local) for name, local in imported.items()],
+        decorator=_decorator(messages),
+        messages=views,
+        services=[
+            _ServiceView(part.name.name, part.request.name.name, part.response.name.name)
+            for part in _services(interface)
+        ],
+        action=_action(interface, classes),
+    )
+
+
+def _module(name: TypeName) -> str:
+    return f"{name.package}.{name.kind}._{snake_case(name.name)}"
+
+
+def _services(interface: Interface) -> tuple[Service, ...]:
+    """Return the services that live in an interface's module."""
+    match interface:
+        case Service():
+            return (interface,)
+        case Action():
+            return (interface.send_goal, interface.get_result)
+        case _:
+            return ()
+
+
+def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionView | None:
+    if not isinstance(interface, Action):
+        return None
+    return _ActionView(interface.name.name, classes[_CANCEL], classes[_STATUS])
+
+
+def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
+    """Return the classes that the module takes from others, with the names it gives them."""
+    wanted = {
+        element.name
+        for message in messages
+        for field in message.fields
+        if isinstance(element := element_of(field.type), Named)
+    }
+    if isinstance(interface, Action):
+        wanted |= {_CANCEL, _STATUS}
+    wanted -= {message.name for message in messages}
+    taken = [*(name.name for name in wanted), *_taken(interface, messages)]
+    return {
+        name: name.name if taken.count(name.name) == 1 else f"_{name.package}_{name.kind}_{name.name}"
+        for name in sorted(wanted)
+    }
+
+
+def _taken(interface: Interface, messages: Sequence[Message]) -> set[str]:
+    """Return the names that the module defines, and those that hide others inside a constructor."""
+    classes = {interface.name, *(message.name for message in messages)}
+    classes |= {service.name for service in _services(interface)}
+    return {name.name for name in classes} | {field.name for message in messages for field in message.fields}
+
+
+def _shared_imports(views: Sequence[_MessageView]) -> tuple[list[str], list[str]]:
+    """Return the import lines for the standard library and for what all generated modules share."""
+    needs = {need for view in views for field in view.fields for need in field.needs}
+    standard = ["from array import array as _array"] if "array" in needs else []
+    shared = ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
+    if "numpy" in needs:
+        shared = ["from forge_rosidl import arrays as _arrays", *shared, "import numpy as _numpy"]
+    if any(view.fields for view in views):
+        shared.append("from rosidl_parser import definition as _definition")
+    return standard, shared
+
+
+def _decorator(messages: Sequence[Message]) -> str:
+    """Return the word for Python's property; a field may have taken the usual one."""
+    hidden = any(field.name == "property" for message in messages for field in message.fields)
+    return "_property" if hidden else "property"
+
+
+def _message(message: Message, classes: Mapping[TypeName, str]) -> _MessageView:
+    names = {field.name for field in message.fields}
+    own = "_self" if "self" in names else "self"
+    scope = Scope(classes, own, direct=not names & BUILTINS)
+    fields = tuple(view_field(field, scope) for field in message.fields)
+    constants = tuple((c.name, literal(c.type, c.value)) for c in message.constants)
+    defaults = tuple((field.default_name, field.default) for field in fields if field.default is not None)
+    changeable = {field.name for field in message.fields if isinstance(field.default, tuple)}
+    return _MessageView(
+        name=message.name.name,
+        doc_end="" if constants else '"""',
+        constants=constants,
+        defaults=defaults,
+        fresh=tuple(field.default_name for field in fields if field.name in changeable),
+        fields=fields,
+        own=own,
+    )
+

@@ -1,0 +1,316 @@
+"""One field of a message as finished Python text: its types, how it is built and what it accepts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, isnan
+from typing import TYPE_CHECKING, Final
+
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.interfaces.model import Element, Field, Type, TypeName, Value
+
+INTEGERS: Final = {
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+TYPE_CODES: Final = {
+    **{"int8": "b", "int16": "h", "int32": "i", "int64": "q", "float": "f"},
+    **{"uint8": "B", "uint16": "H", "uint32": "I", "uint64": "Q", "double": "d"},
+}
+DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "double": "float64"}
+HIGHEST: Final = {"char": 127, "wchar": 65535}
+FLOAT_MAX: Final = "3.4028234663852886e+38"
+
+BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
+"""What a constructor's short cuts call; a field of such a name hides it there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """What names mean inside a message's methods."""
+
+    classes: Mapping[TypeName, str]
+    """The message classes that the module knows, by what it calls them."""
+    own: str = "self"
+    """The constructor's word for the message itself."""
+    direct: bool = True
+    """Whether the constructor may call builtins, since no field has the name of one."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldView:
+    """A field as the template shows it; every text is finished."""
+
+    name: str
+    parameter: str
+    type_text: str
+    slot_type: str
+    build: tuple[str, ...]
+    accept: tuple[str, ...]
+    default: str | None
+    needs: frozenset[str]
+    """Which of 'array' and 'numpy' the texts use."""
+
+    @property
+    def default_name(self) -> str:
+        """The class attribute that holds the default."""
+        return f"{self.name.upper()}__DEFAULT"
+
+
+def view_field(field: Field, scope: Scope) -> FieldView:
+    """Return the texts of a field of a message."""
+    default = None if field.default is None else literal(field.type, field.default)
+    return FieldView(
+        name=field.name,
+        parameter=f"{field.name}={_parameter(field)}",
+        type_text=repr(type_text(field.type)),
+        slot_type=_slot_type(field.type),
+        build=_build(field, scope),
+        accept=_accept(field, scope.classes),
+        default=default,
+        needs=_needs(field.type),
+    )
+
+
+def type_text(type_: Type) -> str:
+    """Return a type as `get_fields_and_field_types` spells it (interface spec 4.2)."""
+    match type_:
+        case Primitive(name):
+            return name
+        case Text(wide, bound):
+            word = "wstring" if wide else "string"
+            return word if bound is None else f"{word}<{bound}>"
+        case Named(name):
+            return f"{name.package}/{name.name}"
+        case Array(of, size):
+            return f"{type_text(of)}[{size}]"
+        case Sequence(of, None):
+            return f"sequence<{type_text(of)}>"
+        case Sequence(of, bound):
+            return f"sequence<{type_text(of)}, {bound}>"
+
+
+def literal(type_: Type, value: Value) -> str:
+    """Return a value as the expression that makes it in the form in which a field stores it."""
+    if not isinstance(type_, Array | Sequence):
+        return _scalar(type_, value)
+    items = [_scalar(type_.of, item) for item in value] if isinstance(value, tuple) else []
+    listed = f"[{', '.join(items)}]"
+    name = _number(type_)
+    if name is None:
+        return listed
+    if isinstance(type_, Array):
+        return f"_numpy.array({listed}, _numpy.{DTYPES[name]})"
+    return f"_array({TYPE_CODES[name]!r}, {listed})" if items else f"_array({TYPE_CODES[name]!r})"
+
+
+def _scalar(element: Element, value: object) -> str:
+    """Return one value as an expression; text is quoted by Python's own rules, so nothing breaks out."""
+    match element:
+        case Primitive("octet") if isinstance(value, int):
+            return repr(bytes([value]))
+        case Primitive("boolean"):
+            return repr(bool(value))
+        case Primitive("float" | "double") if isinstance(value, int | float):
+            return _float(float(value))
+        case Primitive("char" | "wchar") if isinstance(value, int):
+            return repr(chr(value))
+        case _:
+            return repr(value)
+
+
+def _float(value: float) -> str:
+    if isfinite(value):
+        return repr(value)
+    word = "nan" if isnan(value) else "inf"
+    return f"-float({word!r})" if value < 0 else f"float({word!r})"
+
+
+def _parameter(field: Field) -> str:
+    """Return the constructor's default: the value, or '...' where each message needs its own object."""
+    if isinstance(field.type, Array | Sequence | Named):
+        return "..."
+    return _scalar(field.type, field.default) if field.default is not None else _zero(field.type)
+
+
+def _zero(element: Element) -> str:
+    match element:
+        case Primitive("boolean"):
+            return "False"
+        case Primitive("octet"):
+            return repr(b"\0")
+        case Primitive("char" | "wchar"):
+            return repr("\0")
+        case Primitive("float" | "double"):
+            return "0.0"
+        case Primitive():
+            return "0"
+        case _:
+            return "''"
+
+
+def _slot_type(type_: Type) -> str:
+    """Return the expression that makes the type's rosidl_parser description."""
+    match type_:
+        case Primitive(name):
+            inner = f"BasicType({name!r})"
+        case Text(wide, bound):
+            word = "WString" if wide else "String"
+            inner = f"Unbounded{word}()" if bound is None else f"Bounded{word}({bound})"
+        case Named(name):
+            inner = f"NamespacedType({[name.package, name.kind]!r}, {name.name!r})"
+        case Array(of, size):
+            inner = f"Array({_slot_type(of)}, {size})"
+        case Sequence(of, None):
+            inner = f"UnboundedSequence({_slot_type(of)})"
+        case Sequence(of, bound):
+            inner = f"BoundedSequence({_slot_type(of)}, {bound})"
+    return f"_definition.{inner}"
+
+
+def _needs(type_: Type) -> frozenset[str]:
+    if _number(type_) is None:
+        return frozenset()
+    return frozenset({"numpy"} if isinstance(type_, Array) else {"array"})
+
+
+def _number(type_: Type) -> str | None:
+    """Return the numeric type of a collection that is stored as an array, else None."""
+    element = element_of(type_)
+    stored = isinstance(type_, Array | Sequence) and isinstance(element, Primitive)
+    return element.name if stored and element.name in TYPE_CODES else None  # type: ignore[union-attr]
+
+
+def _build(field: Field, scope: Scope) -> tuple[str, ...]:
+    """Return the constructor's lines for the field: a short way in, and the property's long one."""
+    name, slot = field.name, f"{scope.own}._{field.name}"
+    checked = f"{scope.own}.{name} = {name}"
+    if isinstance(field.type, Array | Sequence | Named):
+        made = None if field.default is not None else _convert(field)
+        return (
+            f"if {name} is ...:",
+            f"    {slot} = {_own_value(field, scope)}",
+            "else:",
+            f"    {slot} = {made}" if made else f"    {checked}",
+        )
+    if not scope.direct:
+        return (checked,)
+    return (f"if {' and '.join(_tests(field.type, name))}:", f"    {slot} = {name}", "else:", f"    {checked}")
+
+
+def _own_value(field: Field, scope: Scope) -> str:
+    """Return the expression for a default object that no other message shares."""
+    number = _number(field.type)
+    if field.default is not None:
+        copied = ".copy()" if number and isinstance(field.type, Array) else "[:]"
+        return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
+    match field.type:
+        case Named(name):
+            return f"{scope.classes[name]}()"
+        case Array(_, size) if number:
+            return f"_numpy.zeros({size}, _numpy.{DTYPES[number]})"
+        case Array(Named(name), size):
+            return f"_messages.several({scope.classes[name]}, {size})"
+        case Array(of, size):
+            return f"[{_zero(of)}] * {size}"
+        case _:
+            return f"_array({TYPE_CODES[number]!r})" if number else "[]"
+
+
+def _convert(field: Field) -> str | None:
+    """Return the call that makes an array of what the constructor was given, or None."""
+    number = _number(field.type)
+    if number is None:
+        return None
+    if isinstance(field.type, Array):
+        return f"_arrays.new_array({field.name!r}, {field.name}, {number!r}, {field.type.size})"
+    return f"_checks.new_numbers({field.name!r}, {field.name}, {number!r}{_bound(field.type, '')})"
+
+
+def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
+    """Return the setter's lines."""
+    store = f"self._{field.name} = value"
+    if isinstance(field.type, Array | Sequence):
+        return (f"self._{field.name} = {_collection(field, classes)}",)
+    call = _scalar_check(field, classes)
+    if isinstance(field.type, Named):
+        test = f"value.__class__ is not {classes[field.type.name]}"
+    else:
+        tests = _tests(field.type, "value")
+        test = f"not ({' and '.join(tests)})" if tests[1:] else tests[0].replace(" is ", " is not ")
+    return (f"if {test}:", f"    value = {call}", store)
+
+
+def _tests(type_: Type, word: str) -> list[str]:
+    """Return the conditions under which a value needs no closer look."""
+    of_class = f"{word}.__class__ is "
+    match type_:
+        case Primitive("boolean"):
+            return [f"{of_class}bool"]
+        case Primitive("octet"):
+            return [f"{of_class}bytes", f"len({word}) == 1"]
+        case Primitive("char" | "wchar" as name):
+            return [f"{of_class}str", f"len({word}) == 1", f"{word} <= {chr(HIGHEST[name])!r}"]
+        case Primitive("float"):
+            return [f"{of_class}float", f"-{FLOAT_MAX} <= {word} <= {FLOAT_MAX}"]
+        case Primitive("double"):
+            return [f"{of_class}float"]
+        case Primitive(name):
+            low, high = INTEGERS[name]
+            return [f"{of_class}int", f"{low} <= {word} <= {high}"]
+        case Text(_, None):
+            return [f"{of_class}str"]
+        case Text(_, bound):
+            return [f"{of_class}str", f"len({word}) <= {bound}"]
+        case _:
+            raise AssertionError(type_)
+
+
+def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
+    """Return the call that looks closer at a single value."""
+    start = f"({field.name!r}, value"
+    match field.type:
+        case Primitive("boolean" | "octet" as name):
+            return f"_checks.{name}{start})"
+        case Primitive("char" | "wchar" as name):
+            return f"_checks.character{start}, {HIGHEST[name]})"
+        case Primitive(name):
+            return f"_checks.number{start}, {name!r})"
+        case Text(_, None):
+            return f"_checks.text{start})"
+        case Text(_, bound):
+            return f"_checks.bounded_text{start}, {bound})"
+        case Named(name):
+            return f"_checks.message{start}, {classes[name]})"
+        case _:
+            raise AssertionError(field.type)
+
+
+def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
+    """Return the call that looks at an array or a sequence."""
+    start, number = f"({field.name!r}, value", _number(field.type)
+    if number and isinstance(field.type, Array):
+        return f"_arrays.array{start}, {number!r}, {field.type.size})"
+    if number and isinstance(field.type, Sequence):
+        return f"_checks.numbers{start}, {number!r}{_bound(field.type, '')})"
+    length = f", size={field.type.size})" if isinstance(field.type, Array) else f"{_bound(field.type, 'bound=')})"
+    match element_of(field.type):
+        case Named(name):
+            return f"_checks.collection{start}, {classes[name]}{length}"
+        case Text(_, None):
+            return f"_checks.collection{start}, str{length}"
+        case Text(_, bound):
+            return f"_checks.texts{start}, {bound}{length}"
+        case Primitive("char" | "wchar" as name):
+            return f"_checks.characters{start}, {HIGHEST[name]}{length}"
+        case Primitive(name):
+            return f"_checks.collection{start}, {'bool' if name == 'boolean' else 'bytes'}{length}"
+
+
+def _bound(type_: Type, word: str) -> str:
+    """Return the argument that bounds a sequence, if anything does."""
+    return f", {word}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""
