@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Ran
 from tests.snippets import ROOT, surroundings
 
 if TYPE_CHECKING:
-    from tests.conftest import Forge, Ran, Tree
+    from tests.conftest import Forge, Tree
 
 MANIFEST = """<?xml version="1.0"?>
 <package format="3">
@@ -170,8 +171,6 @@ def test_no_cmake_names_the_extra(tree: Tree) -> None:
 
 def _bare(root: Path, without: tuple[str, ...]) -> Ran:
     """Run `forge build` as on a machine without some programs, and without their wheels."""
-    from tests.conftest import Ran  # noqa: PLC0415  (a conftest is imported by pytest first)
-
     programs = _linked(root / "programs", [Path("/usr/bin"), Path("/bin")], without)
     modules = _linked(root / "modules", [Path(sysconfig.get_path("purelib"))], ("cmake", "ninja"))
     python = root / "venv/bin/python"

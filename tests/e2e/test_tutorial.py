@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 from typing import TYPE_CHECKING
@@ -45,11 +46,15 @@ def test_the_tutorial_can_be_typed(workspace: Path) -> None:
 def test_every_shell_can_use_the_install_folder(workspace: Path, name: str) -> None:
     """Sourced from elsewhere, under the strictest options, twice, by the path with its blank."""
     setup = workspace / f"install/setup.{name}"
-    script = (
-        f'set -eu; . "{setup}"; A=$PYTHONPATH; . "{setup}"; [ "$A" = "$PYTHONPATH" ]; python3 -c "{HELLO}"'
-    )
-    where = f"export COLCON_CURRENT_PREFIX='{workspace}/install'; " if name == "sh" else ""
-    assert shell(f"{where}{name} -c '{script}'" if not where else f"{where}sh -c '{script}'", ROOT) == "2\n"
+    script = f"""
+set -eu
+. "{setup}"
+once=$PYTHONPATH
+. "{setup}"
+[ "$once" = "$PYTHONPATH" ]
+python3 -c "{HELLO}"
+"""
+    assert shell(f"{name} -c {shlex.quote(script)}", ROOT) == "2\n"
 
 
 def test_the_install_folder_needs_no_forge(workspace: Path, tmp_path: Path) -> None:
