@@ -71,17 +71,18 @@ class Hasher:
         """Return the types below `name`, however deep, without itself, in the order of their names."""
         return sorted(self._closure(name), key=str)
 
-    def describe(self, name: TypeName) -> Description:
-        """Return the description of one type without those it refers to."""
-        return {"type_name": str(name), "fields": [_field(member) for member in self._structures[name]]}
-
     def fields(self, name: TypeName) -> tuple[Field, ...]:
         """Return the fields that are described."""
         return self._structures[name]
 
+    def described_fields(self, name: TypeName) -> list[Description]:
+        """Return the description of each field."""
+        return [_field(member) for member in self._structures[name]]
+
     def _text(self, name: TypeName) -> str:
         if name not in self._texts:
-            self._texts[name] = json.dumps(self.describe(name))
+            description = {"type_name": str(name), "fields": self.described_fields(name)}
+            self._texts[name] = json.dumps(description)
         return self._texts[name]
 
     def _closure(self, name: TypeName) -> frozenset[TypeName]:

@@ -9,14 +9,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 from forge.errors import InterfaceError, Place, Problem, raise_if_any
-from forge.interfaces.model import Catalog, Message, Named, TypeName, element_of, messages_of
+from forge.interfaces.model import Action, Catalog, Message, Named, TypeName, element_of, messages_of
 from forge.interfaces.parsing import Parsed, type_name
 from forge.names import did_you_mean, snake_case
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
-    from forge.interfaces.model import Field, Source
+    from forge.interfaces.model import Field, Interface, Source
 
 ACTION_PARTS = (
     TypeName("action_msgs", "srv", "CancelGoal"),
@@ -53,6 +53,57 @@ def resolve(package: str, parsed: Iterable[Parsed], known: Known) -> Catalog:
     interfaces = {name: unique[name].interface for name in sorted(unique)}
     sources = [unique[name].source for name in interfaces] + list(search.sources.values())
     return Catalog(package, interfaces, messages, tuple(sources))
+
+
+def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> tuple[Catalog, ...]:
+    """Return what generated code of a catalog needs of other packages, as a part of each one's catalog.
+
+    `also` names further interfaces to include. Raises InterfaceError when one is not there.
+    """
+    waiting = [name for name in catalog.known if name.package != catalog.package]
+    waiting += [name for name in also if name.package != catalog.package]
+    if any(isinstance(interface, Action) for interface in catalog.interfaces.values()):
+        waiting += [name for name in ACTION_PARTS if name.package != catalog.package]
+    found: dict[TypeName, Parsed] = {}
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found[name] = _demand(name, known)
+            waiting += _references(found[name].interface)
+    return _partial_catalogs(found)
+
+
+def _demand(name: TypeName, known: Known) -> Parsed:
+    parsed = known.find(name)
+    if not parsed:
+        hint = f"add <depend>{name.package}</depend> to package.xml"
+        raise InterfaceError(Problem(f"'{name}', which generated code needs, is not there", hint=hint))
+    return parsed
+
+
+def _references(interface: Interface) -> Iterator[TypeName]:
+    """Yield the messages that a message or service of another package refers to."""
+    for message in messages_of(interface):
+        for member in message.fields:
+            element = element_of(member.type)
+            if isinstance(element, Named) and element.name.kind == "msg":
+                yield element.name
+
+
+def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:
+    messages = {message.name: message for p in found.values() for message in messages_of(p.interface)}
+    packages: dict[str, list[TypeName]] = defaultdict(list)
+    for name in sorted(found):
+        packages[name.package].append(name)
+    return tuple(
+        Catalog(
+            package,
+            {name: found[name].interface for name in names},
+            messages,
+            tuple(found[name].source for name in names),
+        )
+        for package, names in packages.items()
+    )
 
 
 def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Problem]]:

@@ -1,0 +1,179 @@
+"""The .idl text of an interface, as readers of installed packages expect it (interface spec 2.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.interfaces.model import (
+    Action,
+    Array,
+    File,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Text,
+    TypeName,
+    element_of,
+)
+from forge.interfaces.parsing import type_name
+from forge.templating import render
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.interfaces.model import Catalog, Element, Field, Interface, Type, Value
+
+_ESCAPES = str.maketrans(
+    {
+        "\\": r"\\",
+        '"': r"\"",
+        "\n": r"\n",
+        "\t": r"\t",
+        "\r": r"\r",
+        "\v": r"\v",
+        "\b": r"\b",
+        "\f": r"\f",
+        "\a": r"\a",
+    }
+)
+_ACTION_INCLUDES = {"builtin_interfaces/msg/Time.idl", "unique_identifier_msgs/msg/UUID.idl"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A member or constant: its comment as quoted lines, its annotations, its declaration."""
+
+    comment: str
+    annotations: tuple[str, ...]
+    declaration: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Structure:
+    """A struct, what stands before it, and its members."""
+
+    name: str
+    comment: str
+    typedefs: tuple[str, ...]
+    constants: tuple[_Line, ...]
+    members: tuple[_Line, ...]
+
+
+def files(catalog: Catalog) -> Iterator[File]:
+    """Yield 'PACKAGE/KIND/Name.idl' for each interface."""
+    origins = {type_name(source): source.relative for source in catalog.sources}
+    for name, interface in catalog.interfaces.items():
+        text = idl_text(interface, f"{name.package}/{origins[name]}")
+        yield File(f"{name.package}/{name.kind}/{name.name}.idl", text)
+
+
+def idl_text(interface: Interface, origin: str) -> str:
+    """Return an interface as IDL; `origin` names the file that it was read from."""
+    messages = _parts(interface)
+    includes = {
+        f"{element.name.package}/{element.name.kind}/{element.name.name}.idl"
+        for message in messages
+        for member in message.fields
+        if isinstance(element := element_of(member.type), Named)
+    }
+    if isinstance(interface, Action):
+        includes |= _ACTION_INCLUDES
+    return render(
+        "idl/interface.idl.j2",
+        origin=origin,
+        includes=sorted(includes),
+        package=interface.name.package,
+        kind=interface.name.kind,
+        structures=[_structure(message) for message in messages],
+    )
+
+
+def _parts(interface: Interface) -> tuple[Message, ...]:
+    """Return the sections of the file; what ROS derives from them is not written."""
+    match interface:
+        case Message():
+            return (interface,)
+        case Service(_, request, response):
+            return request, response
+        case Action(_, goal, result, feedback):
+            return goal, result, feedback
+
+
+def _structure(message: Message) -> _Structure:
+    constants = tuple(
+        _Line(
+            _comment(constant.doc, 8),
+            (),
+            f"{_type(constant.type)} {constant.name} = {_literal(constant.value, constant.type)}",
+        )
+        for constant in message.constants
+    )
+    typedefs = dict.fromkeys(line for member in message.members for line in _typedefs(member.type))
+    members = tuple(map(_member, message.members))
+    return _Structure(message.name.name, _comment(message.doc, 6), tuple(typedefs), constants, members)
+
+
+def _member(member: Field) -> _Line:
+    annotations = []
+    if member.default is not None:
+        annotations.append(f"@default (value={_literal(member.default, member.type)})")
+    if member.unit is not None:
+        annotations.append(f"@unit (value={_quoted(member.unit)})")
+    return _Line(_comment(member.doc, 8), tuple(annotations), f"{_type(member.type)} {member.name}")
+
+
+def _comment(lines: tuple[str, ...], indent: int) -> str:
+    """Return quoted lines that IDL joins again, the later ones indented."""
+    return (' "\\n"\n' + " " * indent).join(map(_quoted, lines))
+
+
+def _type(type_: Type) -> str:
+    match type_:
+        case Array(of, size):
+            return f"{_identifier(of)}__{size}"
+        case Sequence(of, None):
+            return f"sequence<{_type(of)}>"
+        case Sequence(of, bound):
+            return f"sequence<{_type(of)}, {bound}>"
+        case Named(name):
+            return _scoped(name)
+        case Text(wide, bound):
+            return ("wstring" if wide else "string") + (f"<{bound}>" if bound else "")
+        case Primitive(name):
+            return name
+
+
+def _typedefs(type_: Type) -> Iterator[str]:
+    """Yield what must be declared before a member of this type: IDL's members cannot be arrays."""
+    if isinstance(type_, Array):
+        identifier = _identifier(type_.of)
+        if isinstance(type_.of, Named):
+            yield f"{_type(type_.of)} {identifier}"
+            yield f"{identifier} {identifier}__{type_.size}[{type_.size}]"
+        else:
+            yield f"{_type(type_.of)} {identifier}__{type_.size}[{type_.size}]"
+
+
+def _identifier(element: Element) -> str:
+    return _type(element).replace("::", "__").replace("<", "__").replace(">", "")
+
+
+def _scoped(name: TypeName) -> str:
+    return f"{name.package}::{name.kind}::{name.name}"
+
+
+def _literal(value: Value, type_: Type) -> str:
+    if isinstance(value, tuple):
+        return _quoted(repr(value))
+    if isinstance(type_, Text):
+        return _quoted(str(value))
+    return str(value).upper() if isinstance(value, bool) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    """Return a string literal; control characters that have no name of their own are written in octal."""
+    named = text.translate(_ESCAPES)
+    return '"' + "".join(c if c >= " " else f"\\{ord(c):03o}" for c in named) + '"'
