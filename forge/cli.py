@@ -54,23 +54,48 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-class _Parser(argparse.ArgumentParser):
-    """argparse with our exit code and a hint instead of a page of usage."""
+class Parser(argparse.ArgumentParser):
+    """argparse with our exit code, a hint instead of a page of usage, and colcon's greedy options.
+
+    A greedy option takes every following word that is no option of the command, so that
+    `--cmake-args -DX=1 -Wno-dev --symlink-install` means what it says.
+    """
+
+    greedy: frozenset[str] = frozenset()
+
+    def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse after shielding the values of greedy options with a blank, as colcon's users do."""
+        return super().parse_known_args(self._shielded(args or ()), namespace)
+
+    def _shielded(self, arguments: Sequence[str]) -> list[str]:
+        shielded: list[str] = []
+        taking = False
+        for argument in arguments:
+            word = argument.split("=", 1)[0]
+            if word in self._option_string_actions:
+                taking = argument in self.greedy
+            elif taking and argument.startswith("-"):
+                argument = f" {argument}"  # noqa: PLW2901
+            shielded.append(argument)
+        return shielded
 
     def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the command line and where help is."""
         print(f"error: {message}\nhint: '{self.prog} --help' lists what it takes", file=sys.stderr)
         raise SystemExit(EXIT_USER)
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser that knows every command, and the options of the one that is asked for."""
-    parser = _Parser(prog="forge", description="Build ROS 2 workspaces and compile ROS 2 interfaces.")
+    parser = Parser(prog="forge", description="Build ROS 2 workspaces and compile ROS 2 interfaces.")
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
     parser.add_argument(
         "--log-level", metavar="LEVEL", default="warning", help="how much forge says about itself"
     )
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     for word, summary in COMMANDS.items():
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
         if word in arguments:

@@ -42,6 +42,14 @@ def discover(root: Path, base_paths: Iterable[str], variables: Mapping[str, str]
     return Workspace(root, _with_groups(packages), tuple(problems))
 
 
+def discover_embedded() -> Mapping[str, Package]:
+    """Return the packages that forge brings along; a fault in one is our bug, not the user's."""
+    home = Path(__file__).parent / "embedded"
+    folders = sorted(path.parent for path in home.glob("*/package.xml"))
+    packages = (read_package(home, folder, ROS_DEFAULTS) for folder in folders)
+    return {p.name: replace(p, embedded=True) for p in packages}
+
+
 def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Package:
     """Return the package in `folder` (relative ones are below `root`); raises WorkspaceError."""
     path = folder / "package.xml"

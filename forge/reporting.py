@@ -67,8 +67,7 @@ class Report:
         """Print what `event` means to a person."""
         match event:
             case Started(task):
-                if self._on["console_start_end"]:
-                    _out(f"Starting >>> {self._label(task)}")
+                self._progress(f"Starting >>> {self._label(task)}")
             case Output(task, line, stderr):
                 self._take(task, line, stderr=stderr)
             case Finished(task, code, seconds):
@@ -77,12 +76,10 @@ class Report:
                     self._fail(event)
                 else:
                     self._finished.append(task)
-                    if self._on["console_start_end"]:
-                        _out(f"Finished <<< {self._label(task)} [{duration(seconds)}]")
+                    self._progress(f"Finished <<< {self._label(task)} [{duration(seconds)}]")
             case Aborted(task, seconds):
                 self._aborted.append(task)
-                if self._on["console_start_end"]:
-                    _out(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
+                self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
             case Skipped(task):
                 self._skipped.append(task)
             case StepStarted() | StepFinished():
@@ -106,6 +103,10 @@ class Report:
                 _out(f"  {_count(names)} {words}: {' '.join(sorted(names))}")
         if self._skipped:
             _out(f"  {_count(self._skipped)} not processed")
+
+    def _progress(self, line: str) -> None:
+        if self._on["console_start_end"]:
+            _out(line)
 
     def _label(self, task: str) -> str:
         return f"{task} (embedded)" if self._plan.tasks[task].embedded else task

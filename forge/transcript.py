@@ -21,7 +21,6 @@ from forge.model import Output, Step, StepFinished, StepStarted
 
 if TYPE_CHECKING:
     from pathlib import Path
-    from types import TracebackType
     from typing import BinaryIO
 
     from forge.model import Event
@@ -30,7 +29,7 @@ STREAMS = ("stdout", "stderr", "stdout_stderr", "streams")
 
 
 class Transcript:
-    """The log of one run; closes its files at the end of a `with`."""
+    """The log of one run."""
 
     def __init__(self, folder: Path | None) -> None:
         """Write below `folder`, or nowhere when that is None."""
@@ -38,13 +37,7 @@ class Transcript:
         self._begun = time.monotonic()
         self._files: dict[Path, BinaryIO] = {}
 
-    def __enter__(self) -> Transcript:
-        """Return the open transcript."""
-        return self
-
-    def __exit__(
-        self, _type: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
         """Close every file."""
         for stream in self._files.values():
             stream.close()

@@ -14,7 +14,7 @@ import os
 import shutil
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.errors import EnvironmentFault, ForgeError, Problem
 from forge.files import replace_file
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
 MANIFEST = "install_manifest.txt"
-_SETUPTOOLS = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
+_SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
 _LITTER = frozenset({"__pycache__", "build", "dist"})
 
 
@@ -62,7 +62,7 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
     import pyproject_hooks  # noqa: PLC0415
 
     system = _build_system(source)
-    backend, *_ = str(system["build-backend"]).split(":")
+    backend, *_ = system["build-backend"].split(":")
     out = build / "wheel"
     for folder in (out, build / "build"):
         # A leftover module from an earlier build would end up in the wheel.
@@ -89,7 +89,7 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         raise
 
 
-def _build_system(source: Path) -> dict[str, object]:
+def _build_system(source: Path) -> dict[str, Any]:
     """Return the build-system table of pyproject.toml, or setuptools' when there is none."""
     path = source / "pyproject.toml"
     if not path.is_file():
@@ -117,7 +117,7 @@ def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
         "headers": str(options.prefix / "include" / options.package),
     }
     with WheelFile.open(wheel) as source:
-        _clear_the_way(source, options.build / MANIFEST)
+        _remove_links(options.build / MANIFEST)
         destination = SchemeDictionaryDestination(
             schemes, interpreter=options.python, script_kind="posix", overwrite_existing=True
         )
@@ -127,9 +127,8 @@ def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
     return tuple(Path(os.path.normpath(site / _path_of(line))) for line in lines)
 
 
-def _clear_the_way(source: object, manifest: Path) -> None:
+def _remove_links(manifest: Path) -> None:
     """Remove the links of an earlier build: to write through them would change the sources."""
-    del source
     for path in _recorded(manifest):
         if path.is_symlink():
             path.unlink()

@@ -1,0 +1,78 @@
+"""Options that several commands share, and what they mean together."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.layout import Layout
+from forge.model import Query
+
+if TYPE_CHECKING:
+    from forge.cli import Parser
+
+
+def add_discovery(parser: Parser) -> None:
+    """Add where packages are looked for."""
+    group = parser.add_argument_group("where packages are")
+    group.add_argument(
+        "--base-paths",
+        nargs="*",
+        default=["."],
+        metavar="PATH",
+        help="folders to walk (default: the current one)",
+    )
+
+
+def add_selection(parser: Parser) -> None:
+    """Add which packages count."""
+    group = parser.add_argument_group("which packages")
+    names = {"nargs": "*", "metavar": "PKG"}
+    group.add_argument("--packages-select", **names, help="only these")  # type: ignore[arg-type]
+    group.add_argument("--packages-skip", **names, default=[], help="not these")  # type: ignore[arg-type]
+    group.add_argument("--packages-up-to", **names, default=[], help="these and all they need")  # type: ignore[arg-type]
+    group.add_argument("--packages-above", **names, default=[], help="these and all that need them")  # type: ignore[arg-type]
+
+
+def add_layout(parser: Parser) -> None:
+    """Add where results go."""
+    group = parser.add_argument_group("where results go")
+    group.add_argument("--build-base", default="build", metavar="DIR", help="build folder (default: build)")
+    group.add_argument(
+        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
+    )
+    group.add_argument("--merge-install", action="store_true", help="one prefix for all packages")
+    group.add_argument(
+        "--log-base", default=argparse.SUPPRESS, metavar="DIR", help="log folder (default: log)"
+    )
+    group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
+
+
+def query_of(options: argparse.Namespace) -> Query:
+    """Return the selection options as typed."""
+    select = options.packages_select
+    return Query(
+        select=None if select is None else tuple(select),
+        skip=tuple(options.packages_skip),
+        up_to=tuple(options.packages_up_to),
+        above=tuple(options.packages_above),
+    )
+
+
+def layout_of(options: argparse.Namespace, root: Path) -> Layout:
+    """Return the absolute folders that the options name; the null device means no logs."""
+    logs = options.log_base or os.environ.get("FORGE_LOG_PATH") or os.environ.get("COLCON_LOG_PATH") or "log"
+    return Layout(
+        build=_absolute(options.build_base, root),
+        install=_absolute(options.install_base, root),
+        logs=None if logs == os.devnull else _absolute(logs, root),
+        merged=options.merge_install,
+        symlink=getattr(options, "symlink_install", False),
+    )
+
+
+def _absolute(path: str, root: Path) -> Path:
+    """Return a path from the command line as an absolute one, links in it left as they are."""
+    return Path(os.path.normpath(root / Path(path).expanduser()))
