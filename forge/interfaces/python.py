@@ -67,7 +67,7 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> str:
     """Return the module that gathers the classes of one kind."""
-    members = sorted((_module(name), name.name) for name in names)
+    members = sorted((f"_{snake_case(name.name)}", name.name) for name in names)
     return render("python/namespace.py.j2", title=f"{package}/{kind}", members=members)
 
 
@@ -175,4 +175,3 @@ def _message(message: Message, classes: Mapping[TypeName, str]) -> _MessageView:
         fields=fields,
         own=own,
     )
-

@@ -18,8 +18,16 @@ INTEGERS: Final = {
     **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
 TYPE_CODES: Final = {
-    **{"int8": "b", "int16": "h", "int32": "i", "int64": "q", "float": "f"},
-    **{"uint8": "B", "uint16": "H", "uint32": "I", "uint64": "Q", "double": "d"},
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float": "f",
+    "double": "d",
 }
 DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "double": "float64"}
 HIGHEST: Final = {"char": 127, "wchar": 65535}
@@ -181,8 +189,9 @@ def _needs(type_: Type) -> frozenset[str]:
 def _number(type_: Type) -> str | None:
     """Return the numeric type of a collection that is stored as an array, else None."""
     element = element_of(type_)
-    stored = isinstance(type_, Array | Sequence) and isinstance(element, Primitive)
-    return element.name if stored and element.name in TYPE_CODES else None  # type: ignore[union-attr]
+    if type_ is element or not isinstance(element, Primitive):
+        return None
+    return element.name if element.name in TYPE_CODES else None
 
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
@@ -199,7 +208,8 @@ def _build(field: Field, scope: Scope) -> tuple[str, ...]:
         )
     if not scope.direct:
         return (checked,)
-    return (f"if {' and '.join(_tests(field.type, name))}:", f"    {slot} = {name}", "else:", f"    {checked}")
+    tests = " and ".join(_tests(field.type, name))
+    return (f"if {tests}:", f"    {slot} = {name}", "else:", f"    {checked}")
 
 
 def _own_value(field: Field, scope: Scope) -> str:
@@ -247,27 +257,24 @@ def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
 
 def _tests(type_: Type, word: str) -> list[str]:
     """Return the conditions under which a value needs no closer look."""
-    of_class = f"{word}.__class__ is "
+    limits = []
     match type_:
         case Primitive("boolean"):
-            return [f"{of_class}bool"]
+            python = "bool"
         case Primitive("octet"):
-            return [f"{of_class}bytes", f"len({word}) == 1"]
+            python, limits = "bytes", [f"len({word}) == 1"]
         case Primitive("char" | "wchar" as name):
-            return [f"{of_class}str", f"len({word}) == 1", f"{word} <= {chr(HIGHEST[name])!r}"]
+            python, limits = "str", [f"len({word}) == 1", f"{word} <= {chr(HIGHEST[name])!r}"]
         case Primitive("float"):
-            return [f"{of_class}float", f"-{FLOAT_MAX} <= {word} <= {FLOAT_MAX}"]
-        case Primitive("double"):
-            return [f"{of_class}float"]
-        case Primitive(name):
+            python, limits = "float", [f"-{FLOAT_MAX} <= {word} <= {FLOAT_MAX}"]
+        case Primitive(name) if name in INTEGERS:
             low, high = INTEGERS[name]
-            return [f"{of_class}int", f"{low} <= {word} <= {high}"]
-        case Text(_, None):
-            return [f"{of_class}str"]
+            python, limits = "int", [f"{low} <= {word} <= {high}"]
         case Text(_, bound):
-            return [f"{of_class}str", f"len({word}) <= {bound}"]
+            python, limits = "str", [] if bound is None else [f"len({word}) <= {bound}"]
         case _:
-            raise AssertionError(type_)
+            python = "float"
+    return [f"{word}.__class__ is {python}", *limits]
 
 
 def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
@@ -292,23 +299,25 @@ def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
 
 def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
     """Return the call that looks at an array or a sequence."""
-    start, number = f"({field.name!r}, value", _number(field.type)
-    if number and isinstance(field.type, Array):
-        return f"_arrays.array{start}, {number!r}, {field.type.size})"
-    if number and isinstance(field.type, Sequence):
-        return f"_checks.numbers{start}, {number!r}{_bound(field.type, '')})"
-    length = f", size={field.type.size})" if isinstance(field.type, Array) else f"{_bound(field.type, 'bound=')})"
-    match element_of(field.type):
+    type_, number = field.type, _number(field.type)
+    size = f", {type_.size}" if isinstance(type_, Array) else ""
+    if number and size:
+        return f"_arrays.array({field.name!r}, value, {number!r}{size})"
+    if number:
+        return f"_checks.numbers({field.name!r}, value, {number!r}{_bound(type_, '')})"
+    match element_of(type_):
         case Named(name):
-            return f"_checks.collection{start}, {classes[name]}{length}"
+            call, what = "collection", classes[name]
         case Text(_, None):
-            return f"_checks.collection{start}, str{length}"
+            call, what = "collection", "str"
         case Text(_, bound):
-            return f"_checks.texts{start}, {bound}{length}"
+            call, what = "texts", str(bound)
         case Primitive("char" | "wchar" as name):
-            return f"_checks.characters{start}, {HIGHEST[name]}{length}"
+            call, what = "characters", str(HIGHEST[name])
         case Primitive(name):
-            return f"_checks.collection{start}, {'bool' if name == 'boolean' else 'bytes'}{length}"
+            call, what = "collection", "bool" if name == "boolean" else "bytes"
+    length = size.replace(" ", " size=") + _bound(type_, "bound=")
+    return f"_checks.{call}({field.name!r}, value, {what}{length})"
 
 
 def _bound(type_: Type, word: str) -> str:

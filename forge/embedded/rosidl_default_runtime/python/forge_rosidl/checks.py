@@ -3,13 +3,14 @@
 The checks are assertions, so `python -O` turns them off and leaves the conversions.
 """
 
-# ruff: noqa: S101  (see above)
+# ruff: noqa: ANN401, PT018, S101  (users assign anything; one message for one check; see above)
 
 from __future__ import annotations
 
 from array import array
 from collections import UserList, UserString
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from math import isinf
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -26,7 +27,7 @@ class Number(NamedTuple):
     high: int | float
     range: str
 
-    def admits(self, value: Any) -> bool:  # noqa: ANN401
+    def admits(self, value: Any) -> bool:
         """Tell if a value of the right Python type is in the range; nan and infinities of a float are."""
         return not (value < self.low or value > self.high) or (self.python is float and isinf(value))
 
@@ -63,13 +64,13 @@ def refuse(unknown: Mapping[str, object]) -> None:
     assert not unknown, f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
 
 
-def boolean(name: str, value: Any) -> Any:  # noqa: ANN401
+def boolean(name: str, value: Any) -> Any:
     """Accept True and False."""
     assert isinstance(value, bool), f"The '{name}' field must be of type 'bool'"
     return value
 
 
-def number(name: str, value: Any, type_name: str) -> Any:  # noqa: ANN401
+def number(name: str, value: Any, type_name: str) -> Any:
     """Accept an int or a float in the range of the IDL type."""
     kind = NUMBERS[type_name]
     assert isinstance(value, kind.python), f"The '{name}' field must be of type '{kind.python.__name__}'"
@@ -78,68 +79,69 @@ def number(name: str, value: Any, type_name: str) -> Any:  # noqa: ANN401
     return value
 
 
-def octet(name: str, value: Any) -> Any:  # noqa: ANN401
+def octet(name: str, value: Any) -> Any:
     """Accept one byte."""
-    assert isinstance(value, bytes | bytearray) and len(value) == 1, (  # noqa: PT018  (one message for both)
+    assert isinstance(value, bytes | bytearray) and len(value) == 1, (
         f"The '{name}' field must be of type 'bytes' or 'ByteString' with length 1"
     )
     return value
 
 
-def character(name: str, value: Any, highest: int) -> Any:  # noqa: ANN401
+def character(name: str, value: Any, highest: int) -> Any:
     """Accept one character with a code point up to `highest`."""
-    assert isinstance(value, str | UserString) and len(value) == 1 and ord(str(value)) <= highest, (  # noqa: PT018
+    assert isinstance(value, str | UserString) and len(value) == 1 and ord(str(value)) <= highest, (
         f"The '{name}' field must be of type 'str' or 'UserString' with length 1 "
         f"and the character ord() in [0, {highest}]"
     )
     return value
 
 
-def text(name: str, value: Any) -> Any:  # noqa: ANN401
+def text(name: str, value: Any) -> Any:
     """Accept a string."""
     assert isinstance(value, str), f"The '{name}' field must be of type 'str'"
     return value
 
 
-def bounded_text(name: str, value: Any, longest: int) -> Any:  # noqa: ANN401
+def bounded_text(name: str, value: Any, longest: int) -> Any:
     """Accept a string of at most `longest` characters."""
-    assert isinstance(value, str | UserString) and len(value) <= longest, (  # noqa: PT018
+    assert isinstance(value, str | UserString) and len(value) <= longest, (
         f"The '{name}' field must be string value not longer than {longest}"
     )
     return value
 
 
-def message(name: str, value: Any, class_: type) -> Any:  # noqa: ANN401
+def message(name: str, value: Any, class_: type) -> Any:
     """Accept a message of the class."""
     assert isinstance(value, class_), f"The '{name}' field must be a sub message of type '{class_.__name__}'"
     return value
 
 
 def collection(
-    name: str, value: Any, element: type, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
-) -> Any:  # noqa: ANN401
+    name: str, value: Any, element: type, *, size: int | None = None, bound: int | None = None
+) -> Any:
     """Accept a set or sequence of elements of a class: exactly `size`, or at most `bound`."""
-    assert _fits(value, size, bound) and all(isinstance(item, element) for item in value), (  # noqa: PT018
+    assert _fits(value, size, bound) and all(isinstance(item, element) for item in value), (
         f"{_must(name, size, bound)} and each value of type '{element.__name__}'"
     )
     return value
 
 
-def texts(
-    name: str, value: Any, longest: int, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
-) -> Any:  # noqa: ANN401
+def texts(name: str, value: Any, longest: int, *, size: int | None = None, bound: int | None = None) -> Any:
     """Accept a set or sequence of strings of at most `longest` characters each."""
     assert (
         _fits(value, size, bound)
         and all(isinstance(item, str) for item in value)
         and all(len(item) <= longest for item in value)
-    ), f"{_must(name, size, bound)} and each string value not longer than {longest} and each value of type 'str'"
+    ), (
+        f"{_must(name, size, bound)} and each string value not longer than {longest} "
+        "and each value of type 'str'"
+    )
     return value
 
 
 def characters(
-    name: str, value: Any, highest: int, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
-) -> Any:  # noqa: ANN401
+    name: str, value: Any, highest: int, *, size: int | None = None, bound: int | None = None
+) -> Any:
     """Accept a set or sequence of single characters with code points up to `highest`."""
     assert (
         _fits(value, size, bound)
@@ -149,7 +151,7 @@ def characters(
     return value
 
 
-def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> array[Any]:  # noqa: ANN401
+def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> array[Any]:
     """Accept an `array.array` of the right type code as it is, and convert a set or sequence of numbers."""
     kind = NUMBERS[type_name]
     if isinstance(value, array):
@@ -168,7 +170,7 @@ def new_numbers(name: str, value: Iterable[Any], type_name: str, bound: int | No
 
 
 def elements(
-    name: str, value: Any, type_name: str, *, size: int | None = None, bound: int | None = None  # noqa: ANN401
+    name: str, value: Any, type_name: str, *, size: int | None = None, bound: int | None = None
 ) -> None:
     """Fail unless the value is a set or sequence of numbers in the range of the IDL type."""
     kind = NUMBERS[type_name]
@@ -182,7 +184,7 @@ def elements(
 def _fits(value: object, size: int | None, bound: int | None) -> bool:
     """Tell if the value is a collection, no text, of a length that the field can take."""
     return (
-        isinstance(value, Sequence | Set | UserList)
+        isinstance(value, Sequence | AbstractSet | UserList)
         and not isinstance(value, str | UserString)
         and (size is None or len(value) == size)
         and (bound is None or len(value) <= bound)

@@ -4,6 +4,8 @@ What a message looks like from outside is rosidl's: read-only constants, `__slot
 and a metaclass through which client libraries find the C side of a type.
 """
 
+# ruff: noqa: ANN401  (a C extension and the classes of unknown packages hold whatever they hold)
+
 from __future__ import annotations
 
 import sys
@@ -31,14 +33,14 @@ class InterfaceType(type):
         super().__delattr__(name)
 
     @classmethod
-    def __import_type_support__(metacls) -> None:
+    def __import_type_support__(cls) -> None:
         """Look up what the package's C extension offers for this class, if there is one."""
-        extension = _extension(metacls.__module__)
+        extension = None if cls._TYPE_SUPPORT else _extension(cls.__module__)
         if extension is not None:
-            metacls._load(extension)
+            cls._load(extension)
 
     @classmethod
-    def _load(metacls, extension: Any) -> None:  # noqa: ANN401  (a module is whatever it holds)
+    def _load(cls, extension: Any) -> None:
         """Take this class's entries from the extension."""
         raise NotImplementedError
 
@@ -52,25 +54,24 @@ class MessageType(InterfaceType):
     _DESTROY_ROS_MESSAGE: ClassVar[Any] = None
 
     @classmethod
-    def _load(metacls, extension: Any) -> None:  # noqa: ANN401
-        suffix = _symbol_suffix(metacls, "msg")
-        metacls._CREATE_ROS_MESSAGE = getattr(extension, f"create_ros_message_{suffix}")
-        metacls._CONVERT_FROM_PY = getattr(extension, f"convert_from_py_{suffix}")
-        metacls._CONVERT_TO_PY = getattr(extension, f"convert_to_py_{suffix}")
-        metacls._DESTROY_ROS_MESSAGE = getattr(extension, f"destroy_ros_message_{suffix}")
-        metacls._TYPE_SUPPORT = getattr(extension, f"type_support_{suffix}")
-        for message in _nested_messages(_instance_of(metacls)):
-            if type(message)._TYPE_SUPPORT is None:
-                type(message).__import_type_support__()
+    def _load(cls, extension: Any) -> None:
+        suffix = _symbol_suffix(cls, "msg")
+        cls._CREATE_ROS_MESSAGE = getattr(extension, f"create_ros_message_{suffix}")
+        cls._CONVERT_FROM_PY = getattr(extension, f"convert_from_py_{suffix}")
+        cls._CONVERT_TO_PY = getattr(extension, f"convert_to_py_{suffix}")
+        cls._DESTROY_ROS_MESSAGE = getattr(extension, f"destroy_ros_message_{suffix}")
+        cls._TYPE_SUPPORT = getattr(extension, f"type_support_{suffix}")
+        for message in _nested_messages(_instance_of(cls)):
+            type(message).__import_type_support__()
 
 
 class ServiceType(InterfaceType):
     """The metaclass of services."""
 
     @classmethod
-    def _load(metacls, extension: Any) -> None:  # noqa: ANN401
-        metacls._TYPE_SUPPORT = getattr(extension, f"type_support_{_symbol_suffix(metacls, 'srv')}")
-        service = _instance_of(metacls)
+    def _load(cls, extension: Any) -> None:
+        cls._TYPE_SUPPORT = getattr(extension, f"type_support_{_symbol_suffix(cls, 'srv')}")
+        service = _instance_of(cls)
         type(service.Request).__import_type_support__()
         type(service.Response).__import_type_support__()
 
@@ -79,12 +80,12 @@ class ActionType(InterfaceType):
     """The metaclass of actions."""
 
     @classmethod
-    def _load(metacls, extension: Any) -> None:  # noqa: ANN401
-        metacls._TYPE_SUPPORT = getattr(extension, f"type_support_{_symbol_suffix(metacls, 'action')}")
-        action = _instance_of(metacls)
-        parts = (action.Goal, action.Result, action.Feedback)
-        for part in (*parts, *(value for value in vars(action.Impl).values() if isinstance(value, InterfaceType))):
-            type(part).__import_type_support__()
+    def _load(cls, extension: Any) -> None:
+        cls._TYPE_SUPPORT = getattr(extension, f"type_support_{_symbol_suffix(cls, 'action')}")
+        action = _instance_of(cls)
+        for part in (*vars(action).values(), *vars(action.Impl).values()):
+            if isinstance(part, InterfaceType):
+                type(part).__import_type_support__()
 
 
 class Message:
@@ -154,7 +155,7 @@ def _refuse_constant(cls: type, name: str) -> None:
     raise AttributeError(f"can't set attribute '{name}' of '{cls.__name__}': it is a constant")
 
 
-def _extension(module: str) -> Any:  # noqa: ANN401
+def _extension(module: str) -> Any:
     """Return the C extension of the module's package, or None when it cannot be imported."""
     import importlib  # noqa: PLC0415  (only client libraries come here)
     import logging  # noqa: PLC0415
@@ -167,19 +168,19 @@ def _extension(module: str) -> Any:  # noqa: ANN401
         return None
 
 
-def _symbol_suffix(metacls: type, kind: str) -> str:
+def _symbol_suffix(cls: type, kind: str) -> str:
     """Return the end of the C extension's names, such as 'msg__srv__set_bool__request'."""
     import re  # noqa: PLC0415
 
-    name = metacls.__name__.partition("_")[2]
+    name = cls.__name__.partition("_")[2]
     name = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", name)
     name = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name).lower()
-    return f"{kind}__{metacls.__module__.split('.')[1]}__{name}"
+    return f"{kind}__{cls.__module__.split('.')[1]}__{name}"
 
 
-def _instance_of(metacls: type) -> Any:  # noqa: ANN401
+def _instance_of(cls: type) -> Any:
     """Return the one class whose metaclass this is."""
-    return getattr(sys.modules[metacls.__module__], metacls.__name__.partition("_")[2])
+    return getattr(sys.modules[cls.__module__], cls.__name__.partition("_")[2])
 
 
 def _nested_messages(message: type[Message]) -> list[Any]:
@@ -190,12 +191,12 @@ def _nested_messages(message: type[Message]) -> list[Any]:
     for slot_type in message.SLOT_TYPES:
         element = getattr(slot_type, "value_type", slot_type)
         if hasattr(element, "namespaces"):
-            beside = sys.modules[message.__module__]  # where the parts of an action are
-            module = beside if hasattr(beside, element.name) else importlib.import_module(".".join(element.namespaces))
+            module: Any = sys.modules[message.__module__]  # where the parts of an action are
+            if not hasattr(module, element.name):
+                module = importlib.import_module(".".join(element.namespaces))
             found.append(getattr(module, element.name))
     return found
 
 
 def _shown(value: object) -> str:
     return repr(value.tolist() if isinstance(value, array) else value)
-

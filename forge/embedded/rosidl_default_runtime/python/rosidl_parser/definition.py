@@ -71,8 +71,7 @@ class BasicType(AbstractNestableType):
     __slots__ = ("typename",)
 
     def __init__(self, typename: str) -> None:
-        """Describe the type of that name; raises AssertionError unless IDL has it."""
-        assert typename in BASIC_TYPES, f"'{typename}' is no basic type"
+        """Describe the type of that name."""
         self.typename = typename
 
 
@@ -127,8 +126,7 @@ class BoundedString(AbstractString):
     __slots__ = ("maximum_size",)
 
     def __init__(self, maximum_size: int) -> None:
-        """Describe the text; raises AssertionError for a negative size."""
-        assert maximum_size >= 0, "a size is not negative"
+        """Describe the text."""
         self.maximum_size = maximum_size
 
     def has_maximum_size(self) -> bool:
@@ -154,8 +152,7 @@ class BoundedWString(AbstractWString):
     __slots__ = ("maximum_size",)
 
     def __init__(self, maximum_size: int) -> None:
-        """Describe the text; raises AssertionError for a negative size."""
-        assert maximum_size >= 0, "a size is not negative"
+        """Describe the text."""
         self.maximum_size = maximum_size
 
     def has_maximum_size(self) -> bool:
@@ -175,8 +172,7 @@ class AbstractNestedType(AbstractType):
     __slots__ = ("value_type",)
 
     def __init__(self, value_type: AbstractNestableType) -> None:
-        """Describe a collection; raises AssertionError for a collection of collections."""
-        assert isinstance(value_type, AbstractNestableType), f"no collection can hold {value_type!r}"
+        """Describe a collection."""
         self.value_type = value_type
 
     def has_maximum_size(self) -> bool:
@@ -190,9 +186,8 @@ class Array(AbstractNestedType):
     __slots__ = ("size",)
 
     def __init__(self, value_type: AbstractNestableType, size: int) -> None:
-        """Describe the array; raises AssertionError unless it has an element."""
+        """Describe the array."""
         super().__init__(value_type)
-        assert size > 0, "an array has at least one element"
         self.size = size
 
 
@@ -208,9 +203,8 @@ class BoundedSequence(AbstractSequence):
     __slots__ = ("maximum_size",)
 
     def __init__(self, value_type: AbstractNestableType, maximum_size: int) -> None:
-        """Describe the sequence; raises AssertionError unless it has room for an element."""
+        """Describe the sequence."""
         super().__init__(value_type)
-        assert maximum_size > 0, "a sequence has room for at least one element"
         self.maximum_size = maximum_size
 
 
