@@ -1,0 +1,256 @@
+"""Writing into prefixes: layout markers, package hooks and indexes, the workspace's scripts."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge import scripts
+from forge.ament_index import INDEX
+from forge.environment import Installed
+from forge.errors import Place, Problem, WorkspaceError
+from forge.files import replace_file, write_if_changed
+from forge.prefixes import LAYOUT_MARKER, PACKAGES
+from forge.sourcing import build_environment, package_edits, packages_in_order
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.interpreter import Interpreter
+    from forge.layout import Layout
+    from forge.model import Package
+
+__all__ = ["begin_workspace", "build_environment", "finish_workspace", "install_package", "uninstall_markers"]
+
+STATE = ".forge.json"
+
+_SETUP_EXTENSIONS = ("bash", "dsv", "sh", "zsh")
+_BUILDERS = ("colcon", "forge")
+
+
+def begin_workspace(layout: Layout) -> None:
+    """Make the build and install folders with their markers, which colcon shares with forge.
+
+    Raises WorkspaceError when a folder cannot be made, belongs to another tool, or has the other layout.
+    """
+    problems = []
+    for check in (_begin_build, _begin_install):
+        try:
+            problem = check(layout)
+        except OSError as error:
+            hint = "choose other folders with '--build-base' and '--install-base', or make them writable"
+            problem = Problem(f"cannot make '{error.filename}': {error.strerror}", hint=hint)
+        if problem:
+            problems.append(problem)
+    if problems:
+        raise WorkspaceError(*problems)
+
+
+def install_package(
+    package: Package,
+    layout: Layout,
+    run_dependencies: tuple[str, ...],
+    python: Interpreter,
+    installed: frozenset[Path] | None = None,
+) -> None:
+    """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
+
+    `installed` holds what this package alone installed, below the prefix; without it the prefix is
+    looked at, which in a merged tree gives a package the hooks of others too.
+    """
+    prefix = layout.prefix(package.name)
+    present = _present(prefix) if installed is None else {path.as_posix() for path in installed}
+    if package.build_type == "ament_python":
+        _write_implicit(package, prefix, symlink=layout.symlink)
+    share = prefix / "share" / package.name
+    hooks = dict(_hooks(package, present, python))
+    _remove_others(share / "hook", {f"{name}.dsv" for name in hooks})
+    for name, line in hooks.items():
+        write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
+    sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
+    setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
+    sources += (path for path in setups if (prefix / path).is_file())
+    # Always a new file: its stamp tells readers that any of the package's hooks may have changed.
+    replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
+    edits = package_edits(package.name, prefix)
+    for shell in scripts.SHELLS:
+        text = scripts.package_setup(shell, prefix, Installed(package.name, "", edits))
+        write_if_changed(share / f"package.{shell}", text)
+    write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
+
+
+def uninstall_markers(name: str, layout: Layout) -> None:
+    """Remove what makes a package look installed, before it is built anew and might fail."""
+    prefix = layout.prefix(name)
+    for extension in ("dsv", "sh", "bash", "zsh", "ps1"):
+        (prefix / "share" / name / f"package.{extension}").unlink(missing_ok=True)
+    for index in (PACKAGES, INDEX / "packages"):
+        (prefix / index / name).unlink(missing_ok=True)
+
+
+def finish_workspace(layout: Layout, underlays: tuple[Path, ...], python: Path) -> tuple[Path, ...]:
+    """Write the scripts of the install root; return the underlays that they source, lowest first.
+
+    An underlay of an earlier build stays, though it is not sourced this time: forgetting that must
+    not change what the workspace is. Raises WorkspaceError for a package's dsv file that is wrong.
+    """
+    root = layout.install
+    chain = _joined_chain(recorded_underlays(root), underlays)
+    state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
+    write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
+    packages = packages_in_order(root)
+    for shell in scripts.SHELLS:
+        write_if_changed(root / f"local_setup.{shell}", scripts.local_setup(shell, root, packages))
+        write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, chain))
+    return chain
+
+
+def recorded_underlays(root: Path) -> tuple[Path, ...]:
+    """Return the underlays that the last build of an install tree recorded, lowest first."""
+    try:
+        state = json.loads((root / STATE).read_text(encoding="utf-8"))
+        return tuple(map(Path, state["underlays"]))
+    except FileNotFoundError:
+        return ()
+    except (ValueError, KeyError, TypeError) as error:
+        problem = Problem(
+            "this is no state of forge", Place(root / STATE), hint="remove the file and build again"
+        )
+        raise WorkspaceError(problem) from error
+
+
+def _begin_build(layout: Layout) -> Problem | None:
+    """Make the build folder, unless another tool has built there."""
+    marker = layout.build / ".built_by"
+    builder = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    if builder not in {None, *_BUILDERS}:
+        hint = "remove the folder, or choose another with '--build-base'"
+        return Problem(f"the build folder '{layout.build}' belongs to '{builder}'", hint=hint)
+    _make_ignored(layout.build)
+    write_if_changed(marker, "colcon\n")
+    return None
+
+
+def _begin_install(layout: Layout) -> Problem | None:
+    """Make the install folder, unless it is shared the other way."""
+    if layout.install.exists() and not layout.install.is_dir():
+        hint = "remove it, or choose another with '--install-base'"
+        return Problem(f"the install folder '{layout.install}' is a file", hint=hint)
+    marker = layout.install / LAYOUT_MARKER
+    word = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    if word not in {None, layout.word}:
+        change = "remove '--merge-install'" if layout.merged else "add '--merge-install'"
+        return Problem(
+            f"the install folder '{layout.install}' has the {word} layout, not the {layout.word} one",
+            hint=f"{change}, remove the folder, or choose another with '--install-base'",
+        )
+    _make_ignored(layout.install)
+    write_if_changed(marker, f"{layout.word}\n")
+    return None
+
+
+def _make_ignored(folder: Path) -> None:
+    """Make a folder in which nobody looks for packages."""
+    folder.mkdir(parents=True, exist_ok=True)
+    marker = folder / "COLCON_IGNORE"
+    if not os.path.lexists(marker):
+        marker.touch()
+
+
+def _present(prefix: Path) -> set[str]:
+    """Return all files below a prefix, relative to it."""
+    found: set[str] = set()
+    for folder, _, files in os.walk(prefix):
+        below = os.path.relpath(folder, prefix)
+        found.update(name if below == "." else f"{below}/{name}" for name in files)
+    return found
+
+
+def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
+    """Write what every ament_python package has, though its setup.py may not list it."""
+    marker = prefix / INDEX / "packages" / package.name
+    if not marker.exists():
+        replace_file(marker, b"")
+    manifest = prefix / "share" / package.name / "package.xml"
+    if manifest.exists():
+        return
+    if symlink:
+        manifest.parent.mkdir(parents=True, exist_ok=True)
+        manifest.unlink(missing_ok=True)
+        manifest.symlink_to(package.manifest.path)
+    else:
+        replace_file(manifest, package.manifest.path.read_bytes())
+
+
+def _hooks(package: Package, present: set[str], python: Interpreter) -> Iterator[tuple[str, str]]:
+    """Yield the hooks that a package's files call for, by name and in colcon's order."""
+    prepend = "prepend-non-duplicate"
+    folders = {str(Path(path).parent) for path in present}
+    finders = sorted(
+        {str(Path(path).parent) for path in present if _is_finder(path)} & _module_folders(package.name)
+    )
+    for index, folder in enumerate(finders):
+        yield f"cmake_module_path{index or ''}", f"{prepend};CMAKE_MODULE_PATH;{folder}"
+    if any(path.endswith(("Config.cmake", "-config.cmake")) for path in present):
+        yield "cmake_prefix_path", f"{prepend};CMAKE_PREFIX_PATH;"
+    libraries = {str(Path(path).parent) for path in present if path.endswith(".so")}
+    for folder in sorted(f for f in libraries if f.startswith("lib") and "/" not in f):
+        yield f"ld_library_path_{folder}", f"{prepend};LD_LIBRARY_PATH;{folder}"
+    if "bin" in folders:
+        yield "path", f"{prepend};PATH;bin"
+    configured = sorted({str(Path(path).parent) for path in present if _is_pkg_config(path)})
+    for index, folder in enumerate(configured):
+        yield f"pkg_config_path{index or ''}", f"{prepend};PKG_CONFIG_PATH;{folder}"
+    for name, folder in _site_packages(present, python).items():
+        yield name, f"{prepend};PYTHONPATH;{folder}"
+    if package.build_type == "ament_python":
+        yield "ament_prefix_path", f"{prepend};AMENT_PREFIX_PATH;"
+
+
+def _is_finder(path: str) -> bool:
+    """Tell if a file is a CMake find module."""
+    name = path.rpartition("/")[2]
+    return name.startswith("Find") and name.endswith(".cmake")
+
+
+def _is_pkg_config(path: str) -> bool:
+    """Tell if a file is a description for pkg-config, where pkg-config looks."""
+    return path.endswith(".pc") and "/pkgconfig/" in path and path.startswith(("lib", "share/pkgconfig/"))
+
+
+def _module_folders(name: str) -> set[str]:
+    """Return where a package may put CMake find modules."""
+    bases = ("lib64", "lib32", "libx32", "lib", "share")
+    return {
+        f"{base}/{below}"
+        for base in bases
+        for below in (f"cmake/{name}", name, f"{name}/cmake", f"{name}/CMake")
+    }
+
+
+def _site_packages(present: set[str], python: Interpreter) -> dict[str, str]:
+    """Return the folders with Python code by the name of their hook; distinct, unlike colcon's."""
+    pure = python.site_packages
+    candidates = {"pythonpath": pure, "pythonpath_platlib": pure.replace("lib/", "lib64/", 1)}
+    return {
+        name: folder
+        for name, folder in candidates.items()
+        if any(path.startswith(f"{folder}/") for path in present)
+    }
+
+
+def _remove_others(folder: Path, names: set[str]) -> None:
+    """Remove the hooks of earlier builds that this one does not call for."""
+    if folder.is_dir():
+        for entry in folder.iterdir():
+            if entry.name not in names and entry.suffix in {".dsv", ".sh", ".ps1", ".bash", ".zsh"}:
+                entry.unlink()
+
+
+def _joined_chain(recorded: tuple[Path, ...], sourced: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Return the underlays of now over those of before, lowest first."""
+    if set(recorded) <= set(sourced):
+        return sourced
+    return (*recorded, *(path for path in sourced if path not in recorded))

@@ -1,0 +1,123 @@
+"""The one Python that a workspace is built for: which it is, and what it must have."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.errors import EnvironmentFault, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+OLDEST = (3, 10)
+
+
+@dataclass(frozen=True, slots=True)
+class Interpreter:
+    """A Python program and its version."""
+
+    path: Path
+    version: tuple[int, int]
+
+    @property
+    def site_packages(self) -> str:
+        """Return where Python code goes below a prefix, such as 'lib/python3.11/site-packages'."""
+        return f"lib/python{self.version[0]}.{self.version[1]}/site-packages"
+
+    @property
+    def own(self) -> bool:
+        """Tell if this is the interpreter that runs forge."""
+        return self.path == Path(sys.executable)
+
+
+def find_interpreter(python: str | None, variables: Mapping[str, str]) -> Interpreter:
+    """Return the workspace's interpreter: the option's, else the virtual environment's, else our own.
+
+    `python` is a path or a name to look for on PATH. Raises EnvironmentFault when it is missing,
+    does not run or is too old.
+    """
+    path = _locate(python, variables)
+    if path == Path(sys.executable):
+        return Interpreter(path, sys.version_info[:2])
+    interpreter = Interpreter(path, _ask_version(path))
+    if interpreter.version < OLDEST:
+        version = "{}.{}".format(*interpreter.version)
+        problem = Problem(
+            f"python {version} at '{path}' is too old", hint="forge builds for python 3.10 and newer"
+        )
+        raise EnvironmentFault(problem)
+    return interpreter
+
+
+def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
+    """Raise EnvironmentFault naming the modules that `interpreter` lacks, and how to install them."""
+    wanted = list(names)
+    missing = (
+        [name for name in wanted if not _has_module(name)]
+        if interpreter.own
+        else _ask_missing(interpreter, wanted)
+    )
+    if missing:
+        listed = ", ".join(f"'{name}'" for name in missing)
+        raise EnvironmentFault(
+            Problem(
+                f"the python modules that the build needs are missing in '{interpreter.path}': {listed}",
+                hint=f"{interpreter.path} -m pip install {' '.join(missing)}",
+            )
+        )
+
+
+def _locate(python: str | None, variables: Mapping[str, str]) -> Path:
+    """Return the interpreter's absolute path; links stay, for they tell virtual environments apart."""
+    if python:
+        found = shutil.which(python, path=variables.get("PATH"))
+        if found is None:
+            problem = Problem(f"there is no python '{python}'", hint="give '--python' a program that exists")
+            raise EnvironmentFault(problem)
+        return Path(found).absolute()
+    active = variables.get("VIRTUAL_ENV")
+    if not active or Path(active).resolve() == Path(sys.prefix).resolve():
+        return Path(sys.executable)
+    path = Path(active).absolute() / "bin" / "python"
+    if not path.exists():
+        raise EnvironmentFault(
+            Problem(
+                f"the active virtual environment '{active}' has no 'bin/python'",
+                hint="run 'deactivate', or name an interpreter with '--python'",
+            )
+        )
+    return path
+
+
+def _ask_version(path: Path) -> tuple[int, int]:
+    """Return what the interpreter says about itself."""
+    answer = _ask(path, "import sys; print(*sys.version_info[:2])").split()
+    if len(answer) == 2 and all(word.isdecimal() for word in answer):  # noqa: PLR2004  (major and minor)
+        return int(answer[0]), int(answer[1])
+    raise EnvironmentFault(Problem(f"'{path}' is no python interpreter"))
+
+
+def _ask_missing(interpreter: Interpreter, names: list[str]) -> list[str]:
+    """Return those of the modules that another interpreter does not find."""
+    program = "import importlib.util as u, sys; print(*(n for n in sys.argv[1:] if not u.find_spec(n)))"
+    return _ask(interpreter.path, program, *names).split()
+
+
+def _ask(path: Path, program: str, *arguments: str) -> str:
+    """Run a line of Python in another interpreter and return what it prints."""
+    try:
+        done = subprocess.run([path, "-c", program, *arguments], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise EnvironmentFault(Problem(f"the python '{path}' does not run: {error}")) from error
+    return done.stdout
+
+
+def _has_module(name: str) -> bool:
+    """Tell if our own interpreter finds a module, without importing it."""
+    return importlib.util.find_spec(name) is not None

@@ -1,0 +1,114 @@
+"""Sourcing without a shell: the environment that installed packages and workspaces make."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from forge import scripts
+from forge.environment import Edit, Installed, Script, apply, order, read_hooks, settle
+from forge.errors import EnvironmentFault, Problem
+from forge.prefixes import installed_packages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+_SHELL_S_OWN = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
+
+
+def build_environment(packages: Sequence[tuple[str, Path]], variables: Mapping[str, str]) -> dict[str, str]:
+    """Return `variables` after sourcing the packages (name, prefix), lowest first, each in front of all.
+
+    Computed from the dsv files; only hooks that are nothing but a shell script run, in sh.
+    Raises WorkspaceError for a dsv file that cannot be read, EnvironmentFault for a hook that exits.
+    """
+    edits = [(prefix, edit) for name, prefix in packages for edit in package_edits(name, prefix)]
+    return _apply(edits, variables, first=True)
+
+
+def workspace_environment(chain: Sequence[Path], variables: Mapping[str, str]) -> dict[str, str]:
+    """Return `variables` after sourcing the `local_setup` scripts of the roots, lowest first.
+
+    Raises as `build_environment` does.
+    """
+    result = dict(variables)
+    for root in chain:
+        result = apply(
+            result, [(str(root), Edit("prepend", "COLCON_PREFIX_PATH", "", below=True))], first=True
+        )
+        edits = [
+            (root / package.folder, edit) for package in packages_in_order(root) for edit in package.edits
+        ]
+        result = _apply(edits, result, first=False)
+    return result
+
+
+def packages_in_order(root: Path) -> tuple[Installed, ...]:
+    """Return the packages of an install tree with what they do to the environment, lowest first."""
+    installed = {package.name: package for package in installed_packages(root)}
+    found = (installed[name] for name in order({name: p.needs for name, p in installed.items()}))
+    return tuple(
+        Installed(p.name, "" if p.prefix == root else p.prefix.name, package_edits(p.name, p.prefix))
+        for p in found
+    )
+
+
+def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
+    """Return what an installed package does to the environment; nothing, when no dsv file says it."""
+    try:
+        stamp = (prefix / "share" / name / "package.dsv").stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return ()
+    return _read_edits(name, prefix, (stamp.st_ino, stamp.st_mtime_ns, stamp.st_size))
+
+
+@lru_cache(maxsize=4096)
+def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
+    """Read the dsv files of a package; its package.dsv is written anew whenever it is installed."""
+
+    def read(path: str) -> str | None:
+        try:
+            return (prefix / path).read_text(encoding="utf-8", errors="surrogateescape")
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+
+    return settle(read_hooks(name, read), lambda path: (prefix / path).exists())
+
+
+def _apply(
+    edits: Iterable[tuple[Path, Edit | Script]], variables: Mapping[str, str], *, first: bool
+) -> dict[str, str]:
+    """Apply edits in as few runs as the scripts between them allow."""
+    result = dict(variables)
+    run: list[tuple[str, Edit]] = []
+    for prefix, edit in edits:
+        if isinstance(edit, Edit):
+            run.append((str(prefix), edit))
+        elif path := edit.path("sh"):
+            result = _source(prefix / path, prefix, apply(result, run, first=first))
+            run.clear()
+    return apply(result, run, first=first)
+
+
+def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment that a hook leaves when sh sources it."""
+    if not hook.is_file():
+        return dict(variables)
+    given = dict(variables) | {"COLCON_CURRENT_PREFIX": str(prefix), "AMENT_CURRENT_PREFIX": str(prefix)}
+    with tempfile.NamedTemporaryFile("w", suffix=".sh", encoding="utf-8") as script:
+        script.write(scripts.hook_runner())
+        script.flush()
+        done = subprocess.run(
+            ["/bin/sh", script.name, str(hook)], env=given, capture_output=True, check=False
+        )
+    if not done.stdout:
+        said = done.stderr.decode(errors="replace").strip() or f"it exits with {done.returncode}"
+        raise EnvironmentFault(Problem(f"the environment hook '{hook}' ends the shell: {said}"))
+    pairs = (
+        item.decode(errors="surrogateescape").partition("=") for item in done.stdout.split(b"\0") if item
+    )
+    left = {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
+    return left | {name: value for name, value in variables.items() if name in _SHELL_S_OWN}
