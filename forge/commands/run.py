@@ -1,0 +1,118 @@
+"""forge run: start an executable of an installed package and stand aside until it ends."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from forge.errors import EnvironmentFault, ForgeError, Problem
+from forge.installed import executables, find_package
+from forge.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+    from types import FrameType
+
+
+def register(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `ros2 run`."""
+    parser.add_argument("--prefix", metavar="COMMAND", help="put this command in front, such as 'gdb --args'")
+    parser.add_argument("package", metavar="PACKAGE", help="an installed package")
+    parser.add_argument("executable", metavar="EXECUTABLE", help="the name of one of its executables")
+    parser.add_argument(
+        "arguments",
+        metavar="...",
+        nargs=argparse.REMAINDER,
+        help="what the executable is given, options included",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the executable and return its exit code, or minus the signal that ended it."""
+    prefix = find_package(options.package, os.environ)
+    path = _choose(options.package, options.executable, prefix)
+    code = _wait_for((*_words(options.prefix), str(path), *options.arguments))
+    if code:
+        print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
+    return code
+
+
+def _choose(package: str, name: str, prefix: Path) -> Path:
+    """Return the one executable of that name."""
+    paths = executables(package, prefix)
+    matches = [path for path in paths if path.name == name]
+    if not matches:
+        raise ForgeError(Problem("no executable found", hint=_remedy(package, name, prefix, paths)))
+    if len(matches) > 1:
+        listing = "".join(f"\n- {path}" for path in matches)
+        raise ForgeError(Problem(f"multiple executables found:{listing}"))
+    return matches[0]
+
+
+def _remedy(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
+    """Return why there is no such executable, as far as one can see."""
+    folder = prefix / "lib" / package
+    plain = next((path for path in folder.rglob("*") if path.name == name and path.is_file()), None)
+    if plain is not None:
+        return f"the file is there, but not executable: chmod +x {shlex.quote(str(plain))}"
+    if not paths:
+        return f"package '{package}' has no executables in '{folder}'"
+    near = did_you_mean(name, (path.name for path in paths))
+    return near or f"'forge pkg executables {package}' lists what there is"
+
+
+def _words(command: str | None) -> list[str]:
+    try:
+        return shlex.split(command or "")
+    except ValueError as error:
+        raise ForgeError(Problem(f"--prefix cannot be read: {str(error).lower()}")) from None
+
+
+def _wait_for(argv: Sequence[str]) -> int:
+    """Run a program with our input, output and folder until it ends, whatever signals we get."""
+    sys.stdout.flush()
+    with _deaf() as listeners:
+        try:
+            child = subprocess.Popen(argv)
+        except OSError as error:
+            hint = "a script says in its first line what runs it, such as '#!/usr/bin/env python3'"
+            problem = Problem(f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=hint)
+            raise EnvironmentFault(problem) from None
+        listeners.append(child)
+        return child.wait()
+
+
+@contextmanager
+def _deaf() -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Leave Ctrl-C to the child, which the terminal tells as well; hand on what only we are told.
+
+    Handlers, and not SIG_IGN, because the child would inherit that.
+    """
+    listeners: list[subprocess.Popen[bytes]] = []
+
+    def leave_it(_number: int, _frame: FrameType | None) -> None:
+        pass
+
+    def hand_on(number: int, _frame: FrameType | None) -> None:
+        for child in listeners:
+            child.send_signal(number)
+
+    handlers = {signal.SIGINT: leave_it, signal.SIGTERM: hand_on, signal.SIGHUP: hand_on}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield listeners
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _ending(code: int) -> str:
+    """Return how the program failed, in the words of `ros2 run`."""
+    return f"Process exited with failure {code}" if code > 0 else str(signal.strsignal(-code))

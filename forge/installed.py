@@ -1,0 +1,77 @@
+"""What the sourced prefixes hold, for commands that ask by name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge import ament_index
+from forge.errors import EnvironmentFault, ForgeError, Problem
+from forge.names import did_you_mean, is_package_name
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+def installed_packages(variables: Mapping[str, str]) -> dict[str, Path]:
+    """Return every installed package with its prefix, by name; the first prefix wins.
+
+    Raises EnvironmentFault when no prefix was sourced.
+    """
+    _require_prefixes(variables)
+    return dict(sorted(ament_index.resources("packages", ament_index.prefixes(variables)).items()))
+
+
+def find_package(name: str, variables: Mapping[str, str]) -> Path:
+    """Return the prefix of an installed package.
+
+    Raises EnvironmentFault when no prefix was sourced, ForgeError when none has the package.
+    """
+    _require_prefixes(variables)
+    where = ament_index.prefixes(variables)
+    prefix = ament_index.prefix_of(name, where) if is_package_name(name) else None
+    if prefix is None:
+        hint = _unsourced(name, variables) or did_you_mean(name, ament_index.resources("packages", where))
+        raise ForgeError(Problem(f"package '{name}' not found", hint=hint))
+    return prefix
+
+
+def executables(package: str, prefix: Path) -> tuple[Path, ...]:
+    """Return what `forge run` can start of a package, sorted by path (workspace spec 9.2).
+
+    That is every executable file below lib/PACKAGE; hidden and linked folders are not entered.
+    """
+    found: list[Path] = []
+    for folder, folders, files in os.walk(prefix / "lib" / package):
+        folders[:] = (name for name in folders if not name.startswith("."))
+        found += (Path(folder, name) for name in files if os.access(Path(folder, name), os.X_OK))
+    return tuple(sorted(path for path in found if path.is_file()))
+
+
+def _require_prefixes(variables: Mapping[str, str]) -> None:
+    if not variables.get("AMENT_PREFIX_PATH"):
+        setup = _setup_near(Path.cwd(), variables)
+        hint = f"source {setup or 'the setup.bash of an install folder'} first"
+        raise EnvironmentFault(Problem("no package can be found: 'AMENT_PREFIX_PATH' is not set", hint=hint))
+
+
+def _unsourced(name: str, variables: Mapping[str, str]) -> str | None:
+    """Return a hint when the package is in a workspace around here, but not in the environment."""
+    setup = _setup_near(Path.cwd(), variables)
+    if setup is None or not is_package_name(name):
+        return None
+    install = setup.parent
+    if ament_index.prefix_of(name, (install, install / name)) is None:
+        return None
+    return f"it is in '{install}': source {setup}"
+
+
+def _setup_near(folder: Path, variables: Mapping[str, str]) -> Path | None:
+    """Return the setup script of the workspace around a folder, as short as it can be typed."""
+    shell = "zsh" if variables.get("SHELL", "").endswith("zsh") else "bash"
+    for root in (folder, *folder.parents):
+        setup = root / "install" / f"setup.{shell}"
+        if setup.is_file():
+            return setup.relative_to(folder) if root == folder else setup
+    return None
