@@ -124,7 +124,8 @@ def _tokens(text: str) -> list[tuple[str, str, int]]:
     while at < end:
         match = _TOKEN.match(text, at)
         if match is None:
-            raise ConditionError(f"cannot read {text[at:].strip()[:20]!r}", at + 1)
+            rest = text[at:].lstrip()
+            raise ConditionError(f"cannot read {rest[:20].rstrip()!r}", len(text) - len(rest) + 1)
         column = match.start(match.lastindex or 0) + 1
         kind = ("(", ")", "comparison", "word", "quoted", "quoted")[(match.lastindex or 1) - 1]
         value = match.group(match.lastindex or 0)

@@ -1,0 +1,34 @@
+"""Makes packages for tests: the text of a manifest, and the nouns that come of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from forge.discovery import ROS_DEFAULTS
+from forge.manifest import parse_manifest
+from forge.model import Package
+
+HEAD = """<?xml version="1.0"?>
+<package format="3">
+  <name>{name}</name>
+  <version>0.1.0</version>
+  <description>A package of the tests</description>
+  <maintainer email="tests@example.com">The tests</maintainer>
+  <license>Apache-2.0</license>
+{body}
+</package>
+"""
+
+
+def manifest_text(name: str, *lines: str, build_type: str = "ament_cmake") -> str:
+    """Return a manifest with the given lines and build type."""
+    export = f"<export><build_type>{build_type}</build_type></export>"
+    return HEAD.format(name=name, body="\n".join(f"  {line}" for line in (*lines, export)))
+
+
+def package(name: str, *depends: str, build_type: str = "ament_cmake", tag: str = "depend") -> Package:
+    """Return a package in src/NAME with one dependency element for each of `depends`."""
+    lines = [f"<{tag}>{other}</{tag}>" for other in depends]
+    path = Path("src") / name
+    content = manifest_text(name, *lines, build_type=build_type).encode()
+    return Package(path, parse_manifest(content, path / "package.xml", ROS_DEFAULTS))

@@ -1,0 +1,95 @@
+"""What the embedded packages are added for."""
+
+from dataclasses import replace
+
+from forge.model import Export, Package
+from forge.provision import missing_problems, provide
+from tests.packages import package
+
+
+def by_name(*packages: Package) -> dict[str, Package]:
+    """Return a table of packages."""
+    return {p.name: p for p in packages}
+
+
+def embedded(name: str, *depends: str, family: str = "", answers: tuple[str, ...] = ()) -> Package:
+    """Return a package that forge might bring along."""
+    made = package(name, *depends)
+    exports = [Export("forge_provides", (), other) for other in answers]
+    if family:
+        exports.append(Export("forge_family", (), family))
+    return replace(made, embedded=True, manifest=replace(made.manifest, exports=tuple(exports)))
+
+
+EMBEDDED = by_name(
+    embedded("ament_cmake", family="ament", answers=("ament_cmake_core", "ament_cmake_auto")),
+    embedded("rosidl_default_generators", "ament_cmake", family="rosidl", answers=("rosidl_cmake",)),
+    embedded("std_msgs", "rosidl_cmake", "builtin_interfaces"),
+    embedded("builtin_interfaces", "rosidl_cmake"),
+    embedded("action_msgs", "builtin_interfaces"),
+    embedded("unique_identifier_msgs"),
+)
+
+
+def nobody(_name: str) -> None:
+    """Provide nothing."""
+
+
+def test_what_is_needed_is_added_however_deep_and_nothing_else() -> None:
+    made = provide(by_name(package("a", "std_msgs")), EMBEDDED, nobody)
+    assert set(made.packages) == {
+        "a",
+        "std_msgs",
+        "builtin_interfaces",
+        "rosidl_default_generators",
+        "ament_cmake",
+    }
+    assert made.needs["std_msgs"] == {"rosidl_default_generators", "builtin_interfaces"}
+
+
+def test_an_alias_leads_to_the_package_that_answers_to_it() -> None:
+    made = provide(by_name(package("a", "ament_cmake_auto", "ament_cmake_core")), EMBEDDED, nobody)
+    assert made.needs["a"] == {"ament_cmake"}
+
+
+def test_the_workspace_wins_over_the_embedded() -> None:
+    made = provide(by_name(package("a", "std_msgs"), package("std_msgs")), EMBEDDED, nobody)
+    assert not made.packages["std_msgs"].embedded
+    assert set(made.packages) == {"a", "std_msgs"}
+
+
+def test_an_underlay_wins_over_the_embedded() -> None:
+    made = provide(by_name(package("a", "std_msgs", "action_msgs")), EMBEDDED, {"std_msgs": 1}.get)
+    assert "std_msgs" not in made.packages
+    assert "action_msgs" in made.packages
+
+
+def test_a_family_is_used_whole_or_not_at_all() -> None:
+    made = provide(
+        by_name(package("a", "ament_cmake", "ament_cmake_auto", "std_msgs")), EMBEDDED, {"ament_cmake": 1}.get
+    )
+    assert "ament_cmake" not in made.packages
+    assert "rosidl_default_generators" in made.packages
+    assert made.needs["rosidl_default_generators"] == frozenset()
+    assert made.missing == {"a": ("ament_cmake_auto",)}
+
+
+def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
+    made = provide(by_name(replace(package("a"), has_actions=True)), EMBEDDED, nobody)
+    assert made.needs["a"] == {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+
+
+def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
+    workspace = by_name(
+        package("a", "rclcpp", "libboost-dev"),
+        package("b", "rclcpp", "boost"),
+        package("p", "rclpy", build_type="ament_python"),
+        package("t", "launch_testing", tag="test_depend"),
+    )
+    errors, warnings = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
+    assert len(errors) == 1
+    assert errors[0].message.startswith("'a', 'b' need 'rclcpp', which is neither in the workspace nor")
+    assert [warning.message.split(",")[0] for warning in warnings] == [
+        "'t' needs 'launch_testing'",
+        "'p' needs 'rclpy'",
+    ]
