@@ -27,6 +27,8 @@ COMMANDS = {
     "run": "run an executable of an installed package",
 }
 
+_VALUED = frozenset({"--log-base", "--log-level"})
+
 EXIT_USER = 2
 EXIT_BUG = 70
 EXIT_INTERRUPTED = 130
@@ -89,21 +91,35 @@ class Parser(argparse.ArgumentParser):
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser that knows every command, and the options of the one that is asked for."""
-    parser = Parser(prog="forge", description="Build ROS 2 workspaces and compile ROS 2 interfaces.")
+    # Abbreviations would be looked for in what `forge run` hands on, too: '--log' of a program is not ours.
+    description = "Build ROS 2 workspaces and compile ROS 2 interfaces."
+    parser = Parser(prog="forge", description=description, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
     parser.add_argument(
         "--log-level", metavar="LEVEL", default="warning", help="how much forge says about itself"
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    asked = _asked(arguments)
     for word, summary in COMMANDS.items():
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
-        if word in arguments:
+        if word == asked:
             # Only the asked command pays for its imports: `forge --help` answers at once.
             module = importlib.import_module(f"forge.commands.{word.replace('-', '_')}")
             module.register(command)
             command.set_defaults(run=module.run)
     return parser
+
+
+def _asked(arguments: Sequence[str]) -> str | None:
+    """Return the first word that is neither a global option nor the value of one."""
+    words = iter(arguments)
+    for word in words:
+        if not word.startswith("-"):
+            return word
+        if word in _VALUED:
+            next(words, None)
+    return None
 
 
 def _our_bug() -> int:
