@@ -1,0 +1,33 @@
+#ifndef ROSIDL_RUNTIME_C__ACTION_TYPE_SUPPORT_STRUCT_H_
+#define ROSIDL_RUNTIME_C__ACTION_TYPE_SUPPORT_STRUCT_H_
+
+#include "rosidl_runtime_c/message_type_support_struct.h"
+#include "rosidl_runtime_c/service_type_support_struct.h"
+
+#ifdef __cplusplus
+extern "C"
+{
+#endif
+
+typedef struct rosidl_action_type_support_t rosidl_action_type_support_t;
+
+/* The services and topics that an action is made of. */
+struct rosidl_action_type_support_t
+{
+  const rosidl_service_type_support_t * goal_service_type_support;
+  const rosidl_service_type_support_t * result_service_type_support;
+  const rosidl_service_type_support_t * cancel_service_type_support;
+  const rosidl_message_type_support_t * feedback_message_type_support;
+  const rosidl_message_type_support_t * status_message_type_support;
+};
+
+/* The type support of an action, from a program in C. */
+#define ROSIDL_GET_ACTION_TYPE_SUPPORT(PkgName, ActionName) \
+  ROSIDL_TYPESUPPORT_INTERFACE__ACTION_SYMBOL_NAME( \
+    rosidl_typesupport_c, PkgName, action, ActionName)()
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif  /* ROSIDL_RUNTIME_C__ACTION_TYPE_SUPPORT_STRUCT_H_ */

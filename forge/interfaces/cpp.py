@@ -1,0 +1,213 @@
+"""C++17 headers of a package, with rosidl's paths and names (interface spec 5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
+from forge.interfaces.cpp_text import qualified
+from forge.interfaces.cpp_traits import services_of, type_traits, yaml_view
+from forge.interfaces.model import Action, File, Named, Sequence, element_of, messages_of
+from forge.names import snake_case
+from forge.templating import render
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Catalog, Interface, Message, TypeName
+
+_PARTS = ("struct", "builder", "traits", "type_support")
+_ACTION_HEADERS = (
+    "action_msgs/msg/goal_info.hpp",
+    "action_msgs/msg/goal_status_array.hpp",
+    "action_msgs/srv/cancel_goal.hpp",
+)
+_LIKELY_MACROS = frozenset({"DELETE", "ERROR", "NO_ERROR"})
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step of a builder: the class that sets one member and hands the message on."""
+
+    name: str
+    message: str
+    member: str
+    first: bool
+    result: str
+    returned: str
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What build() begins with."""
+
+    message: str
+    step: str
+
+
+@dataclass(frozen=True, slots=True)
+class Handle:
+    """A function that hands out type support."""
+
+    kind: str
+    symbol: str
+
+
+@dataclass(frozen=True)
+class Headers:
+    """The headers of one interface."""
+
+    interface: Interface
+
+    @property
+    def name(self) -> TypeName:
+        """The interface's name."""
+        return self.interface.name
+
+    @cached_property
+    def messages(self) -> tuple[Message, ...]:
+        """All messages that the interface brings along."""
+        return tuple(messages_of(self.interface))
+
+    @cached_property
+    def needed(self) -> tuple[TypeName, ...]:
+        """The interfaces whose types are members here, sorted, this one left out."""
+        own = {message.name for message in self.messages}
+        elements = (element_of(f.type) for m in self.messages for f in m.members)
+        return tuple(sorted({of.name for of in elements if isinstance(of, Named)} - own))
+
+    def main(self) -> File:
+        """Return the header that users include."""
+        return self._file(
+            f"{_folder(self.name)}/{snake_case(self.name.name)}.hpp",
+            "interface",
+            headers=[_detail(self.name, part) for part in _PARTS],
+        )
+
+    def struct(self) -> File:
+        """Return the header of structs."""
+        headers = ["rosidl_runtime_cpp/member_types.hpp", "rosidl_runtime_cpp/message_initialization.hpp"]
+        members = (field for message in self.messages for field in message.members)
+        bounded = any(isinstance(f.type, Sequence) and f.type.bound is not None for f in members)
+        if bounded:
+            headers.append("rosidl_runtime_cpp/bounded_vector.hpp")
+        if isinstance(self.interface, Action):
+            headers += _ACTION_HEADERS
+        headers += [_detail(name, "struct") for name in self.needed]
+        constants = {constant.name for message in self.messages for constant in message.constants}
+        return self._detail_file(
+            "struct",
+            headers=sorted(headers),
+            numeric_limits=any(map(struct_needs_numeric_limits, self.messages)),
+            macros=sorted(constants & _LIKELY_MACROS),
+            messages=[struct_view(message) for message in self.messages],
+            services=[service.name.name for service in services_of(self.interface)],
+            actions=[self.name.name] if isinstance(self.interface, Action) else [],
+        )
+
+    def builder(self) -> File:
+        """Return the header of builders."""
+        return self._detail_file(
+            "builder",
+            headers=[_detail(self.name, "struct"), "rosidl_runtime_cpp/builder.hpp"],
+            package=self.name.package,
+            steps=[step for message in self.messages for step in _steps(message)],
+            starts=[_start(message) for message in self.messages],
+        )
+
+    def traits(self) -> File:
+        """Return the header of traits and YAML."""
+        needed = [_detail(name, "traits") for name in self.needed]
+        runtime = ["rosidl_runtime_cpp/traits.hpp", "rosidl_runtime_cpp/yaml.hpp"]
+        return self._detail_file(
+            "traits",
+            headers=[_detail(self.name, "struct"), *sorted([*needed, *runtime])],
+            messages=[yaml_view(message) for message in self.messages],
+            types=list(type_traits(self.interface)),
+        )
+
+    def type_support(self) -> File:
+        """Return the header that declares type support."""
+        handles = [Handle("message", _symbol(message.name)) for message in self.messages]
+        handles += [Handle("service", _symbol(service.name)) for service in services_of(self.interface)]
+        if isinstance(self.interface, Action):
+            handles.append(Handle("action", _symbol(self.name)))
+        kinds = sorted({handle.kind for handle in handles})
+        return self._detail_file(
+            "type_support",
+            headers=[
+                *(f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds),
+                _visibility_path(self.name.package),
+            ],
+            package=self.name.package,
+            handles=handles,
+        )
+
+    def _detail_file(self, part: str, **names: object) -> File:
+        namespace = f"{self.name.package}::{self.name.kind}"
+        return self._file(_detail(self.name, part), part, namespace=namespace, **names)
+
+    def _file(self, path: str, template: str, **names: object) -> File:
+        text = render(f"cpp/{template}.hpp.j2", source=str(self.name), guard=_guard(path), **names)
+        return File(path, text)
+
+
+def files(catalog: Catalog) -> Iterator[File]:
+    """Yield the headers of every interface; paths are relative to the include folder."""
+    path = _visibility_path(catalog.package)
+    text = render("cpp/visibility_control.hpp.j2", guard=_guard(path), package=catalog.package)
+    yield File(path, text)
+    for interface in catalog.interfaces.values():
+        headers = Headers(interface)
+        yield headers.main()
+        yield headers.struct()
+        yield headers.builder()
+        yield headers.traits()
+        yield headers.type_support()
+
+
+def _visibility_path(package: str) -> str:
+    return f"{package}/msg/rosidl_generator_cpp__visibility_control.hpp"
+
+
+def _folder(name: TypeName) -> str:
+    return f"{name.package}/{name.kind}"
+
+
+def _detail(name: TypeName, part: str) -> str:
+    """Return the path of a detail header; the parts of a service or an action live in its own."""
+    stem = name.name if name.kind == "msg" else name.name.partition("_")[0]
+    return f"{_folder(name)}/detail/{snake_case(stem)}__{part}.hpp"
+
+
+def _guard(path: str) -> str:
+    return "__".join(path.replace(".", "_").upper().split("/")) + "_"
+
+
+def _symbol(name: TypeName) -> str:
+    return f"{name.package}__{name.kind}__{name.name}"
+
+
+def _steps(message: Message) -> Iterable[Step]:
+    """Return the steps, last first, as each names the one that follows it."""
+    names = [f"Init_{message.name.name}_{field.name}" for field in message.fields]
+    steps = []
+    for position, field in enumerate(message.fields):
+        last = position == len(names) - 1
+        result = "Message" if last else f"{names[position + 1]}<Message>"
+        returned = "std::move(_message)" if last else f"{result}(std::move(_message))"
+        steps.append(
+            Step(names[position], qualified(message.name), field.name, position == 0, result, returned)
+        )
+    return reversed(steps)
+
+
+def _start(message: Message) -> Start:
+    """Return the first step; a message without fields is finished before it began."""
+    spelled = qualified(message.name)
+    if not message.fields:
+        return Start(spelled, spelled)
+    namespace = f"::{message.name.package}::{message.name.kind}::builder"
+    return Start(spelled, f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>")

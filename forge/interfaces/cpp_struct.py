@@ -1,0 +1,166 @@
+"""What the struct of a message says in C++: members, constants, and what its constructor does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.interfaces.cpp_text import comment, literal, needs_numeric_limits, spell, zero
+from forge.interfaces.model import HIDDEN_MEMBER, Array, Named, Primitive, Sequence, Text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Constant, Field, Message
+
+_CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
+_DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
+_ZEROED = "_init == Initialization::ZERO"
+
+
+@dataclass(frozen=True, slots=True)
+class MemberView:
+    """A member; the hidden one of an empty message has no setter."""
+
+    name: str
+    type: str
+    doc: tuple[str, ...]
+    hidden: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantView:
+    """A constant, as the words of its declaration."""
+
+    storage: str
+    type: str
+    name: str
+    value: str
+    doc: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Statements that only some kinds of initialization run."""
+
+    condition: str
+    statements: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ConstructorView:
+    """The member initializers, joined, and the statements of a constructor."""
+
+    initializers: str
+    statements: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StructView:
+    """Everything that the template of a struct prints."""
+
+    name: str
+    symbol: str
+    doc: tuple[str, ...]
+    constants: tuple[ConstantView, ...]
+    members: tuple[MemberView, ...]
+    plain: ConstructorView
+    allocating: ConstructorView
+    blocks: tuple[Block, ...]
+    comparison: str
+
+
+def struct_view(message: Message) -> StructView:
+    """Return the finished strings of a message's struct."""
+    members = message.members
+    blocks = _blocks(members)
+    return StructView(
+        name=message.name.name,
+        symbol=f"{message.name.package}__{message.name.kind}__{message.name.name}",
+        doc=comment(message.doc),
+        constants=tuple(map(_constant, message.constants)),
+        members=tuple(map(_member, message.members)),
+        plain=_plain_constructor(members, blocks),
+        allocating=_allocating_constructor(members, blocks),
+        blocks=blocks,
+        comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
+    )
+
+
+def _member(field: Field) -> MemberView:
+    hidden = field.name == HIDDEN_MEMBER
+    return MemberView(field.name, spell(field.type), comment(field.doc, field.unit), hidden)
+
+
+def struct_needs_numeric_limits(message: Message) -> bool:
+    """Tell whether a value of the struct is infinite or not a number."""
+    values = [*((f.default, f.type) for f in message.fields), *((c.value, c.type) for c in message.constants)]
+    return any(needs_numeric_limits(value, type_) for value, type_ in values)
+
+
+def _constant(constant: Constant) -> ConstantView:
+    storage = "static inline const" if isinstance(constant.type, Text) else "static constexpr"
+    value = literal(constant.value, constant.type)
+    return ConstantView(storage, spell(constant.type), constant.name, value, comment(constant.doc))
+
+
+def _plain_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
+    initializers = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]
+    return _constructor(initializers, blocks, takes_init=bool(initializers), takes_allocator=True)
+
+
+def _allocating_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
+    """Hand the allocator to all that take one; the elements of an array make their own."""
+    nested = [f for f in members if isinstance(f.type, Named)]
+    others = [f for f in members if isinstance(f.type, Text | Sequence)]
+    initializers = [
+        f"{f.name}(_alloc, _init)" if f in nested else f"{f.name}(_alloc)"
+        for f in members
+        if f in nested or f in others
+    ]
+    return _constructor(initializers, blocks, takes_init=bool(nested), takes_allocator=bool(initializers))
+
+
+def _constructor(
+    initializers: list[str], blocks: tuple[Block, ...], *, takes_init: bool, takes_allocator: bool
+) -> ConstructorView:
+    """Return the constructor; a parameter that nothing reads is named once, or compilers warn."""
+    statements = [] if takes_allocator else ["(void)_alloc;"]
+    if blocks:
+        statements.append("_initialize(_init);")
+    elif not takes_init:
+        statements.append("(void)_init;")
+    return ConstructorView(",\n    ".join(initializers), tuple(statements))
+
+
+def _blocks(members: Iterable[Field]) -> tuple[Block, ...]:
+    """Return what initialization does to members, by the kinds that do it (interface spec 5.2)."""
+    fields = tuple(members)
+    blocks = (
+        Block(_CLEARED, tuple(s for f in fields if f.default is None for s in _clear(f))),
+        Block(_DEFAULTED, tuple(_default(f) for f in fields if f.default not in (None, ()))),
+        Block(_ZEROED, tuple(s for f in fields for s in _zero(f))),
+    )
+    return tuple(block for block in blocks if block.statements)
+
+
+def _clear(field: Field) -> Iterator[str]:
+    """Yield the assignment of zero; texts and sequences are born empty."""
+    match field.type:
+        case Primitive():
+            yield f"{field.name} = {zero(field.type)};"
+        case Array(Primitive() as of):
+            yield f"{field.name}.fill({zero(of)});"
+
+
+def _default(field: Field) -> str:
+    assert field.default is not None  # noqa: S101  (the caller chose fields that have one)
+    return f"{field.name} = {literal(field.default, field.type)};"
+
+
+def _zero(field: Field) -> Iterator[str]:
+    """Yield what only ZERO does: undo nothing, but skip defaults, those of array elements too."""
+    if field.default is not None:
+        yield from _clear(field)
+    elif isinstance(field.type, Array) and isinstance(field.type.of, Named):
+        yield f"{field.name}.fill(typename _{field.name}_type::value_type(_init));"

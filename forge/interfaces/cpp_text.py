@@ -1,0 +1,181 @@
+"""Types, values and comments as C++17 writes them; every text leaves here as printable ASCII or a comment."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from typing import TYPE_CHECKING
+
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence as Items
+
+    from forge.interfaces.model import Element, Type, TypeName, Value
+
+_ARITHMETIC = {
+    "boolean": "bool",
+    "octet": "unsigned char",
+    "char": "unsigned char",
+    "wchar": "char16_t",
+    "float": "float",
+    "double": "double",
+    "long double": "long double",
+    **{f"{sign}int{bits}": f"std::{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)},
+}
+_INTEGER_SUFFIXES = {"uint8": "u", "uint16": "u", "uint32": "u", "int64": "ll", "uint64": "ull"}
+_REAL_SUFFIXES = {"float": "f", "double": "", "long double": "l"}
+_LOWEST = {"int32": -(1 << 31), "int64": -(1 << 63)}
+_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
+_UNPRINTABLE = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_FIRST_UNIVERSAL = 0xA0
+_FIRST_ASTRAL = 0x10000
+
+
+def message_type(name: TypeName, allocator: str = "ContainerAllocator") -> str:
+    """Return the struct template of a message, given its allocator."""
+    return f"{qualified(name)}_<{allocator}>"
+
+
+def qualified(name: TypeName) -> str:
+    """Return the C++ name, found from inside any namespace."""
+    return f"::{name.package}::{name.kind}::{name.name}"
+
+
+def spell(type_: Type) -> str:
+    """Return the type of a member inside the struct template."""
+    match type_:
+        case Primitive(name):
+            return _ARITHMETIC[name]
+        case Text(wide):
+            return f"::rosidl_runtime_cpp::{'U16String' if wide else 'String'}<ContainerAllocator>"
+        case Named(name):
+            return message_type(name)
+        case Array(of, size):
+            return f"std::array<{spell(of)}, {size}>"
+        case Sequence(of, None):
+            return f"::rosidl_runtime_cpp::Sequence<{spell(of)}, ContainerAllocator>"
+        case Sequence(of, bound):
+            return f"::rosidl_runtime_cpp::BoundedSequence<{spell(of)}, {bound}, ContainerAllocator>"
+
+
+def literal(value: Value, type_: Type) -> str:
+    """Return an expression of exactly this value, for a member or constant of this type."""
+    if isinstance(type_, Array | Sequence):
+        inside = ", ".join(literal(item, type_.of) for item in _items(value))
+        return f"{{{{{inside}}}}}" if isinstance(type_, Array) else f"{{{inside}}}"
+    if isinstance(type_, Text):
+        return _text(str(value), type_)
+    if isinstance(type_, Named):
+        raise TypeError(f"a message has no literal: {type_.name}")
+    return _number(value, type_.name)
+
+
+def zero(of: Element) -> str:
+    """Return the literal of an element that nobody gave a value."""
+    if isinstance(of, Text):
+        return 'u""' if of.wide else '""'
+    return literal(0, of)
+
+
+def needs_numeric_limits(value: Value | None, type_: Type) -> bool:
+    """Tell whether the literal of the value names infinity or not-a-number."""
+    return value is not None and "std::numeric_limits" in literal(value, type_)
+
+
+def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
+    """Return documentation as comment lines that end where they seem to end."""
+    plain = [_UNPRINTABLE.sub(" ", line).rstrip() for line in lines]
+    if unit is not None:
+        plain[-1:] = [f"{plain[-1]} [{unit}]".lstrip()] if plain else [f"[{unit}]"]
+    return tuple(_unspliced(f"/// {line}".rstrip()) for line in plain)
+
+
+def _unspliced(line: str) -> str:
+    """Return the line so that no backslash, nor the trigraph for one, joins the next line to it."""
+    return f"{line} ." if line.endswith(("\\", "??/")) else line
+
+
+def _items(value: Value) -> tuple[bool | int | float | str, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _number(value: Value, name: str) -> str:
+    if name in _REAL_SUFFIXES:
+        return _real(float(value), name)  # type: ignore[arg-type]  # a tuple never gets here
+    if name == "boolean":
+        return "true" if value else "false"
+    number = ord(value) if isinstance(value, str) else int(value)  # type: ignore[arg-type]
+    suffix = _INTEGER_SUFFIXES.get(name, "")
+    if number == _LOWEST.get(name):
+        return f"(-{-(number + 1)}{suffix} - 1)"
+    return f"{number}{suffix}"
+
+
+def _real(value: float, name: str) -> str:
+    """Return the literal; compilers object to one that overflows or vanishes, so those are spelled out."""
+    limits = f"std::numeric_limits<{_ARITHMETIC[name]}>"
+    if name == "float":
+        value = _nearest_single(value)
+    if math.isnan(value):
+        return f"{limits}::quiet_NaN()"
+    if math.isinf(value):
+        return f"{'-' if value < 0 else ''}{limits}::infinity()"
+    return f"{value!r}{_REAL_SUFFIXES[name]}"
+
+
+def _nearest_single(value: float) -> float:
+    """Return the value itself, but infinity or zero where single precision has nothing nearer."""
+    try:
+        single: float = struct.unpack("f", struct.pack("f", value))[0]
+    except OverflowError:
+        return math.copysign(math.inf, value)
+    return value if single else single
+
+
+def _text(value: str, type_: Text) -> str:
+    """Return a literal of the text; one with NUL inside needs its length told."""
+    body = _wide(value) if type_.wide else _narrow(value)
+    if "\0" not in value:
+        return body
+    units = len(value.encode("utf-16-le", "surrogatepass")) // 2 if type_.wide else len(_utf8(value))
+    return f"{spell(type_)}({body}, {units})"
+
+
+def _narrow(value: str) -> str:
+    """Return a string literal whose bytes are UTF-8, whatever the compiler takes its source for."""
+    return '"' + _without_trigraphs("".join(_ascii(chr(byte)) for byte in _utf8(value))) + '"'
+
+
+def _wide(value: str) -> str:
+    """Return a char16_t string literal; characters beyond ASCII by their number."""
+    return 'u"' + _without_trigraphs("".join(map(_universal, value))) + '"'
+
+
+def _without_trigraphs(text: str) -> str:
+    return text.replace("?", "\\?") if "??" in text else text
+
+
+def _ascii(character: str) -> str:
+    """Return the character, or three octal digits, which no digit after them can lengthen."""
+    if character in _ESCAPES:
+        return _ESCAPES[character]
+    return character if " " <= character <= "~" else f"\\{ord(character):03o}"
+
+
+def _universal(character: str) -> str:
+    number = ord(character)
+    if number < _FIRST_UNIVERSAL:
+        return _ascii(character)
+    if _is_surrogate(number):
+        return f'\\x{number:04x}" u"'  # ends the literal: a hexadecimal escape has no length of its own
+    return f"\\u{number:04x}" if number < _FIRST_ASTRAL else f"\\U{number:08x}"
+
+
+def _is_surrogate(number: int) -> bool:
+    return 0xD800 <= number <= 0xDFFF  # noqa: PLR2004  (Unicode's own numbers)
+
+
+def _utf8(value: str) -> bytes:
+    return value.encode("utf-8", "surrogatepass")

@@ -1,0 +1,149 @@
+"""What the traits header of an interface says: YAML text and the specialisations of rosidl's traits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.interfaces.cpp_text import qualified
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Text,
+    element_of,
+    messages_of,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.interfaces.model import Field, Interface, Type, TypeName
+
+_OCTETS = frozenset({"octet", "char"})
+
+
+@dataclass(frozen=True, slots=True)
+class YamlView:
+    """How a message is written as YAML, member by member."""
+
+    name: str
+    writer: str
+    argument: str
+    statements: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TypeTraits:
+    """The specialisations for a type; one that is not identified has nothing but `traits`."""
+
+    name: str
+    data_type: str
+    slashed: str
+    identified: bool
+    fixed: str
+    bounded: str
+    traits: tuple[str, ...]
+
+
+def yaml_view(message: Message) -> YamlView:
+    """Return the function that writes a message; for an empty message it has nothing to do."""
+    statements = tuple(map(_statement, message.fields))
+    named = bool(statements)
+    return YamlView(message.name.name, " _out" if named else "", " _message" if named else "", statements)
+
+
+def type_traits(interface: Interface) -> Iterator[TypeTraits]:
+    """Yield the traits of every type in the interface's header, parts before the whole."""
+    roles = _roles(interface)
+    for message in messages_of(interface):
+        yield _message_traits(message, ("is_message", *roles.get(message.name, ())))
+    for service in services_of(interface):
+        yield _service_traits(service)
+    if isinstance(interface, Action):
+        name = interface.name
+        yield TypeTraits(qualified(name), "", "", False, "", "", ("is_action",))  # noqa: FBT003  (a record)
+
+
+def services_of(interface: Interface) -> tuple[Service, ...]:
+    """Return the services that the interface is made of, itself included."""
+    match interface:
+        case Service():
+            return (interface,)
+        case Action():
+            return (interface.send_goal, interface.get_result)
+        case Message():
+            return ()
+
+
+def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
+    """Return what else the messages of an interface are."""
+    roles: dict[TypeName, tuple[str, ...]] = {}
+    for service in services_of(interface):
+        roles[service.request.name] = ("is_service_request",)
+        roles[service.response.name] = ("is_service_response",)
+    if isinstance(interface, Action):
+        roles[interface.goal.name] = ("is_action_goal",)
+        roles[interface.result.name] = ("is_action_result",)
+        roles[interface.feedback.name] = ("is_action_feedback",)
+    return roles
+
+
+def _message_traits(message: Message, traits: tuple[str, ...]) -> TypeTraits:
+    types = [field.type for field in message.members]
+    return _traits(
+        message.name,
+        _all_of("has_fixed_size", types, all(map(_is_fixed, types))),
+        _all_of("has_bounded_size", types, all(map(_is_bounded, types))),
+        traits,
+    )
+
+
+def _service_traits(service: Service) -> TypeTraits:
+    halves: list[Type] = [Named(service.request.name), Named(service.response.name)]
+    fixed, bounded = (_all_of(trait, halves, True) for trait in ("has_fixed_size", "has_bounded_size"))  # noqa: FBT003
+    return _traits(service.name, fixed, bounded, ("is_service",))
+
+
+def _traits(name: TypeName, fixed: str, bounded: str, traits: tuple[str, ...]) -> TypeTraits:
+    spelled = qualified(name)
+    return TypeTraits(spelled, spelled.removeprefix("::"), str(name), True, fixed, bounded, traits)  # noqa: FBT003
+
+
+def _all_of(trait: str, types: list[Type], own: bool) -> str:  # noqa: FBT001
+    """Return the base class of a trait: what the type itself decides, then what its parts say."""
+    if not own:
+        return "std::false_type"
+    names = sorted({of.name for of in map(element_of, types) if isinstance(of, Named)})
+    if not names:
+        return "std::true_type"
+    parts = " &&\n    ".join(f"{trait}<{qualified(name)}>::value" for name in names)
+    return f"std::integral_constant<bool,\n    {parts}>"
+
+
+def _is_fixed(type_: Type) -> bool:
+    return not isinstance(type_, Sequence) and not isinstance(element_of(type_), Text)
+
+
+def _is_bounded(type_: Type) -> bool:
+    if isinstance(type_, Sequence) and type_.bound is None:
+        return False
+    of = element_of(type_)
+    return not (isinstance(of, Text) and of.bound is None)
+
+
+def _statement(field: Field) -> str:
+    """Return the call that writes a member."""
+    many = "s" if isinstance(field.type, Array | Sequence) else ""
+    match element_of(field.type):
+        case Named():
+            kind = "message"
+        case Primitive(name) if name in _OCTETS:
+            kind = "octet"
+        case _:
+            kind = "scalar"
+    return f'_out.{kind}{many}("{field.name}", _message.{field.name});'
