@@ -73,6 +73,20 @@ def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> t
     return _partial_catalogs(found)
 
 
+def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
+    """Return every message that one installed interface refers to, however deep.
+
+    Raises InterfaceError when one is not there or contains itself.
+    """
+    own = {message.name: message for message in messages_of(parsed.interface)}
+    search = _Search("", own, known, set())
+    for message in own.values():
+        search.follow(message)
+    messages = {**own, **search.found}
+    raise_if_any([*search.problems, *_cycles(messages)], InterfaceError)
+    return messages
+
+
 def _demand(name: TypeName, known: Known) -> Parsed:
     parsed = known.find(name)
     if not parsed:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
 from forge.errors import InterfaceError, Place, Problem
-from forge.interfaces.model import Source, TypeName
+from forge.interfaces.model import File, Source, TypeName
 from forge.interfaces.parsing import SECTIONS, Parsed, parse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
 EMBEDDED = Path(__file__).parent.parent / "embedded"
+_RUNTIMES = {"python": "python", "cpp": "include"}
 
 
 def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
@@ -50,6 +51,17 @@ def read_source(package: str, base: Path, relative: str) -> Source:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InterfaceError(Problem("the text is not UTF-8", Place(path, line))) from error
+
+
+def read_runtime(language: str) -> Iterator[File]:
+    """Yield the run-time files that generated code of a language needs, below the language's folder."""
+    if language not in _RUNTIMES:
+        return
+    folder = EMBEDDED / "rosidl_default_runtime" / _RUNTIMES[language]
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            relative = path.relative_to(folder).as_posix()
+            yield File(f"{language}/{relative}", path.read_text(encoding="utf-8"))
 
 
 @dataclass(slots=True)
@@ -105,12 +117,11 @@ class Library:
         return Parsed(source, parse(source))
 
 
-def names_in(package: str, folder: Path) -> Iterable[TypeName]:
-    """Yield the names of the interfaces in a package's folder; installed halves of services are none."""
+def names_in(package: str, folder: Path) -> Iterator[TypeName]:
+    """Yield the names of the interfaces in a package's folder; a service's installed halves are none."""
     for kind in SECTIONS:
-        for path in sorted((folder / kind).glob(f"*.{kind}")):
-            if "_" not in path.stem:
-                yield TypeName(package, kind, path.stem)
+        stems = {path.stem for ending in (kind, "idl") for path in (folder / kind).glob(f"*.{ending}")}
+        yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
 
 
 def _has_interfaces(folder: Path) -> bool:

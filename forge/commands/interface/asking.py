@@ -1,0 +1,163 @@
+"""list, package, packages, show, proto: what is known, in ros2 interface's words (interface spec 7)."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from forge.ament_index import prefix_of, prefixes
+from forge.errors import InterfaceError, Problem
+from forge.interfaces.sources import EMBEDDED, Library, names_in
+from forge.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from forge.interfaces.model import TypeName
+
+    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (argparse has no public name)
+
+_HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
+
+
+def register(verbs: Verbs) -> None:
+    """Add the questions to the words that follow `forge interface`."""
+    _add_listing(verbs, "list", _list, "list all interfaces")
+    package = _add_listing(verbs, "package", _package, "list the interfaces of a package")
+    package.add_argument("package", metavar="PACKAGE")
+    _add_listing(verbs, "packages", _packages, "list the packages that have interfaces")
+    summary = "print a definition, the messages inside it unfolded"
+    show = verbs.add_parser("show", help=summary, description=summary)
+    show.add_argument(
+        "type", metavar="TYPE", type=_filled, help="such as std_msgs/msg/String; '-' reads a line"
+    )
+    levels = show.add_mutually_exclusive_group()
+    levels.add_argument("--all-comments", action="store_true", help="keep the comments of inner messages too")
+    levels.add_argument("--no-comments", action="store_true", help="drop comments and blank lines")
+    show.set_defaults(verb=_show)
+    summary = "print a message, a service's request or an action's goal, with its defaults, as YAML"
+    proto = verbs.add_parser("proto", help=summary, description=summary)
+    proto.add_argument("type", metavar="TYPE", type=_filled, help="such as std_msgs/msg/String")
+    proto.add_argument("--no-quotes", action="store_true", help="print the YAML alone")
+    proto.set_defaults(verb=_proto)
+
+
+def _add_listing(
+    verbs: Verbs, word: str, verb: Callable[[argparse.Namespace], int], summary: str
+) -> argparse.ArgumentParser:
+    listing = verbs.add_parser(word, help=summary, description=summary)
+    for flag, kind in (("msgs", "msg"), ("srvs", "srv"), ("actions", "action")):
+        listing.add_argument(
+            f"-{flag[0]}",
+            f"--only-{flag}",
+            dest="kinds",
+            action="append_const",
+            const=kind,
+            help=f"{_HEADINGS[kind].rstrip(':').lower()} only",
+        )
+    listing.set_defaults(verb=verb)
+    return listing
+
+
+def _filled(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty")
+    return text
+
+
+def _library() -> Library:
+    return Library(prefixes=prefixes(os.environ))
+
+
+def _list(options: argparse.Namespace) -> int:
+    names = sorted(_library().names())
+    for kind, heading in _HEADINGS.items():
+        if not options.kinds or kind in options.kinds:
+            print(heading)
+            for name in names:
+                if name.kind == kind:
+                    print(f"    {name}")
+    return 0
+
+
+def _package(options: argparse.Namespace) -> int:
+    library = _library()
+    folder = library.folder(options.package)
+    if not folder:
+        _check_package(options.package, library)
+        return 0
+    for name in sorted(names_in(options.package, folder)):
+        if not options.kinds or name.kind in options.kinds:
+            print(name)
+    return 0
+
+
+def _packages(options: argparse.Namespace) -> int:
+    # Of several kinds, upstream heeds the first of this order.
+    kind = next((kind for kind in _HEADINGS if kind in (options.kinds or ())), None)
+    for package, folder in _library().packages().items():
+        names = list(names_in(package, folder))
+        if any(name.kind == kind for name in names) if kind else names:
+            print(package)
+    return 0
+
+
+def _show(options: argparse.Namespace) -> int:
+    from forge.interfaces.showing import Comments, parse_type_name, show  # noqa: PLC0415  (the lists need none)
+
+    library = _library()
+    name = parse_type_name(sys.stdin.readline().strip() if options.type == "-" else options.type)
+    path = _definition(name, library)
+    if path.suffix == ".idl":
+        print(path.read_text(encoding="utf-8"), end="")
+        return 0
+    comments = (
+        Comments.ALL if options.all_comments else Comments.NONE if options.no_comments else Comments.TOP
+    )
+    for line in show(name, comments, lambda inner: _definition(inner, library).read_text(encoding="utf-8")):
+        print(line)
+    return 0
+
+
+def _proto(options: argparse.Namespace) -> int:
+    from forge.interfaces.prototype import to_yaml  # noqa: PLC0415  (as above)
+    from forge.interfaces.resolution import messages_below  # noqa: PLC0415
+    from forge.interfaces.showing import parse_type_name  # noqa: PLC0415
+
+    library = _library()
+    name = parse_type_name(options.type)
+    path = _definition(name, library)
+    parsed = library.find(name)
+    if not parsed:
+        raise InterfaceError(
+            Problem(f"forge cannot read '{path}' yet", hint="it reads .msg, .srv and .action")
+        )
+    text = to_yaml(parsed.interface, messages_below(parsed, library))
+    print(text if options.no_quotes else f'"{text}"')
+    return 0
+
+
+def _definition(name: TypeName, library: Library) -> Path:
+    """Return the file of an interface; raises InterfaceError as ros2 interface words it."""
+    folder = library.folder(name.package) or _check_package(name.package, library)
+    stem = folder / name.kind / name.name
+    for ending in (f".{name.kind}", ".idl"):
+        path = stem.with_name(stem.name + ending)
+        if path.is_file():
+            return path
+    near = did_you_mean(str(name), [str(each) for each in library.names()])
+    raise InterfaceError(Problem(f"Could not find the interface '{stem}.idl'", hint=near))
+
+
+def _check_package(package: str, library: Library) -> Path:
+    """Return where a package without interfaces would have them; raises InterfaceError for no package."""
+    prefix = prefix_of(package, library.prefixes)
+    if prefix:
+        return prefix / "share" / package
+    if (EMBEDDED / package / "package.xml").is_file():
+        return EMBEDDED / package
+    hint = did_you_mean(package, library.packages())
+    raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))

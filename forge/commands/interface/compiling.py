@@ -1,0 +1,194 @@
+"""generate and hash: a package's definitions to code, descriptions and hashes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.ament_index import prefixes
+from forge.errors import ForgeError, InterfaceError, Problem
+from forge.interfaces.declarations import LOWER_NAME
+from forge.interfaces.hashing import hashes
+from forge.interfaces.model import Catalog, TypeName
+from forge.interfaces.parsing import parse_all
+from forge.interfaces.rendering import render
+from forge.interfaces.resolution import messages_below, referred, resolve
+from forge.interfaces.showing import parse_type_name
+from forge.interfaces.sources import Library, read_folder, read_runtime, read_source
+from forge.interfaces.writing import read_records, write, write_depfile, write_stamp
+from forge.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from forge.interfaces.model import File
+
+    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (argparse has no public name)
+
+_DEFAULT_LANGUAGES = ("python", "cpp")
+
+
+def register(verbs: Verbs) -> None:
+    """Add what compiles to the words that follow `forge interface`."""
+    summary = "compile definitions to Python, C++, .idl or .json"
+    more = "@FILE stands for the words in that file, one per line"
+    generate = verbs.add_parser(
+        "generate", help=summary, description=summary, epilog=more, fromfile_prefix_chars="@"
+    )
+    generate.add_argument(
+        "source", metavar="SOURCE_DIR", nargs="?", help="a folder with msg, srv or action in it"
+    )
+    _add_inputs(generate)
+    _add_outputs(generate)
+    generate.set_defaults(verb=_generate)
+    summary = "print type hashes (RIHS01), of named types or of a folder of definitions"
+    hashing = verbs.add_parser("hash", help=summary, description=summary)
+    hashing.add_argument("what", metavar="TYPE|SOURCE_DIR", nargs="*", help="types; a folder with --package")
+    hashing.add_argument("--json", action="store_true", help="print one object")
+    _add_inputs(hashing)
+    hashing.set_defaults(verb=_hash)
+
+
+def _add_inputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--package", metavar="NAME", help="the package that the definitions belong to")
+    parser.add_argument(
+        "--include",
+        metavar="PKG=DIR",
+        dest="includes",
+        action="append",
+        default=[],
+        type=_pair("=", str.partition),
+        help="a folder with the msg, srv and action folders of another package",
+    )
+    parser.add_argument(
+        "--file",
+        metavar="BASE:RELATIVE",
+        dest="files",
+        action="append",
+        default=[],
+        type=_pair(":", str.rpartition),
+        help="a definition, such as /src/p:msg/X.msg, instead of a folder of them",
+    )
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", metavar="DIR", type=Path, required=True, help="gets LANG/PACKAGE/...")
+    parser.add_argument(
+        "--lang",
+        metavar="LANG",
+        dest="languages",
+        action="append",
+        help=f"python, cpp, idl or json; may be repeated (default: {' and '.join(_DEFAULT_LANGUAGES)})",
+    )
+    parser.add_argument(
+        "--no-runtime",
+        action="store_true",
+        help="write neither the run-time files nor what is needed of other packages",
+    )
+    parser.add_argument("--stamp", metavar="FILE", type=Path, help="a file to touch when all is done")
+    parser.add_argument("--depfile", metavar="FILE", type=Path, help="gets a make rule with the files read")
+
+
+def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:
+    """Return a reader of 'LEFT<mark>RIGHT'."""
+
+    def read(text: str) -> tuple[str, str]:
+        left, _, right = split(text, mark)
+        if not left or not right:
+            raise argparse.ArgumentTypeError(f"'{text}' has no '{mark}' between two parts")
+        return left, right
+
+    return read
+
+
+def _generate(options: argparse.Namespace) -> int:
+    library = _library(options)
+    catalog = _catalog(options, options.source, library)
+    languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
+    others = () if options.no_runtime else _others(catalog, library, options.output)
+    files = [file for language in languages for each in (catalog, *others) for file in render(each, language)]
+    if not options.no_runtime:
+        files += [file for language in languages for file in read_runtime(language)]
+    needs = [name for other in others for name in other.interfaces]
+    written = write(files, options.output, catalog.package, needs)
+    if options.depfile:
+        sources = [source.path for each in (catalog, *others) for source in each.sources]
+        write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
+    if options.stamp:
+        write_stamp(options.stamp)
+    else:
+        print(f"{len(written)} of {_files(files)} written to '{options.output}'")
+    return 0
+
+
+def _hash(options: argparse.Namespace) -> int:
+    library = _library(options)
+    if options.package:
+        source = options.what[0] if options.what else None
+        found = hashes(_catalog(options, source, library))
+    else:
+        found = {name: _hash_of(name, library) for name in map(parse_type_name, options.what)}
+    if options.json:
+        print(json.dumps({str(name): text for name, text in found.items()}, indent=1))
+    else:
+        for name, text in found.items():
+            print(name, text)
+    return 0
+
+
+def _library(options: argparse.Namespace) -> Library:
+    includes = {package: Path(folder) for package, folder in options.includes}
+    return Library(includes=includes, prefixes=prefixes(os.environ))
+
+
+def _catalog(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:
+    """Read, parse and resolve the definitions that the command line names."""
+    package: str | None = options.package
+    if not package:
+        raise ForgeError(Problem("the definitions belong to no package", hint="add --package NAME"))
+    if not LOWER_NAME.fullmatch(package):
+        hint = "such a name has lower-case letters, digits and single underscores"
+        raise ForgeError(Problem(f"'{package}' is not the name of an interface package", hint=hint))
+    sources = tuple(read_source(package, Path(base), relative) for base, relative in options.files)
+    if folder:
+        sources += read_folder(package, Path(folder))
+    if not sources:
+        raise ForgeError(
+            Problem("there is nothing to compile", hint="name a folder with msg, srv or action in it")
+        )
+    return resolve(package, parse_all(sources), library)
+
+
+def _others(catalog: Catalog, library: Library, out: Path) -> tuple[Catalog, ...]:
+    """Return what is needed of packages that are not generated into the same folder themselves.
+
+    A second package's run must not take away what the first one needs: both share one folder.
+    """
+    records = read_records(out)
+    needs = [
+        name for package, record in records.items() if package != catalog.package for name in record.needs
+    ]
+    others = referred(catalog, library, needs)
+    return tuple(other for other in others if other.package not in records)
+
+
+def _hash_of(name: TypeName, library: Library) -> str:
+    """Return the hash of an interface or of a type derived from one; raises InterfaceError."""
+    base = TypeName(name.package, name.kind, name.name.partition("_")[0])
+    parsed = library.find(base)
+    if parsed:
+        catalog = Catalog(
+            base.package, {base: parsed.interface}, messages_below(parsed, library), (parsed.source,)
+        )
+        found = hashes(catalog).get(name)
+        if found:
+            return found
+    hint = did_you_mean(str(name), [str(each) for each in library.names()])
+    raise InterfaceError(Problem(f"there is no type '{name}'", hint=hint))
+
+
+def _files(files: list[File]) -> str:
+    return "1 file" if len(files) == 1 else f"{len(files)} files"

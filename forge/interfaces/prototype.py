@@ -1,0 +1,91 @@
+"""A message with its defaults as YAML, as `ros2 interface proto` prints it."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from typing import TYPE_CHECKING, assert_never
+
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.interfaces.model import Element, Field, Interface, TypeName
+
+Prototype = bool | int | float | str | list["Prototype"] | dict[str, "Prototype"]
+"""What YAML knows of a value."""
+
+
+def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
+    """Return the YAML of a default message, request or goal."""
+    import yaml  # noqa: PLC0415  (only this needs it)
+
+    match interface:
+        case Message():
+            message = interface
+        case Service():
+            message = interface.request
+        case Action():
+            message = interface.goal
+        case _:
+            assert_never(interface)
+    text: str = yaml.safe_dump(
+        prototype(message, known), allow_unicode=True, width=sys.maxsize, sort_keys=False
+    )
+    return text
+
+
+def prototype(message: Message, known: Mapping[TypeName, Message]) -> dict[str, Prototype]:
+    """Return a message's defaults, its fields in their order."""
+    return {member.name: _default(member, known) for member in message.fields}
+
+
+def _default(member: Field, known: Mapping[TypeName, Message]) -> Prototype:
+    if isinstance(member.type, Array | Sequence):
+        element = member.type.of
+        if isinstance(member.default, tuple):
+            return [_in_collection(_shown(value, element), element) for value in member.default]
+        size = member.type.size if isinstance(member.type, Array) else 0
+        return [_zero(element, known) for _ in range(size)]
+    if member.default is not None and not isinstance(member.default, tuple):
+        return _shown(member.default, member.type)
+    return _zero(member.type, known)
+
+
+def _zero(element: Element, known: Mapping[TypeName, Message]) -> Prototype:
+    match element:
+        case Named(name):
+            return prototype(known[name], known)
+        case Text():
+            return ""
+        case Primitive("boolean"):
+            return False
+        case Primitive("float" | "double"):
+            return 0.0
+        case Primitive("octet" | "char"):
+            return "\0"
+        case Primitive():
+            return 0
+
+
+def _shown(value: bool | float | str, element: Element) -> bool | int | float | str:  # noqa: FBT001
+    """Return a value as YAML shows it: an octet is the character of that code."""
+    return chr(int(value)) if element == Primitive("octet") else value
+
+
+def _in_collection(value: bool | float | str, element: Element) -> bool | int | float | str:  # noqa: FBT001
+    """Return a value as arrays keep it: those of float32 round."""
+    if element == Primitive("float"):
+        rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
+        return rounded
+    return value
