@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 def register(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `ros2 run`."""
     parser.add_argument("--prefix", metavar="COMMAND", help="put this command in front, such as 'gdb --args'")
-    parser.add_argument("package", metavar="PACKAGE", help="an installed package")
-    parser.add_argument("executable", metavar="EXECUTABLE", help="the name of one of its executables")
-    parser.add_argument(
-        "arguments",
-        metavar="...",
-        nargs=argparse.REMAINDER,
-        help="what the executable is given, options included",
-    )
+    # One positional, because argparse would take a '--' away from between two.
+    parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    parser.usage = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"
+    parser.epilog = "The executable is given all that follows its name, options included."
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the executable and return its exit code, or minus the signal that ended it."""
-    prefix = find_package(options.package, os.environ)
-    path = _choose(options.package, options.executable, prefix)
-    code = _wait_for((*_words(options.prefix), str(path), *options.arguments))
+    words: list[str] = options.words
+    if len(words) < 2:  # noqa: PLR2004  (a package and an executable)
+        hint = "'forge pkg executables' lists them"
+        raise ForgeError(Problem("name a package and one of its executables", hint=hint))
+    package, name, *arguments = words
+    path = _choose(package, name, find_package(package, os.environ))
+    code = _wait_for((*_words(options.prefix), str(path), *arguments))
     if code:
         print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
     return code

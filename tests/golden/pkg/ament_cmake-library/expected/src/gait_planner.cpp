@@ -1,0 +1,10 @@
+#include "walker/gait_planner.hpp"
+
+namespace walker
+{
+
+GaitPlanner::GaitPlanner() = default;
+
+GaitPlanner::~GaitPlanner() = default;
+
+}  // namespace walker

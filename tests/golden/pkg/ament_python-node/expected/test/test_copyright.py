@@ -1,0 +1,10 @@
+import pytest
+
+linter = pytest.importorskip('ament_copyright.main', reason='ament_copyright comes with ROS')
+
+
+@pytest.mark.skip(reason='the source files of this package do not name their licence yet')
+@pytest.mark.copyright
+@pytest.mark.linter
+def test_copyright():
+    assert linter.main(argv=['.', 'test']) == 0, 'files without copyright or licence, see above'

@@ -1,0 +1,10 @@
+#include "walker/gait.hpp"
+
+namespace walker
+{
+
+Gait::Gait() = default;
+
+Gait::~Gait() = default;
+
+}  // namespace walker

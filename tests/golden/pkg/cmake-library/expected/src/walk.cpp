@@ -1,0 +1,7 @@
+#include <iostream>
+
+int main()
+{
+  std::cout << "hello world walker package\n";
+  return 0;
+}
