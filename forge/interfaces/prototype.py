@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import sys
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING
 
 from forge.interfaces.model import (
     Action,
@@ -30,24 +30,24 @@ def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
     """Return the YAML of a default message, request or goal."""
     import yaml  # noqa: PLC0415  (only this needs it)
 
-    match interface:
-        case Message():
-            message = interface
-        case Service():
-            message = interface.request
-        case Action():
-            message = interface.goal
-        case _:
-            assert_never(interface)
-    text: str = yaml.safe_dump(
-        prototype(message, known), allow_unicode=True, width=sys.maxsize, sort_keys=False
-    )
+    default = prototype(_first_message(interface), known)
+    text: str = yaml.safe_dump(default, allow_unicode=True, width=sys.maxsize, sort_keys=False)
     return text
 
 
 def prototype(message: Message, known: Mapping[TypeName, Message]) -> dict[str, Prototype]:
     """Return a message's defaults, its fields in their order."""
     return {member.name: _default(member, known) for member in message.fields}
+
+
+def _first_message(interface: Interface) -> Message:
+    match interface:
+        case Message():
+            return interface
+        case Service():
+            return interface.request
+        case Action():
+            return interface.goal
 
 
 def _default(member: Field, known: Mapping[TypeName, Message]) -> Prototype:

@@ -31,16 +31,14 @@ def register(verbs: Verbs) -> None:
     _add_listing(verbs, "packages", _packages, "list the packages that have interfaces")
     summary = "print a definition, the messages inside it unfolded"
     show = verbs.add_parser("show", help=summary, description=summary)
-    show.add_argument(
-        "type", metavar="TYPE", type=_filled, help="such as std_msgs/msg/String; '-' reads a line"
-    )
+    show.add_argument("type", metavar="TYPE", type=_filled, help="its full name; '-' reads it")
     levels = show.add_mutually_exclusive_group()
     levels.add_argument("--all-comments", action="store_true", help="keep the comments of inner messages too")
     levels.add_argument("--no-comments", action="store_true", help="drop comments and blank lines")
     show.set_defaults(verb=_show)
     summary = "print a message, a service's request or an action's goal, with its defaults, as YAML"
     proto = verbs.add_parser("proto", help=summary, description=summary)
-    proto.add_argument("type", metavar="TYPE", type=_filled, help="such as std_msgs/msg/String")
+    proto.add_argument("type", metavar="TYPE", type=_filled, help="its full name")
     proto.add_argument("--no-quotes", action="store_true", help="print the YAML alone")
     proto.set_defaults(verb=_proto)
 
@@ -114,10 +112,9 @@ def _show(options: argparse.Namespace) -> int:
     if path.suffix == ".idl":
         print(path.read_text(encoding="utf-8"), end="")
         return 0
-    comments = (
-        Comments.ALL if options.all_comments else Comments.NONE if options.no_comments else Comments.TOP
-    )
-    for line in show(name, comments, lambda inner: _definition(inner, library).read_text(encoding="utf-8")):
+    inner = Comments.ALL if options.all_comments else Comments.TOP
+    comments = Comments.NONE if options.no_comments else inner
+    for line in show(name, comments, lambda each: _definition(each, library).read_text(encoding="utf-8")):
         print(line)
     return 0
 
@@ -132,9 +129,8 @@ def _proto(options: argparse.Namespace) -> int:
     path = _definition(name, library)
     parsed = library.find(name)
     if not parsed:
-        raise InterfaceError(
-            Problem(f"forge cannot read '{path}' yet", hint="it reads .msg, .srv and .action")
-        )
+        hint = "it reads .msg, .srv and .action"
+        raise InterfaceError(Problem(f"forge cannot read '{path}' yet", hint=hint))
     text = to_yaml(parsed.interface, messages_below(parsed, library))
     print(text if options.no_quotes else f'"{text}"')
     return 0

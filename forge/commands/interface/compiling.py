@@ -38,9 +38,7 @@ def register(verbs: Verbs) -> None:
     generate = verbs.add_parser(
         "generate", help=summary, description=summary, epilog=more, fromfile_prefix_chars="@"
     )
-    generate.add_argument(
-        "source", metavar="SOURCE_DIR", nargs="?", help="a folder with msg, srv or action in it"
-    )
+    generate.add_argument("source", metavar="SOURCE_DIR", nargs="?", help="a folder with msg, srv or action")
     _add_inputs(generate)
     _add_outputs(generate)
     generate.set_defaults(verb=_generate)
@@ -112,7 +110,8 @@ def _generate(options: argparse.Namespace) -> int:
     files = [file for language in languages for each in (catalog, *others) for file in render(each, language)]
     if not options.no_runtime:
         files += [file for language in languages for file in read_runtime(language)]
-    needs = [name for other in others for name in other.interfaces]
+    own = () if options.no_runtime else referred(catalog, library)
+    needs = [name for each in own for name in each.interfaces]
     written = write(files, options.output, catalog.package, needs)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources]
@@ -156,9 +155,8 @@ def _catalog(options: argparse.Namespace, folder: str | None, library: Library) 
     if folder:
         sources += read_folder(package, Path(folder))
     if not sources:
-        raise ForgeError(
-            Problem("there is nothing to compile", hint="name a folder with msg, srv or action in it")
-        )
+        hint = "name a folder with msg, srv or action in it"
+        raise ForgeError(Problem("there is nothing to compile", hint=hint))
     return resolve(package, parse_all(sources), library)
 
 
@@ -168,10 +166,8 @@ def _others(catalog: Catalog, library: Library, out: Path) -> tuple[Catalog, ...
     A second package's run must not take away what the first one needs: both share one folder.
     """
     records = read_records(out)
-    needs = [
-        name for package, record in records.items() if package != catalog.package for name in record.needs
-    ]
-    others = referred(catalog, library, needs)
+    records.pop(catalog.package, None)
+    others = referred(catalog, library, [name for record in records.values() for name in record.needs])
     return tuple(other for other in others if other.package not in records)
 
 
