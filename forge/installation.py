@@ -12,6 +12,7 @@ from forge.ament_index import INDEX
 from forge.environment import Installed
 from forge.errors import Place, Problem, WorkspaceError
 from forge.files import replace_file, write_if_changed
+from forge.hooks import package_hooks
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
 from forge.sourcing import build_environment, package_edits, packages_in_order
 
@@ -57,15 +58,14 @@ def install_package(
 ) -> None:
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
-    `installed` holds what this package alone installed, below the prefix; without it the prefix is
-    looked at, which in a merged tree gives a package the hooks of others too.
+    `installed` holds what this package alone installed, below the prefix; without it forge looks.
     """
     prefix = layout.prefix(package.name)
-    present = _present(prefix) if installed is None else {path.as_posix() for path in installed}
+    files = _own_files(package.name, layout) if installed is None else map(str, installed)
     if package.build_type == "ament_python":
         _write_implicit(package, prefix, symlink=layout.symlink)
     share = prefix / "share" / package.name
-    hooks = dict(_hooks(package, present, python))
+    hooks = package_hooks(package.name, package.build_type, frozenset(files), python.site_packages)
     _remove_others(share / "hook", {f"{name}.dsv" for name in hooks})
     for name, line in hooks.items():
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
@@ -103,7 +103,8 @@ def finish_workspace(layout: Layout, underlays: tuple[Path, ...], python: Path) 
     packages = packages_in_order(root)
     for shell in scripts.SHELLS:
         write_if_changed(root / f"local_setup.{shell}", scripts.local_setup(shell, root, packages))
-        write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, chain))
+        below = [_entry_script(underlay, shell) for underlay in chain]
+        write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, below))
     return chain
 
 
@@ -159,13 +160,23 @@ def _make_ignored(folder: Path) -> None:
         marker.touch()
 
 
-def _present(prefix: Path) -> set[str]:
-    """Return all files below a prefix, relative to it."""
-    found: set[str] = set()
-    for folder, _, files in os.walk(prefix):
-        below = os.path.relpath(folder, prefix)
-        found.update(name if below == "." else f"{below}/{name}" for name in files)
-    return found
+def _own_files(name: str, layout: Layout) -> Iterator[str]:
+    """Yield the files of a package relative to its prefix, once or more.
+
+    A prefix of its own holds nothing else; in a shared one only the lists of CMake, of forge's wheels
+    and of ament's links know.
+    """
+    prefix = layout.prefix(name)
+    if not layout.merged:
+        for folder, _, files in os.walk(prefix):
+            below = os.path.relpath(folder, prefix)
+            yield from (file if below == "." else f"{below}/{file}" for file in files)
+        return
+    for listed in ("install_manifest.txt", "symlink_install_manifest.txt"):
+        path = layout.build_dir(name) / listed
+        if path.is_file():
+            lines = path.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+            yield from (line.removeprefix(f"{prefix}/") for line in lines if line.startswith(f"{prefix}/"))
 
 
 def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
@@ -184,69 +195,18 @@ def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
         replace_file(manifest, package.manifest.path.read_bytes())
 
 
-def _hooks(package: Package, present: set[str], python: Interpreter) -> Iterator[tuple[str, str]]:
-    """Yield the hooks that a package's files call for, by name and in colcon's order."""
-    prepend = "prepend-non-duplicate"
-    folders = {str(Path(path).parent) for path in present}
-    finders = sorted(
-        {str(Path(path).parent) for path in present if _is_finder(path)} & _module_folders(package.name)
-    )
-    for index, folder in enumerate(finders):
-        yield f"cmake_module_path{index or ''}", f"{prepend};CMAKE_MODULE_PATH;{folder}"
-    if any(path.endswith(("Config.cmake", "-config.cmake")) for path in present):
-        yield "cmake_prefix_path", f"{prepend};CMAKE_PREFIX_PATH;"
-    libraries = {str(Path(path).parent) for path in present if path.endswith(".so")}
-    for folder in sorted(f for f in libraries if f.startswith("lib") and "/" not in f):
-        yield f"ld_library_path_{folder}", f"{prepend};LD_LIBRARY_PATH;{folder}"
-    if "bin" in folders:
-        yield "path", f"{prepend};PATH;bin"
-    configured = sorted({str(Path(path).parent) for path in present if _is_pkg_config(path)})
-    for index, folder in enumerate(configured):
-        yield f"pkg_config_path{index or ''}", f"{prepend};PKG_CONFIG_PATH;{folder}"
-    for name, folder in _site_packages(present, python).items():
-        yield name, f"{prepend};PYTHONPATH;{folder}"
-    if package.build_type == "ament_python":
-        yield "ament_prefix_path", f"{prepend};AMENT_PREFIX_PATH;"
-
-
-def _is_finder(path: str) -> bool:
-    """Tell if a file is a CMake find module."""
-    name = path.rpartition("/")[2]
-    return name.startswith("Find") and name.endswith(".cmake")
-
-
-def _is_pkg_config(path: str) -> bool:
-    """Tell if a file is a description for pkg-config, where pkg-config looks."""
-    return path.endswith(".pc") and "/pkgconfig/" in path and path.startswith(("lib", "share/pkgconfig/"))
-
-
-def _module_folders(name: str) -> set[str]:
-    """Return where a package may put CMake find modules."""
-    bases = ("lib64", "lib32", "libx32", "lib", "share")
-    return {
-        f"{base}/{below}"
-        for base in bases
-        for below in (f"cmake/{name}", name, f"{name}/cmake", f"{name}/CMake")
-    }
-
-
-def _site_packages(present: set[str], python: Interpreter) -> dict[str, str]:
-    """Return the folders with Python code by the name of their hook; distinct, unlike colcon's."""
-    pure = python.site_packages
-    candidates = {"pythonpath": pure, "pythonpath_platlib": pure.replace("lib/", "lib64/", 1)}
-    return {
-        name: folder
-        for name, folder in candidates.items()
-        if any(path.startswith(f"{folder}/") for path in present)
-    }
-
-
 def _remove_others(folder: Path, names: set[str]) -> None:
     """Remove the hooks of earlier builds that this one does not call for."""
     if folder.is_dir():
         for entry in folder.iterdir():
             if entry.name not in names and entry.suffix in {".dsv", ".sh", ".ps1", ".bash", ".zsh"}:
                 entry.unlink()
+
+
+def _entry_script(underlay: Path, shell: str) -> Path:
+    """Return the script that brings in an underlay: the shell's own, or the one for any, if that is all."""
+    own, plain = underlay / f"local_setup.{shell}", underlay / "local_setup.sh"
+    return plain if plain.exists() and not own.exists() else own
 
 
 def _joined_chain(recorded: tuple[Path, ...], sourced: tuple[Path, ...]) -> tuple[Path, ...]:

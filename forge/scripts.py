@@ -29,9 +29,9 @@ _AMENT = ("ament_append_value", "ament_append_unique_value", "ament_prepend_uniq
 
 
 def setup(shell: str, root: Path, underlays: Sequence[Path]) -> str:
-    """Return the script that sources the underlays, lowest first, and then its own local_setup."""
+    """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
     variable = "_forge_setup_root"
-    statements = [_underlay(shell, str(underlay)) for underlay in underlays]
+    statements = [_underlay(script) for script in underlays]
     own = _sourced(f"${variable}", f"local_setup.{shell}", "this workspace is left out")
     own |= {"comment": "This workspace."}
     return render(
@@ -208,10 +208,10 @@ def _script(shell: str, name: str, script: Script, prefix: str) -> Statement | N
     return statement | {"comment": f"A hook of '{name}'.", "prefix_variables": variables}
 
 
-def _underlay(shell: str, root: str) -> Statement:
-    """Return the statement that sources an underlay."""
-    statement = _sourced(quoted(root), f"local_setup.{shell}", "its workspace is left out")
-    return statement | {"comment": f"The workspace {root}."}
+def _underlay(script: Path) -> Statement:
+    """Return the statement that sources the script of an underlay."""
+    statement = _sourced(quoted(str(script.parent)), script.name, "its workspace is left out")
+    return statement | {"comment": f"The workspace {script.parent}."}
 
 
 def _sourced(prefix: str, path: str, consequence: str) -> Statement:

@@ -1,0 +1,80 @@
+"""From the files of a package to the hooks that make them usable: what goes on which path, pure."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+
+def package_hooks(name: str, build_type: str, files: Iterable[str], site_packages: str) -> dict[str, str]:
+    """Return the dsv line of each hook, by name and in colcon's order (workspace spec 8.2).
+
+    `files` are relative to the prefix; `site_packages` is the interpreter's folder there.
+    """
+    folders: dict[str, list[str]] = {}
+    for file in sorted(files):
+        folder, _, base = file.rpartition("/")
+        folders.setdefault(folder, []).append(base)
+    hooks = {
+        **_numbered("cmake_module_path", "CMAKE_MODULE_PATH", _find_modules(name, folders)),
+        **_numbered("cmake_prefix_path", "CMAKE_PREFIX_PATH", [""] if _has_config(folders) else []),
+        **{f"ld_library_path_{folder}": _line("LD_LIBRARY_PATH", folder) for folder in _libraries(folders)},
+        **_numbered("path", "PATH", ["bin"] if "bin" in folders else []),
+        **_numbered("pkg_config_path", "PKG_CONFIG_PATH", _pkg_configs(folders)),
+        **_numbered("pythonpath", "PYTHONPATH", _python_folders(folders, site_packages)),
+    }
+    if build_type == "ament_python":
+        hooks["ament_prefix_path"] = _line("AMENT_PREFIX_PATH", "")
+    return hooks
+
+
+def _line(variable: str, value: str) -> str:
+    return f"prepend-non-duplicate;{variable};{value}"
+
+
+def _numbered(hook: str, variable: str, values: Iterable[str]) -> dict[str, str]:
+    """Return a hook for each value; those after the first have a number, so that none overwrites another."""
+    return {f"{hook}{number or ''}": _line(variable, value) for number, value in enumerate(values)}
+
+
+def _find_modules(name: str, folders: dict[str, list[str]]) -> Iterator[str]:
+    """Yield the folders with modules for find_package, where packages keep them."""
+    bases = ("lib64", "lib32", "libx32", "lib", "share")
+    for base in bases:
+        for below in (f"cmake/{name}", name, f"{name}/cmake", f"{name}/CMake"):
+            names = folders.get(f"{base}/{below}", ())
+            if any(PurePosixPath(file).match("Find*.cmake") for file in names):
+                yield f"{base}/{below}"
+
+
+def _has_config(folders: dict[str, list[str]]) -> bool:
+    """Tell if there is a file that find_package could find below the prefix."""
+    return any(
+        file.endswith(("Config.cmake", "-config.cmake")) for names in folders.values() for file in names
+    )
+
+
+def _libraries(folders: dict[str, list[str]]) -> Iterator[str]:
+    """Yield the folders with shared libraries, where loaders look for them."""
+    for folder, names in folders.items():
+        if folder.startswith("lib") and "/" not in folder and any(name.endswith(".so") for name in names):
+            yield folder
+
+
+def _pkg_configs(folders: dict[str, list[str]]) -> Iterator[str]:
+    """Yield the folders with descriptions for pkg-config: of lib, of lib/MULTIARCH, of share."""
+    for folder, names in folders.items():
+        path = PurePosixPath(folder)
+        known = path.name == "pkgconfig" and path.parts[0].startswith(("lib", "share"))
+        if known and any(name.endswith(".pc") for name in names):
+            yield folder
+
+
+def _python_folders(folders: dict[str, list[str]], site_packages: str) -> Iterator[str]:
+    """Yield the folders that Python imports from: pure code, and compiled code where it lies apart."""
+    for place in (site_packages, site_packages.replace("lib/", "lib64/", 1)):
+        if any(folder == place or folder.startswith(f"{place}/") for folder in folders):
+            yield place
