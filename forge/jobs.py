@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING
 from forge import installation
 from forge.model import RUN_KINDS
 from forge.runner import ProcessRunner
+from forge.sourcing import build_environment
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from forge.interpreter import Interpreter
     from forge.layout import Layout
-    from forge.model import Package, Task
+    from forge.model import Task
+    from forge.provision import Provision
 
 
 def job_runner(
-    packages: Mapping[str, Package],
+    provision: Provision,
     layout: Layout,
     interpreter: Interpreter,
     variables: Mapping[str, str],
@@ -28,7 +30,7 @@ def job_runner(
 
     def environment(task: Task) -> Mapping[str, str]:
         below = [(need, layout.prefix(need)) for need in task.needs]
-        found = installation.build_environment(below, variables)
+        found = build_environment(below, variables)
         found["FORGE_COMMAND"] = f"{sys.executable};-m;forge"
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, variables)
         return {name: value for name, value in found.items() if value or name in variables}
@@ -37,8 +39,10 @@ def job_runner(
         installation.uninstall_markers(task.name, layout)
 
     def install(task: Task) -> None:
-        needs = tuple(sorted(set(packages[task.name].manifest.names(RUN_KINDS))))
-        installation.install_package(task.package, layout, needs, interpreter)
+        needs = set(task.package.manifest.names(RUN_KINDS))
+        # A name that an embedded package answers to is recorded with the package it stands for.
+        needs |= {need for need in provision.needs[task.name] if provision.packages[need].embedded}
+        installation.install_package(task.package, layout, tuple(sorted(needs)), interpreter)
 
     return ProcessRunner(environment, begin, install)
 

@@ -95,16 +95,19 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
     """Return what stops a build of `names`, and what merely deserves a warning.
 
     A package that CMake builds cannot do without its build dependencies; a Python package is installed
-    without them, and so is a package that needs them only to run or to test.
+    without them, and so is a package that needs them only to run. What only tests need is left alone.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
     for name in names:
         package = provision.packages[name]
-        required = set(package.manifest.names(BUILD_KINDS)) if package.build_type != "ament_python" else set()
+        python = package.build_type == "ament_python"
+        required = set() if python else set(package.manifest.names(BUILD_KINDS))
+        used = set(package.manifest.names(BUILD_KINDS | RUN_KINDS))
         for dependency in provision.missing.get(name, ()):
-            found = errors if dependency in required else warnings
-            found.setdefault(dependency, []).append(name)
+            if dependency in used:
+                found = errors if dependency in required else warnings
+                found.setdefault(dependency, []).append(name)
     return (
         [_missing(dependency, users, provision) for dependency, users in sorted(errors.items())],
         [_missing(dependency, users, provision) for dependency, users in sorted(warnings.items())],

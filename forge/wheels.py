@@ -9,21 +9,29 @@ What an earlier build installed and this one does not is removed.
 from __future__ import annotations
 
 import argparse
+import csv
 import filecmp
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import installer
+import pyproject_hooks
+from installer.destinations import SchemeDictionaryDestination
+from installer.sources import WheelFile
 
 from forge.errors import EnvironmentFault, ForgeError, Problem
 from forge.files import replace_file
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 MANIFEST = "install_manifest.txt"
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
+_OURS = "setuptools.build_meta"
 _LITTER = frozenset({"__pycache__", "build", "dist"})
 
 
@@ -35,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         installed = _unpack(wheel, options)
     except ForgeError as error:
         for problem in error.problems:
-            print(problem.render(), file=sys.stderr)  # noqa: T201  (a program of its own)
+            print(problem.render(), file=sys.stderr)
         return 2
     if options.link:
         _link_to_sources(options.source, installed)
@@ -59,8 +67,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def _build_wheel(source: Path, build: Path, python: str) -> Path:
     """Return the wheel that the package's backend makes; nothing is written into the source folder."""
-    import pyproject_hooks  # noqa: PLC0415
-
     system = _build_system(source)
     backend, *_ = system["build-backend"].split(":")
     out = build / "wheel"
@@ -73,8 +79,9 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
     os.environ["DIST_EXTRA_CONFIG"] = str(settings)
     caller = pyproject_hooks.BuildBackendHookCaller(
         str(source),
-        str(system["build-backend"]),
+        system["build-backend"],
         backend_path=system.get("backend-path"),
+        runner=_run_backend,
         python_executable=python,
     )
     try:
@@ -82,11 +89,34 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
     except pyproject_hooks.BackendUnavailable:
         hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
         raise EnvironmentFault(Problem(f"the interpreter '{python}' has no '{backend}'", hint=hint)) from None
-    except Exception as error:
-        if type(error).__name__ == "CalledProcessError":
-            problem = Problem(f"the package's build backend '{backend}' failed; its own message stands above")
-            raise EnvironmentFault(problem) from None
-        raise
+    except subprocess.CalledProcessError:
+        hint = (
+            f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools" if backend == _OURS else None
+        )
+        message = f"the package's build backend '{backend}' failed; its own message stands above"
+        raise EnvironmentFault(Problem(message, hint=hint)) from None
+
+
+def _run_backend(
+    argv: Sequence[str], cwd: str | None = None, extra_environ: Mapping[str, str] | None = None
+) -> None:
+    """Run the backend; what it says goes to stdout, since backends chatter on stderr when all is well.
+
+    Raises CalledProcessError after its words went to stderr.
+    """
+    done = subprocess.run(
+        argv,
+        cwd=cwd,
+        env={**os.environ, **(extra_environ or {})},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
+    done.check_returncode()
 
 
 def _build_system(source: Path) -> dict[str, Any]:
@@ -104,10 +134,6 @@ def _build_system(source: Path) -> dict[str, Any]:
 
 def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
     """Install the wheel's files into the prefix and return their paths."""
-    import installer  # noqa: PLC0415
-    from installer.destinations import SchemeDictionaryDestination  # noqa: PLC0415
-    from installer.sources import WheelFile  # noqa: PLC0415
-
     site = options.prefix / options.site_packages
     schemes = {
         "purelib": str(site),
@@ -136,8 +162,6 @@ def _remove_links(manifest: Path) -> None:
 
 def _path_of(line: str) -> str:
     """Return the path in a line of RECORD, which is CSV (PEP 376)."""
-    import csv  # noqa: PLC0415
-
     return next(csv.reader([line]))[0]
 
 

@@ -143,7 +143,7 @@ def _kitchen(
 def _runner(loaded: Loaded, layout: Layout, interpreter: Interpreter) -> Runner:
     """Return what runs the steps, in an environment that knows the ROS variables manifests ask for."""
     variables = {**ROS_DEFAULTS, "COLCON": "1", **os.environ}
-    return job_runner(loaded.packages, layout, interpreter, variables)
+    return job_runner(loaded.provision, layout, interpreter, variables)
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:

@@ -37,7 +37,7 @@ def test_there_is_no_order_exactly_when_there_is_a_cycle(graph: dict[str, frozen
 
 @given(graphs())
 def test_closures_agree_with_networkx(graph: dict[str, frozenset[str]]) -> None:
-    picture = nx.DiGraph()
+    picture: nx.DiGraph[str] = nx.DiGraph()
     picture.add_nodes_from(graph)
     picture.add_edges_from((name, need) for name, needs in graph.items() for need in needs)
     found = closures(graph, order(graph) or ())

@@ -85,11 +85,12 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
         package("b", "rclcpp", "boost"),
         package("p", "rclpy", build_type="ament_python"),
         package("t", "launch_testing", tag="test_depend"),
+        package("x", "launch_ros", tag="exec_depend"),
     )
     errors, warnings = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
     assert len(errors) == 1
     assert errors[0].message.startswith("'a', 'b' need 'rclcpp', which is neither in the workspace nor")
     assert [warning.message.split(",")[0] for warning in warnings] == [
-        "'t' needs 'launch_testing'",
+        "'x' needs 'launch_ros'",
         "'p' needs 'rclpy'",
     ]
