@@ -1,0 +1,184 @@
+"""Messages as dictionaries, YAML and comma-separated values."""
+
+# ruff: noqa: ANN401  (a message is any class that a generator made, and its fields hold anything)
+
+from __future__ import annotations
+
+import sys
+from array import array
+from collections import OrderedDict
+from dataclasses import dataclass
+from itertools import dropwhile
+from typing import TYPE_CHECKING, Any
+
+from rosidl_parser.definition import (
+    AbstractString,
+    AbstractWString,
+    Array,
+    BasicType,
+    BoundedSequence,
+    NamespacedType,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import ModuleType
+
+
+def message_to_ordereddict(
+    msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
+) -> OrderedDict[str, Any]:
+    """Return the fields of a message and of all messages in it, with arrays as lists and bytes as text.
+
+    `truncate_length` cuts strings and lists and marks the cut with '...'; `no_arr` and `no_str` show
+    the type and the length of collections and strings instead.
+    """
+    return _Abridgement(truncate_length, no_arr, no_str).dictionary(msg)
+
+
+def message_to_yaml(
+    msg: Any,
+    *,
+    truncate_length: int | None = None,
+    no_arr: bool = False,
+    no_str: bool = False,
+    flow_style: bool = False,
+) -> str:
+    """Return a message as YAML, its fields in order, one to a line; `flow_style` puts each list on one line.
+
+    The other options are those of `message_to_ordereddict`. Raises ImportError without PyYAML.
+    """
+    fields = message_to_ordereddict(msg, truncate_length=truncate_length, no_arr=no_arr, no_str=no_str)
+    yaml = _yaml()
+
+    class Dumper(yaml.Dumper):  # type: ignore[misc, name-defined]
+        """YAML's own, with dictionaries in their order."""
+
+    Dumper.add_representer(
+        OrderedDict,
+        lambda dumper, data: yaml.nodes.MappingNode(
+            "tag:yaml.org,2002:map",
+            [(dumper.represent_data(key), dumper.represent_data(value)) for key, value in data.items()],
+        ),
+    )
+    text: str = yaml.dump(
+        fields, Dumper=Dumper, allow_unicode=True, width=sys.maxsize, default_flow_style=flow_style
+    )
+    return text
+
+
+def message_to_csv(
+    msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
+) -> str:
+    """Return the values of a message and of all messages in it, separated by commas, without quotes.
+
+    The options are those of `message_to_ordereddict`.
+    """
+    return _joined(_Abridgement(truncate_length, no_arr, no_str).values(msg))
+
+
+def get_message_slot_types(msg: Any) -> OrderedDict[str, Any]:
+    """Return the entry of SLOT_TYPES for each field, in order."""
+    return OrderedDict(zip(msg.get_fields_and_field_types(), msg.SLOT_TYPES, strict=True))
+
+
+@dataclass(frozen=True)
+class _Abridgement:
+    """What to leave out of long messages."""
+
+    length: int | None
+    without_arrays: bool
+    without_strings: bool
+
+    def dictionary(self, msg: Any) -> OrderedDict[str, Any]:
+        """Return a message's fields."""
+        types = get_message_slot_types(msg)
+        return OrderedDict((name, self._plain(getattr(msg, name), type_)) for name, type_ in types.items())
+
+    def values(self, msg: Any) -> Iterator[str]:
+        """Yield the text of each of a message's fields."""
+        for name, type_ in get_message_slot_types(msg).items():
+            yield self._text(getattr(msg, name), type_)
+
+    def _plain(self, value: Any, type_: Any = None) -> Any:
+        """Return a value in the terms of dictionaries, lists, numbers and text."""
+        if hasattr(value, "dtype"):  # numpy's arrays and numbers
+            value = value.tolist()
+        if isinstance(value, bytes | bytearray):
+            return self._cut(value.decode("latin-1"))
+        if isinstance(value, str):
+            return self._string(value)
+        if isinstance(value, bool | int | float):
+            return value
+        if isinstance(value, list | tuple | array):
+            if self.without_arrays and type_ is not None:
+                return _outline(value, type_)
+            kept = [self._plain(item) for item in value[: self.length]]
+            listed = kept + ["..."] * (len(kept) < len(value))
+            return tuple(listed) if isinstance(value, tuple) else listed
+        return self.dictionary(value)
+
+    def _text(self, value: Any, type_: Any = None) -> str:
+        """Return a value as comma-separated text."""
+        if hasattr(value, "dtype"):
+            value = value.tolist()
+        if isinstance(value, bytes):
+            return str(value if self._fits(value) else value[: self.length] + b"...")
+        if isinstance(value, str):
+            return self._string(value)
+        if isinstance(value, bool | int | float):
+            return str(value)
+        if isinstance(value, list | tuple | array):
+            if self.without_arrays and type_ is not None:
+                return _outline(value, type_)
+            kept = [self._text(item) for item in value[: self.length]]
+            return _joined(kept + ["..."] * (len(kept) < len(value)))
+        return _joined(self.values(value))
+
+    def _string(self, value: str) -> str:
+        return f"<string length: <{len(value)}>>" if self.without_strings else self._cut(value)
+
+    def _cut(self, value: str) -> str:
+        return value if self._fits(value) else f"{value[: self.length]}..."
+
+    def _fits(self, value: str | bytes) -> bool:
+        return self.length is None or len(value) <= self.length
+
+
+def _joined(parts: Any) -> str:
+    """Join with commas; as in rosidl, parts that are empty count only once something has been said."""
+    return ",".join(dropwhile(lambda part: not part, parts))
+
+
+def _outline(value: Any, type_: Any) -> str:
+    """Return what stands for a collection that is left out."""
+    name = _type_name(type_.value_type)
+    if isinstance(type_, Array):
+        return f"<array type: {name}[{type_.size}]>"
+    if isinstance(type_, BoundedSequence):
+        return f"<sequence type: {name}[{type_.maximum_size}], length: {len(value)}>"
+    return f"<sequence type: {name}, length: {len(value)}>"
+
+
+def _type_name(type_: Any) -> str:
+    match type_:
+        case BasicType():
+            return str(type_.typename)
+        case AbstractString():
+            return "string"
+        case AbstractWString():
+            return "wstring"
+        case NamespacedType():
+            return "/".join(type_.namespaced_name())
+        case _:
+            return str(type_.name)
+
+
+def _yaml() -> ModuleType:
+    """Return PyYAML; raises ImportError with the remedy when this interpreter has none."""
+    try:
+        import yaml  # noqa: PLC0415  (not everybody who converts messages wants YAML)
+    except ImportError as error:
+        message = f"messages as YAML need PyYAML: '{sys.executable} -m pip install PyYAML'"
+        raise ImportError(message, name="yaml") from error
+    return yaml

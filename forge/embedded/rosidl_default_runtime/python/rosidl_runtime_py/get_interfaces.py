@@ -1,0 +1,92 @@
+"""Which interfaces are installed, and where their definitions are; the ament index knows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_INDEX = "rosidl_interfaces"
+_FULL_NAME = 3
+
+
+def get_interface_packages() -> dict[str, str]:
+    """Return the prefix of each installed package that has interfaces."""
+    from ament_index_python import get_resources  # noqa: PLC0415  (conversions work without an index)
+
+    return get_resources(_INDEX)
+
+
+def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
+    """Return the interfaces, such as 'msg/String', of the packages, or of all when none is named.
+
+    Halves of services are left out. Raises LookupError for a package that is not installed.
+    """
+    from ament_index_python import get_resource, has_resource  # noqa: PLC0415
+
+    found = {}
+    for package in tuple(package_names) or sorted(get_interface_packages()):
+        if not has_resource("packages", package):
+            raise LookupError(f"Unknown package '{package}'")
+        entries = get_resource(_INDEX, package)[0].splitlines() if has_resource(_INDEX, package) else []
+        found[package] = sorted({entry.rpartition(".")[0] for entry in entries if "_" not in entry})
+    return found
+
+
+def get_message_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
+    """Return what `get_interfaces` does, messages only."""
+    return _of_kind("msg", package_names)
+
+
+def get_service_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
+    """Return what `get_interfaces` does, services only."""
+    return _of_kind("srv", package_names)
+
+
+def get_action_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
+    """Return what `get_interfaces` does, actions only."""
+    return _of_kind("action", package_names)
+
+
+def get_interface_path(interface_name: str) -> str:
+    """Return the path of an interface's definition; without a suffix, the .msg, .srv or .action first.
+
+    Raises ValueError when the name is not 'package/kind/Name', LookupError when it is not installed.
+    """
+    from ament_index_python import has_resource  # noqa: PLC0415
+
+    parts = _parts(interface_name)
+    prefix = has_resource("packages", parts[0])
+    if not prefix:
+        raise LookupError(f"Unknown package '{parts[0]}'")
+    path = Path(prefix, "share", *parts)
+    candidates = [path] if path.suffix else [path.with_suffix(f".{parts[1]}"), path.with_suffix(".idl")]
+    for candidate in candidates:
+        if candidate.is_file():
+            return str(candidate)
+    raise LookupError(f"Could not find the interface '{candidates[-1]}'")
+
+
+def _of_kind(kind: str, package_names: Iterable[str]) -> dict[str, list[str]]:
+    filtered = {
+        package: [name for name in names if name.startswith(f"{kind}/")]
+        for package, names in get_interfaces(package_names).items()
+    }
+    return {package: names for package, names in filtered.items() if names}
+
+
+def _parts(interface_name: str) -> list[str]:
+    """Return package, kind and name; raises ValueError for anything else, and for a way out of the prefix."""
+    parts = interface_name.split("/")
+    fault = None
+    if len(parts) != _FULL_NAME:
+        fault = "Expected three parts separated by '/'"
+    elif not all(parts):
+        fault = "Must not contain empty parts"
+    elif ".." in parts:
+        fault = "Must not contain '..'"
+    if fault:
+        raise ValueError(f"Invalid name '{interface_name}'. {fault}")
+    return parts

@@ -1,0 +1,31 @@
+"""Message classes by the names that SLOT_TYPES gives them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from rosidl_parser.definition import NamespacedType
+
+_PARTS: Final = {
+    "SendGoal": "Impl.SendGoalService",
+    "GetResult": "Impl.GetResultService",
+    "FeedbackMessage": "Impl.FeedbackMessage",
+}
+
+
+def import_message_from_namespaced_type(message_type: NamespacedType) -> Any:  # noqa: ANN401
+    """Return the class of a message, the parts of services and actions included.
+
+    Raises ModuleNotFoundError when the package is not there, AttributeError when it has no such message.
+    """
+    namespace: Any = import_module(".".join(message_type.namespaces))
+    if hasattr(namespace, message_type.name):
+        return getattr(namespace, message_type.name)
+    main, *parts = message_type.name.split("_")
+    found = getattr(namespace, main)
+    for part in parts:
+        for name in _PARTS.get(part, part).split("."):
+            found = getattr(found, name)
+    return found

@@ -1,0 +1,68 @@
+"""Interface classes by their names, such as 'std_msgs/msg/String'."""
+
+# ruff: noqa: ANN401  (an interface is any class that a generator made)
+
+from __future__ import annotations
+
+from typing import Any
+
+from rosidl_parser.definition import NamespacedType
+
+from rosidl_runtime_py.import_message import import_message_from_namespaced_type
+
+_FULL_NAME = 3
+
+
+def get_interface(identifier: str) -> Any:
+    """Return the class named by package, kind and name.
+
+    Raises ValueError for anything but three parts, ModuleNotFoundError and AttributeError when it is
+    not there.
+    """
+    parts = identifier.split("/")
+    if len(parts) != _FULL_NAME or not all(parts):
+        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
+    return import_message_from_namespaced_type(NamespacedType(parts[:-1], parts[-1]))
+
+
+def get_message(identifier: str) -> Any:
+    """Return the class of a message by its full name, or by package and name; raises as `get_interface`."""
+    return _of_kind(identifier, "msg", is_message, "message")
+
+
+def get_service(identifier: str) -> Any:
+    """Return the class of a service by its full name, or by package and name; raises as `get_interface`."""
+    return _of_kind(identifier, "srv", is_service, "service")
+
+
+def get_action(identifier: str) -> Any:
+    """Return the class of an action by its full name, or by package and name; raises as `get_interface`."""
+    return _of_kind(identifier, "action", is_action, "action")
+
+
+def is_message(interface: Any) -> bool:
+    """Tell if the class is a message, the parts of services and actions included."""
+    return hasattr(interface, "get_fields_and_field_types")
+
+
+def is_service(interface: Any) -> bool:
+    """Tell if the class is a service."""
+    return hasattr(interface, "Request") and hasattr(interface, "Response")
+
+
+def is_action(interface: Any) -> bool:
+    """Tell if the class is an action."""
+    return all(hasattr(interface, part) for part in ("Goal", "Result", "Feedback"))
+
+
+def _of_kind(identifier: str, namespace: str, belongs: Any, word: str) -> Any:
+    package, _, name = identifier.partition("/")
+    full = identifier if "/" in name else f"{package}/{namespace}/{name}"
+    try:
+        interface = get_interface(full)
+    except ValueError:
+        interface = None
+    if interface is None or not belongs(interface):
+        article = "an" if word == "action" else "a"
+        raise ValueError(f"Expected the full name of {article} {word}, got '{identifier}'")
+    return interface
