@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-def installed_packages(variables: Mapping[str, str]) -> dict[str, Path]:
+def sourced_packages(variables: Mapping[str, str]) -> dict[str, Path]:
     """Return every installed package with its prefix, by name; the first prefix wins.
 
     Raises EnvironmentFault when no prefix was sourced.

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     Variables = Mapping[str, str | None]
     """Values by name; None takes a variable away."""
 
+collect_ignore = ["golden"]
+"""Goldens hold tests as well: those of the packages that `forge pkg create` makes."""
+
 GOLDEN = Path(__file__).parent / "golden"
 
 REMEDIES = {

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from forge.creation import BUILD_TYPES, LICENSES, VERSION, Blueprint, Item, draw, placeholder_email
 from forge.errors import EnvironmentFault, ForgeError, Problem
 from forge.files import write_if_changed
-from forge.installed import executables, find_package, installed_packages
+from forge.installed import executables, find_package, sourced_packages
 from forge.model import Person
 from forge.names import did_you_mean, is_email
 from forge.xml_tree import parse_xml
@@ -189,13 +189,13 @@ def _warn(message: str, hint: str | None = None) -> None:
 
 
 def _list(_options: argparse.Namespace) -> None:
-    for name in installed_packages(os.environ):
+    for name in sourced_packages(os.environ):
         print(name)
 
 
 def _executables(options: argparse.Namespace) -> None:
     if options.package is None:
-        packages = installed_packages(os.environ)
+        packages = sourced_packages(os.environ)
     else:
         packages = {options.package: find_package(options.package, os.environ)}
     for name, prefix in packages.items():
