@@ -93,6 +93,14 @@ def test_forge_leaves_ctrl_c_to_the_program_and_hands_on_the_rest(tree: Tree) ->
         assert started.wait(10) == 5
 
 
+def test_signals_to_forge_itself_reach_the_program_except_ctrl_c(forge: Forge, tree: Tree) -> None:
+    script = (
+        "#!/bin/sh\ntrap 'exit 5' TERM\nkill -INT $PPID\nsleep 0.1\nkill -TERM $PPID\n"
+        "while :; do sleep 0.02; done\n"
+    )
+    assert run(forge, tree({MARK: "", "lib/walker/end": script}), "walker", "end")[0] == 5
+
+
 def test_handlers_are_put_back(forge: Forge, tree: Tree) -> None:
     before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     run(forge, tree({MARK: "", "lib/walker/say": SAY}), "walker", "say")
