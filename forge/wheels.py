@@ -91,21 +91,21 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         raise EnvironmentFault(Problem(f"the interpreter '{python}' has no '{backend}'", hint=hint)) from None
     except subprocess.CalledProcessError:
         hint = (
-            f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools" if backend == _OURS else None
+            f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools"
         )
         message = f"the package's build backend '{backend}' failed; its own message stands above"
-        raise EnvironmentFault(Problem(message, hint=hint)) from None
+        raise EnvironmentFault(Problem(message, hint=remedy if backend == _OURS else None)) from None
 
 
 def _run_backend(
-    argv: Sequence[str], cwd: str | None = None, extra_environ: Mapping[str, str] | None = None
+    cmd: Sequence[str], cwd: str | None = None, extra_environ: Mapping[str, str] | None = None
 ) -> None:
     """Run the backend; what it says goes to stdout, since backends chatter on stderr when all is well.
 
     Raises CalledProcessError after its words went to stderr.
     """
     done = subprocess.run(
-        argv,
+        cmd,
         cwd=cwd,
         env={**os.environ, **(extra_environ or {})},
         stdin=subprocess.DEVNULL,

@@ -97,5 +97,8 @@ def _links(package: Package, kitchen: Kitchen) -> bool:
 
 
 def jobs_given(make_flags: str) -> bool:
-    """Tell if MAKEFLAGS already limits the jobs, so that forge must not."""
-    return re.search(r"(^|\s)-?-?(j|l|jobs|load-average)\b|(^|\s)-[jl]\d", make_flags) is not None
+    """Tell if MAKEFLAGS already limits the jobs, so that forge must not.
+
+    make itself writes one-letter flags as a first word without a dash: 'kj8 -- V=1'.
+    """
+    return re.search(r"^[a-zA-Z]*[jl]\d*(\s|$)|(^|\s)-(j|l|-jobs|-load-average)", make_flags) is not None
