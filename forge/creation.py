@@ -36,18 +36,18 @@ _SCHEMA = "http://download.ros.org/schema/package_format{}.xsd"
 _TARGET = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_]*")
 _UNWRITABLE = re.compile("[^\t\n\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_CMAKE_TARGET = re.compile(
-    "all|clean|edit_cache|help|install|package|package_source|preinstall|rebuild_cache|test|uninstall"
-)
-_CPP_KEYWORD = re.compile(
-    "alignas|alignof|and|and_eq|asm|auto|bitand|bitor|bool|break|case|catch|char|char(8|16|32)_t|class|co_await"
-    "|co_return|co_yield|compl|concept|const|const_cast|consteval|constexpr|constinit|continue|decltype|default"
-    "|delete|do|double|dynamic_cast|else|enum|explicit|export|extern|false|float|for|friend|goto|if|inline|int"
-    "|long|mutable|namespace|new|noexcept|not|not_eq|nullptr|operator|or|or_eq|private|protected|public|register"
-    "|reinterpret_cast|requires|return|short|signed|sizeof|static|static_assert|static_cast|std|struct|switch"
-    "|template|this|thread_local|throw|true|try|typedef|typeid|typename|union|unsigned|using|virtual|void"
-    "|volatile|wchar_t|while|xor|xor_eq"
-)
+_CMAKE_TARGETS = """
+    all clean edit_cache help install package package_source preinstall rebuild_cache test uninstall
+"""
+_CPP_KEYWORDS = """
+    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t char32_t
+    class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue
+    decltype default delete do double dynamic_cast else enum explicit export extern false float for friend
+    goto if inline int long mutable namespace new noexcept not not_eq nullptr operator or or_eq private
+    protected public register reinterpret_cast requires return short signed sizeof static static_assert
+    static_cast std struct switch template this thread_local throw true try typedef typeid typename union
+    unsigned using virtual void volatile wchar_t while xor xor_eq
+"""
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"})
 
 
@@ -128,7 +128,7 @@ def _target_problems(blueprint: Blueprint) -> Iterator[Problem]:
             yield Problem(f"{option} cannot be '{name}'", hint=f"use {signs}, and a letter first")
         elif blueprint.build_type == "ament_python" and keyword.iskeyword(name):
             yield Problem(f"{option} cannot be '{name}'", hint="this is a keyword of Python")
-        elif blueprint.build_type != "ament_python" and _CMAKE_TARGET.fullmatch(name):
+        elif blueprint.build_type != "ament_python" and name in _CMAKE_TARGETS.split():
             yield Problem(f"{option} cannot be '{name}'", hint="CMake keeps this name for itself")
     if blueprint.node is not None and blueprint.node == blueprint.library:
         yield Problem(f"node and library cannot both be called '{blueprint.node}'")
@@ -262,7 +262,7 @@ def _python_items(blueprint: Blueprint) -> tuple[Item, ...]:
 def _names(blueprint: Blueprint) -> dict[str, object]:
     """Return the package's names as CMake, C++ and Python write them."""
     word = blueprint.name.replace("-", "_")
-    if word[0].isdigit() or _CPP_KEYWORD.fullmatch(word):
+    if word[0].isdigit() or word in _CPP_KEYWORDS.split():
         word = f"pkg_{word}"
     parts = (blueprint.library or "").split("_")
     return {
