@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.cli import COMMANDS
 from tests.snippets import ROOT, TYPED, blocks, commands, run
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tests.conftest import Forge
+
 DOCUMENTS = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, and goes on from where it ends
+
+
+VERBS = {
+    "interface": ("list", "package", "packages", "show", "proto", "hash", "generate"),
+    "pkg": ("create", "list", "executables", "prefix", "xml"),
+}
 
 
 def _name(document: Path) -> str:
@@ -44,3 +54,23 @@ def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
     folder.mkdir()
     shutil.copytree(ROOT / "examples_ws/src", folder / "examples_ws/src")
     run(document, folder)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_reference_knows_each_option_of_each_command(forge: Forge, command: str) -> None:
+    """--help and the page list the same options; those that commands share have a section of their own."""
+    text = (ROOT / "docs/reference/commands.md").read_text(encoding="utf-8")
+    sections = {
+        part.split("\n", 1)[0]: _options(part) for part in re.split(r"^## ", text, flags=re.MULTILINE)
+    }
+    verbs: tuple[tuple[str, ...], ...] = tuple((verb,) for verb in VERBS.get(command, ())) or ((),)
+    offered = set().union(*(_options(forge(command, *verb, "--help").out) for verb in verbs)) - {"--help"}
+    shared = _options(first) | sections["Which packages"]
+    documented = sections[f"forge {command}"]
+    assert documented <= offered
+    assert offered <= documented | shared
+
+
+def _options(text: str) -> set[str]:
+    """Return the long options in a text; the spelling with '_' is an old one that nobody needs to know."""
+    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]+(?![\w_])", text))
