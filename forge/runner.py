@@ -134,8 +134,9 @@ class ProcessRunner:
         with self._lock:
             self._groups.add(process.pid)
         try:
-            _read_lines(process, lambda line, stderr: put(Output(task.name, line, stderr=stderr)))
-            return process.wait()
+            with process:  # which closes both pipes in the end
+                _read_lines(process, lambda line, stderr: put(Output(task.name, line, stderr=stderr)))
+            return process.returncode
         finally:
             with self._lock:
                 self._groups.discard(process.pid)
