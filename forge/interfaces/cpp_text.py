@@ -128,7 +128,7 @@ def _real(value: float, name: str) -> str:
 def _nearest_single(value: float) -> float:
     """Return the value itself, but infinity or zero where single precision has nothing nearer."""
     try:
-        single: float = struct.unpack("f", struct.pack("f", value))[0]
+        single: float = struct.unpack("<f", struct.pack("<f", value))[0]
     except OverflowError:
         return math.copysign(math.inf, value)
     return value if single else single
