@@ -90,9 +90,7 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
         raise EnvironmentFault(Problem(f"the interpreter '{python}' has no '{backend}'", hint=hint)) from None
     except subprocess.CalledProcessError:
-        hint = (
-            f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools"
-        )
+        remedy = f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools"
         message = f"the package's build backend '{backend}' failed; its own message stands above"
         raise EnvironmentFault(Problem(message, hint=remedy if backend == _OURS else None)) from None
 

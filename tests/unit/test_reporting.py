@@ -1,0 +1,147 @@
+"""What people see of a build."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from forge.diagnosis import first_error
+from forge.model import Aborted, BuildPlan, Event, Finished, Output, Skipped, Started, Step, StepStarted, Task
+from forge.reporting import HANDLERS, Report, duration
+from tests.packages import package
+
+STEP = Step("build", ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/build/my pkg"))
+
+
+def plan_of(*names: str, embedded: str = "") -> BuildPlan:
+    """Return a plan of tasks without steps; one of them may be embedded."""
+    table = {n: replace(package(n), embedded=n == embedded) for n in names}
+    return BuildPlan({n: Task(n, p, Path(), Path(), (), (), "", "") for n, p in table.items()})
+
+
+def shown(
+    capfd: pytest.CaptureFixture[str], report: Report, *events: Event, seconds: float = 1.0
+) -> tuple[str, str]:
+    """Return what the events and the summary print on stdout and stderr."""
+    for event in events:
+        report.show(event)
+    report.summarise(seconds)
+    out, err = capfd.readouterr()
+    return out, err
+
+
+def test_a_good_build_reads_like_colcons(capfd: pytest.CaptureFixture[str]) -> None:
+    report = Report(plan_of("a", "e", embedded="e"), HANDLERS, None)
+    out, err = shown(
+        capfd,
+        report,
+        Started("e"),
+        Finished("e", 0, 0.126),
+        Started("a"),
+        StepStarted("a", STEP),
+        Output("a", b"chatter\n", stderr=False),
+        Finished("a", 0, 12.34),
+        seconds=65,
+    )
+    assert out == (
+        "Starting >>> e (embedded)\nFinished <<< e (embedded) [0.13s]\n"
+        "Starting >>> a\nFinished <<< a [12.3s]\n"
+        "\nSummary: 1 package finished [1min 5s]\n  1 embedded package of forge finished too\n"
+    )
+    assert err == ""
+    assert report.exit_code == 0
+
+
+def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture[str]) -> None:
+    report = Report(plan_of("a", "b", "c"), HANDLERS, Path("/ws/log/build_x"))
+    out, err = shown(
+        capfd,
+        report,
+        Started("a"),
+        Started("b"),
+        Output("a", b"[1/2] c++\n", stderr=False),
+        Output("a", b"x.cpp:3:5: error: nope\n", stderr=False),
+        Output("a", b"    3 | nope\n", stderr=False),
+        Output("a", b"something on stderr\n", stderr=True),
+        Finished("a", 1, 0.5, STEP),
+        Aborted("b", 0.7),
+        Skipped("c", "a"),
+    )
+    assert err == (
+        "--- stderr: a\nsomething on stderr\n---\n"
+        "Failed   <<< a [0.50s, exited with code 1]\n"
+        "  first error in step 'build':\n"
+        "    x.cpp:3:5: error: nope\n"
+        "        3 | nope\n"
+        "  log: /ws/log/build_x/a/stdout_stderr.log\n"
+        "  repeat: cd '/ws/build/my pkg' && cmake --build '/ws/build/my pkg'\n"
+    )
+    assert out.endswith(
+        "Aborted  <<< b [0.70s]\n"
+        "\nSummary: 0 packages finished [1.00s]\n"
+        "  1 package failed: a\n  1 package aborted: b\n  1 package had stderr output: a\n"
+        "  1 package not processed\n"
+    )
+    assert report.exit_code == 1
+
+
+def test_a_wrong_interface_definition_is_the_users_to_mend(capfd: pytest.CaptureFixture[str]) -> None:
+    report = Report(plan_of("a"), HANDLERS, None)
+    line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
+    shown(capfd, report, Output("a", line, stderr=False), Finished("a", 1, 0.1, STEP))
+    assert report.exit_code == 2
+
+
+def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
+    line = Output("a", b"\xff line\n", stderr=False)
+    quiet = {**HANDLERS, "console_start_end": False, "summary": False}
+    direct = Report(plan_of("a"), {**quiet, "console_direct": True}, None)
+    for event in (Started("a"), line, Finished("a", 0, 0.1)):
+        direct.show(event)
+    cohesive = Report(plan_of("a"), {**quiet, "console_cohesion": True}, None)
+    out, _ = shown(capfd, cohesive, Started("a"), line, Finished("a", 0, 0.1))
+    assert out == "\ufffd line\n--- output: a\n\ufffd line\n---\n"
+
+
+def test_a_flood_of_output_keeps_its_beginning_and_its_end(capfd: pytest.CaptureFixture[str]) -> None:
+    report = Report(plan_of("a"), {**HANDLERS, "console_cohesion": True}, None)
+    for number in range(100_000):
+        report.show(Output("a", f"{number}\n".encode(), stderr=False))
+    out, _ = shown(capfd, report, Finished("a", 0, 0.1))
+    lines = out.splitlines()
+    assert "0" in lines
+    assert "99999" in lines
+    assert len(lines) < 50_000
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0, "0.00s"),
+        (9.994, "9.99s"),
+        (9.996, "10.0s"),
+        (59.94, "59.9s"),
+        (59.96, "1min 0s"),
+        (3723, "1h 2min 3s"),
+    ],
+)
+def test_durations_read_like_colcons(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("output", "expected"),
+    [
+        (["all is well"], None),
+        (["\x1b[1ma.cpp:1:2: \x1b[31mfatal error: x.h: No such file\x1b[0m", "    1 | #include"], 2),
+        (["CMake Error at CMakeLists.txt:3 (find_package):", "  By not providing", "", "  more", "-- x"], 3),
+        (["/usr/bin/ld: a.o: undefined reference to `f()'"], 1),
+        (["Traceback (most recent call last):", "  File x", "ModuleNotFoundError: No module named 'em'"], 1),
+        (["a.cpp:1: error: later", "src/m/A.msg:1:1: error: sooner", "    int8", "    ^", "hint: do"], 4),
+    ],
+)
+def test_the_first_error_is_the_surest_and_brings_its_lines(output: list[str], expected: int | None) -> None:
+    error = first_error(output)
+    assert (len(error.lines) if error else None) == expected

@@ -1,0 +1,73 @@
+"""Log files."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.errors import EnvironmentFault
+from forge.model import Finished, Output, Started, Step, StepFinished, StepStarted
+from forge.transcript import open_transcript
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
+    logs = tmp_path / "log"
+    folders = []
+    for _ in range(2):
+        with closing(open_transcript(logs, "build", ["forge", "build"])) as transcript:
+            folders.append(transcript.folder)
+    assert folders[0] != folders[1]
+    assert (logs / "latest").resolve() == (logs / "latest_build").resolve() == folders[1]
+    assert (logs / "COLCON_IGNORE").is_file()
+
+
+def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
+    step = Step("build", ("make", "a b"), tmp_path)
+    with closing(open_transcript(tmp_path, "build", ["forge"])) as transcript:
+        for event in (
+            Started("a"),
+            StepStarted("a", step, (("X", "1 2"),)),
+            Output("a", b"out\n", stderr=False),
+            Output("a", b"err\n", stderr=True),
+            StepFinished("a", step, 3),
+            Finished("a", 3, 0.5, step),
+        ):
+            transcript.write(event)
+    folder = tmp_path / "latest" / "a"
+    assert (folder / "stdout.log").read_text() == "out\n"
+    assert (folder / "stderr.log").read_text() == "err\n"
+    assert (folder / "stdout_stderr.log").read_text() == "out\nerr\n"
+    assert (folder / "command.log").read_text() == (
+        f"Invoking command in '{tmp_path}': X='1 2' make 'a b'\n"
+        f"Invoked command in '{tmp_path}' returned '3': make 'a b'\n"
+    )
+    assert len((folder / "streams.log").read_text().splitlines()) == 4
+    events = [json.loads(line) for line in (tmp_path / "latest" / "events.jsonl").read_text().splitlines()]
+    assert [e["event"] for e in events] == ["Started", "StepStarted", "StepFinished", "Finished"]
+    assert events[-1]["code"] == 3
+    assert events[1]["step"]["argv"] == ["make", "a b"]
+
+
+def test_without_a_folder_nothing_is_written() -> None:
+    with closing(open_transcript(None, "build", [])) as transcript:
+        transcript.write(Started("a"))
+    assert transcript.folder is None
+
+
+def test_something_of_the_users_called_latest_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "latest").write_text("mine")
+    open_transcript(tmp_path, "build", []).close()
+    assert (tmp_path / "latest").read_text() == "mine"
+
+
+def test_a_place_where_logs_cannot_be_is_told(tmp_path: Path) -> None:
+    (tmp_path / "log").write_text("a file")
+    with pytest.raises(EnvironmentFault) as error:
+        open_transcript(tmp_path / "log", "build", [])
+    assert error.value.problems[0].hint == "choose another place: --log-base DIR"
