@@ -121,7 +121,9 @@ def _explained(written: str, offset: int) -> Fault:
     if offset >= len(written):
         if written.count("[") > written.count("]"):
             return Fault("a type has no blanks inside", offset=len(written))
-        return Fault("a constant is 'TYPE NAME = VALUE', with a name of one word", offset=offset)
+        if offset > len(written):
+            hint = "a line with '=' declares a constant, even where '=' is meant as text"
+            return Fault("a constant is 'TYPE NAME = VALUE'", offset=offset, hint=hint)
     if written.count("/") > 1:
         return Fault(
             f"type '{written}' has more than two parts",
@@ -213,8 +215,8 @@ def _check_field(name: str, offset: int, _: Type) -> None:
     if not LOWER_NAME.fullmatch(name):
         better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
         hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
-        message = f"'{name}' is not the name of a field: lower-case letters, digits and single underscores"
-        raise Fault(message, offset=offset, hint=hint)
+        rule = "it takes lower-case letters, digits and single underscores"
+        raise Fault(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
     tongues = [
         tongue for tongue, words in (("Python", keyword.kwlist), ("C++", CPP_KEYWORDS)) if name in words
     ]
@@ -230,7 +232,7 @@ def _check_constant(name: str, offset: int, type_: Type) -> None:
     if not _CONSTANT_NAME.fullmatch(name):
         better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
         hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None
-        message = f"'{name}' is not the name of a constant: upper-case letters, digits and single underscores"
-        raise Fault(message, offset=offset, hint=hint)
+        rule = "it takes upper-case letters, digits and single underscores"
+        raise Fault(f"'{name}' cannot be the name of a constant", offset=offset, hint=hint or rule)
     if not isinstance(type_, Primitive) and type_ not in {Text(), Text(wide=True)}:
         raise Fault("a constant is a number, a bool or an unbounded string")

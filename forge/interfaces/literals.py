@@ -18,6 +18,7 @@ INTEGER_RANGES = {
     **{f"uint{bits}": (0, (1 << bits) - 1) for bits in (8, 16, 32, 64)},
 }
 _LARGEST_FLOAT = (2 - 2**-23) * 2.0**127
+QUOTES = "\"'"
 _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 _ESCAPE = re.compile(r"""\\(?:([\\"'nrtvbfa?])|([0-7]{1,3})|x([0-9a-fA-F]{2})|u([0-9a-fA-F]{4}))""")
@@ -87,7 +88,7 @@ def _number(text: str, name: str) -> bool | int | float:
     """Return the value of a boolean, a floating-point number or an integer."""
     if name == "boolean":
         if text.lower() not in _TRUTH:
-            raise Fault(f"'{text}' is not a bool", hint="write true or false")
+            raise _unreadable(text, "a bool", hint="write true or false")
         return _TRUTH[text.lower()]
     if name in {"float", "double"}:
         return _real(text, name)
@@ -98,7 +99,7 @@ def _real(text: str, name: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise Fault(f"'{text}' is not a number") from None
+        raise _unreadable(text, "a number") from None
     if name == "float" and math.isfinite(value) and abs(value) > _LARGEST_FLOAT:
         raise Fault(f"'{text}' is out of range for a float32", hint="float64 can hold it")
     return value
@@ -112,7 +113,7 @@ def _integer(text: str, name: str) -> int:
         try:
             value = int(text, 0)
         except ValueError:
-            raise Fault(f"'{text}' is not an integer") from None
+            raise _unreadable(text, "an integer") from None
     low, high = INTEGER_RANGES[name]
     if not low <= value <= high:
         kind = "byte" if name == "octet" else name
@@ -120,9 +121,16 @@ def _integer(text: str, name: str) -> int:
     return value
 
 
+def _unreadable(text: str, kind: str, hint: str | None = None) -> Fault:
+    if not text:
+        return Fault(f"{kind} is missing", hint=hint)
+    shown = text if text[0] in QUOTES else f"'{text}'"
+    return Fault(f"{shown} is not {kind}", hint=hint)
+
+
 def _unquote(text: str) -> str:
     """Return what stands between quotes, or the text as it is; escapes stay."""
-    for quote in "\"'":
+    for quote in QUOTES:
         if text.startswith(quote) and text.endswith(quote):
             inside = text[1:-1]
             stray = re.search(rf"(?:[^\\{quote}]|\\.)*{quote}", inside)

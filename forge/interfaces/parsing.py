@@ -33,6 +33,7 @@ SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", 
 """The kinds of files, and what the name of each of their sections ends in."""
 
 _SEPARATOR = "---"
+_DIVISIONS = {1: "is not divided by '---'", 2: "is divided by one '---'", 3: "is divided by two '---'"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ def parse(source: Source) -> Interface:
         reader = _SectionReader(replace(name, name=name.name + suffix), source)
         messages.append(reader.read(section))
         problems += reader.problems
-    raise_if_any(problems, InterfaceError)
+    raise_if_any(sorted(problems, key=_line_number), InterfaceError)
     match messages:
         case [message]:
             return message
@@ -124,14 +125,16 @@ def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count:
         hint = "such a name is CamelCase: letters and digits, the first in upper case"
         problems.append(Problem(message, Place(source.path), hint))
     wanted = len(SECTIONS[name.kind])
-    if count != wanted:
-        separators = [line for line in lines if line.text == _SEPARATOR]
-        excess = separators[wanted - 1].place(source.path) if count > wanted else Place(source.path)
-        parts = {1: "no separator '---'", 2: "one separator '---'", 3: "two separators '---'"}[wanted]
-        message = f"a .{name.kind} file has {parts}, not {count - 1}"
-        stricter = "the line holds nothing else, no blanks either" if count < wanted else None
-        problems.append(Problem(message, excess, stricter))
+    separators = [line for line in lines if line.text.startswith(_SEPARATOR)]
+    if count != wanted and all(line.text == _SEPARATOR for line in separators):
+        place = separators[wanted - 1].place(source.path) if count > wanted else Place(source.path)
+        problems.append(Problem(f"a .{name.kind} file {_DIVISIONS[wanted]}", place))
     return problems
+
+
+def _line_number(problem: Problem) -> int:
+    """Return where a problem is, for sorting; those of the whole file come first."""
+    return (problem.place.line or 0) if problem.place else 0
 
 
 @dataclass(slots=True)
