@@ -1,0 +1,47 @@
+# What a project's calls have accumulated so far, and the guards that every command shares.
+
+# _ament_remember(<what> <value>...): append to the project's list.
+function(_ament_remember what)
+  if(ARGN)
+    set_property(GLOBAL APPEND PROPERTY "ament_${PROJECT_NAME}_${what}" ${ARGN})
+  endif()
+endfunction()
+
+# _ament_recall(<variable> <what>): the project's list, empty if nothing was remembered.
+function(_ament_recall variable what)
+  get_property(values GLOBAL PROPERTY "ament_${PROJECT_NAME}_${what}")
+  set(${variable} "${values}" PARENT_SCOPE)
+endfunction()
+
+# _ament_folder(<variable>): where the files of this API are installed.
+function(_ament_folder variable)
+  get_property(folder GLOBAL PROPERTY ament_cmake_folder)
+  set(${variable} "${folder}" PARENT_SCOPE)
+endfunction()
+
+# _ament_refuse_unknown(<command> <unparsed>): stop when a command was given words that it does not know.
+function(_ament_refuse_unknown command)
+  if(ARGN)
+    string(REPLACE ";" "' '" words "${ARGN}")
+    message(FATAL_ERROR "${command}() does not understand '${words}'")
+  endif()
+endfunction()
+
+# _ament_refuse_after_package(<command>): stop when ament_package() has run; what follows it is not exported.
+function(_ament_refuse_after_package command)
+  if(_${PROJECT_NAME}_AMENT_PACKAGE)
+    message(FATAL_ERROR
+      "${command}() must be called before ament_package(), which writes down what the package exports")
+  endif()
+endfunction()
+
+# _ament_write(<file> <text>): write the text, unless the file already says so.
+function(_ament_write file text)
+  if(EXISTS "${file}")
+    file(READ "${file}" current)
+    if(current STREQUAL text)
+      return()
+    endif()
+  endif()
+  file(WRITE "${file}" "${text}")
+endfunction()

@@ -1,0 +1,6 @@
+# Installed programs carry no search path for libraries of their own.
+if [ "$(uname -s)" = Darwin ]; then
+  ament_prepend_unique_value DYLD_LIBRARY_PATH "$AMENT_CURRENT_PREFIX/lib"
+else
+  ament_prepend_unique_value LD_LIBRARY_PATH "$AMENT_CURRENT_PREFIX/lib"
+fi
