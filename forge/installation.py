@@ -190,7 +190,7 @@ def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
     if symlink:
         manifest.parent.mkdir(parents=True, exist_ok=True)
         manifest.unlink(missing_ok=True)
-        manifest.symlink_to(package.manifest.path)
+        manifest.symlink_to(package.manifest.path.absolute())
     else:
         replace_file(manifest, package.manifest.path.read_bytes())
 

@@ -39,7 +39,7 @@ def setup(shell: str, root: Path, underlays: Sequence[Path]) -> str:
         shell=shell,
         options="_forge_setup_options",
         statements=[*statements, own],
-        **_location(shell, variable, root, up=0),
+        **_location("setup", shell, variable, root),
     )
 
 
@@ -66,7 +66,7 @@ def local_setup(shell: str, root: Path, packages: Sequence[Installed]) -> str:
         function="_forge_first",
         function_names=[" ".join(names) for names in parts.values() if names],
         statements=[s for group in _groups(edits) if (s := _group_statement(shell, group))],
-        **_location(shell, "_forge_root", root, up=0),
+        **_location("local_setup", shell, "_forge_root", root),
     )
 
 
@@ -87,7 +87,7 @@ def package_setup(shell: str, prefix: Path, package: Installed) -> str:
         append="_forge_append",
         function_names=[" ".join(names) for names in parts.values() if names],
         statements=[s for edit in package.edits if (s := _edit_statement(shell, package, edit))],
-        **_location(shell, "_forge_prefix", prefix, up=2),
+        **_location("package", shell, "_forge_prefix", prefix),
     )
 
 
@@ -106,10 +106,12 @@ def quoted(text: str) -> str:
     return _SPECIAL.sub(r"\\\g<0>", text)
 
 
-def _location(shell: str, variable: str, baked: Path, *, up: int) -> dict[str, object]:
-    """Return the words with which a script finds the root of its tree, `up` folders above it."""
+def _location(script: str, shell: str, variable: str, baked: Path) -> dict[str, object]:
+    """Return the words with which a script finds the root of its tree, or the prefix of its package."""
+    up = 2 if script == "package" else 0
     return {
         "locate": f"scripts/locate.{shell}.j2",
+        "file": f"{script}.{shell}",
         "variable": variable,
         "baked": shlex.quote(str(baked)),
         "up": {"path": "../" * up, "heads": ":h" * up},

@@ -1,0 +1,353 @@
+"""Real shells source what was written, and report the environment that was computed."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from forge.sourcing import build_environment, packages_in_order, workspace_environment
+from tests.installs import Made, dsv_package, make_install
+from tests.strategies import graphs
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.layout import Layout
+
+SHELLS = {"sh": ("dash",), "bash": ("bash", "--norc"), "zsh": ("zsh", "-f")}
+ODD = 'wörk space\'s "$HOME" `id` %n !x #y \\ *;&'
+PLAIN = {"PATH": "/usr/bin:/bin", "HOME": "/", "LOGNAME": "someone"}
+_SHELL_S_OWN = {"_", "SHLVL", "PWD", "OLDPWD"}
+
+each_shell = pytest.mark.parametrize(
+    "shell", [pytest.param(name, marks=pytest.mark.needs(argv[0])) for name, argv in SHELLS.items()]
+)
+each_layout = pytest.mark.parametrize("layout_word", ["isolated", "merged"])
+
+SITE = "lib/python3.11/site-packages"
+LIBRARY = Made("library", files={"lib/liblibrary.so": "", "share/library/cmake/libraryConfig.cmake": ""})
+PROGRAMS = Made("programs", ("library",), "ament_python", {"bin/go": "", f"{SITE}/programs/__init__.py": ""})
+
+
+def report(
+    shell: str, body: str, variables: Mapping[str, str], *arguments: str, cwd: Path | None = None
+) -> dict[str, str]:
+    """Return the environment after `body`, which must say nothing and leave status 0."""
+    done = run(shell, f"{body}\nexec /usr/bin/env -0", variables, *arguments, cwd=cwd)
+    assert (done.returncode, done.stderr) == (0, "")
+    pairs = (item.partition("=") for item in done.stdout.split("\0") if item)
+    return {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
+
+
+def run(
+    shell: str, body: str, variables: Mapping[str, str], *arguments: str, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run `body` in a shell that read none of its user's files; $1 and on are the arguments."""
+    argv = [*SHELLS[shell], "-c", body, shell, *arguments]
+    return subprocess.run(argv, env=dict(variables), cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def setup(layout: Layout, shell: str) -> str:
+    """Return the path of the script that a user sources."""
+    return str(layout.install / f"setup.{shell}")
+
+
+# --- laws
+
+_TEXT = st.text("ab /.-$`\"'\\!*", max_size=6)
+_ENTRY = st.one_of(
+    st.sampled_from(["", "lib", "bin", "a/b", "/opt/x"]), _TEXT.filter(lambda text: ".." not in text)
+)
+_VARIABLES = st.sampled_from(["ONE", "TWO", "LD_LIBRARY_PATH"])
+_LISTS = st.sampled_from(["prepend-non-duplicate", "prepend-non-duplicate-if-exists", "append-non-duplicate"])
+_LINES = st.one_of(
+    st.builds("{};{};{}".format, _LISTS, _VARIABLES, st.lists(_ENTRY, min_size=1, max_size=2).map(";".join)),
+    st.builds("{};{};{}".format, st.sampled_from(["set", "set-if-unset"]), _VARIABLES, _ENTRY),
+)
+_HOOK = (
+    'ament_prepend_unique_value ONE "$AMENT_CURRENT_PREFIX/hook"\nexport TWO="$TWO-$COLCON_CURRENT_PREFIX"\n'
+)
+
+
+@st.composite
+def workspaces(draw: st.DrawFn) -> list[Made]:
+    """Draw packages that need each other and do all that packages do to an environment."""
+    made = []
+    for name, needs in draw(graphs()).items():
+        files = dict.fromkeys(draw(st.sets(st.sampled_from(["bin/x", "lib/x.so", f"{SITE}/{name}.py"]))), "")
+        lines = draw(st.lists(_LINES, max_size=3))
+        if draw(st.integers(0, 5)) == 0:
+            lines.append(f"source;share/{name}/hook.sh")
+            files[f"share/{name}/hook.sh"] = _HOOK
+        made.append(dsv_package(name, *lines, needs=tuple(sorted(needs)), files=files))
+    return made
+
+
+_HELD = st.dictionaries(_VARIABLES, st.sampled_from(["", "/a", "/a:/b", ":/a", "/a:", "x::y"]))
+
+
+@each_layout
+@each_shell
+@given(made=workspaces(), held=_HELD)
+@settings(max_examples=12, deadline=None)
+def test_a_shell_reports_what_was_computed(
+    shell: str,
+    layout_word: str,
+    made: list[Made],
+    held: dict[str, str],
+) -> None:
+    """Sourcing is computing: the same variables, the same entries, the same order."""
+    with tempfile.TemporaryDirectory() as folder:
+        layout = make_install(Path(folder) / ODD, made, merged=layout_word == "merged")
+        before = {**PLAIN, **held}
+        expected = workspace_environment([layout.install], before)
+        assert report(shell, 'set -eu; . "$1"', before, setup(layout, shell)) == expected
+
+
+@each_shell
+@given(made=workspaces(), held=_HELD)
+@settings(max_examples=8, deadline=None)
+def test_a_package_alone_is_what_its_users_are_built_in(
+    shell: str, made: list[Made], held: dict[str, str]
+) -> None:
+    """The package scripts and the environment of a build agree."""
+    with tempfile.TemporaryDirectory() as folder:
+        layout = make_install(Path(folder) / ODD, made)
+        before = {**PLAIN, **held}
+        packages = [
+            (package.name, layout.prefix(package.name)) for package in packages_in_order(layout.install)
+        ]
+        scripts = [str(prefix / f"share/{name}/package.{shell}") for name, prefix in packages]
+        body = 'set -eu; for script do . "$script"; done'
+        assert _sets_apart(report(shell, body, before, *scripts)) == _sets_apart(
+            build_environment(packages, before)
+        )
+
+
+def _sets_apart(variables: dict[str, str]) -> dict[str, str]:
+    return {name: value for name, value in variables.items() if name != "script"}
+
+
+# --- cases
+
+
+@each_layout
+@each_shell
+def test_sourcing_twice_adds_nothing(shell: str, layout_word: str, tmp_path: Path) -> None:
+    """The second time finds everything in its place."""
+    layout = make_install(tmp_path, [LIBRARY, PROGRAMS], merged=layout_word == "merged")
+    once = report(shell, '. "$1"', PLAIN, setup(layout, shell))
+    assert once["PATH"].startswith(str(layout.prefix("programs") / "bin:"))
+    assert report(shell, '. "$1"; . "$1"', PLAIN, setup(layout, shell)) == once
+
+
+@each_shell
+@pytest.mark.parametrize(("cwd", "path"), [(".", "./install/setup"), ("install", "./setup"), ("/", None)])
+def test_it_does_not_matter_where_one_stands(shell: str, cwd: str, path: str | None, tmp_path: Path) -> None:
+    """Relative paths, another folder, and a CDPATH that leads astray."""
+    layout = make_install(tmp_path, [LIBRARY, PROGRAMS])
+    (tmp_path / "astray" / "install").mkdir(parents=True)
+    variables = PLAIN | {"CDPATH": str(tmp_path / "astray")}
+    expected = report(shell, '. "$1"', variables, setup(layout, shell))
+    argument = f"{path}.{shell}" if path else setup(layout, shell)
+    assert report(shell, '. "$1"', variables, argument, cwd=tmp_path / cwd) == expected
+
+
+@each_layout
+@each_shell
+def test_nothing_is_left_behind(shell: str, layout_word: str, tmp_path: Path) -> None:
+    """No variable and no function of ours outlives the script, hooks and underlays included."""
+    hook = {"share/hooked/hook.sh": "export HOOKED=yes\n"}
+    hooked = dsv_package("hooked", "append-non-duplicate;LAST;x", "source;share/hooked/hook.sh", files=hook)
+    below = make_install(tmp_path / "below", [LIBRARY])
+    layout = make_install(
+        tmp_path / "above", [hooked], merged=layout_word == "merged", underlays=(below.install,)
+    )
+    names = {
+        "sh": "set | sed -n 's/^\\([A-Za-z_0-9]*\\)=.*/\\1/p'",
+        "bash": "compgen -v; compgen -A function",
+        "zsh": "print -l ${(k)parameters} ${(k)functions}",
+    }
+    look = names[shell]
+    body = f'before=$({look}); after=; . "$1"; after=$({look}); printf "%s--\\n%s" "$before" "$after"'
+    done = run(shell, body, PLAIN, setup(layout, shell))
+    before, _, after = done.stdout.partition("--\n")
+    assert {name for name in set(after.split()) - set(before.split()) if "forge" in name or "_" in name} - {
+        "AMENT_PREFIX_PATH",
+        "BASH_SOURCE",
+        "CMAKE_PREFIX_PATH",
+        "COLCON_PREFIX_PATH",
+        "LD_LIBRARY_PATH",
+    } == set()
+
+
+@each_shell
+def test_after_a_package_script_the_documented_function_stays(shell: str, tmp_path: Path) -> None:
+    """Hooks of colcon's packages call it."""
+    layout = make_install(tmp_path, [LIBRARY])
+    script = str(layout.prefix("library") / f"share/library/package.{shell}")
+    body = 'set -eu; . "$1"; _colcon_prepend_unique_value X b; _colcon_prepend_unique_value X a; export X; '
+    after = report(shell, body + "_colcon_prepend_unique_value X b", PLAIN, script)
+    assert after["X"] == "b:a"
+
+
+@each_shell
+def test_strict_shells_stay_strict(shell: str, tmp_path: Path) -> None:
+    """A hook that 'set -eu' would stop does not stop it, and the options are as before."""
+    hook = {"share/sloppy/hook.sh": 'false\nexport SEEN="$NOBODY_SET_THIS+"\n'}
+    layout = make_install(tmp_path, [dsv_package("sloppy", "source;share/sloppy/hook.sh", files=hook)])
+    pipefail = "" if shell == "sh" else "-o pipefail"
+    body = f'set -eu {pipefail}; . "$1"; case $- in *e*u*|*u*e*) export STRICT=yes ;; esac'
+    after = report(shell, body, PLAIN, setup(layout, shell))
+    assert (after["SEEN"], after["STRICT"]) == ("+", "yes")
+
+
+@each_shell
+def test_a_moved_tree_works_from_its_new_place(shell: str, tmp_path: Path) -> None:
+    """Scripts for bash and zsh see where they are; sh is told."""
+    layout = make_install(tmp_path / "old", [LIBRARY, PROGRAMS])
+    shutil.move(layout.install, tmp_path / "new place")
+    moved = tmp_path / "new place"
+    telling = PLAIN | ({"COLCON_CURRENT_PREFIX": str(moved)} if shell == "sh" else {})
+    after = report(shell, 'set -eu; . "$1"', telling, str(moved / f"setup.{shell}"))
+    assert after == workspace_environment([moved], PLAIN)
+
+
+@pytest.mark.needs("dash")
+def test_a_moved_tree_says_so_in_sh(tmp_path: Path) -> None:
+    """Without a hint sh cannot know; it changes nothing and says what would help."""
+    layout = make_install(tmp_path / "old", [LIBRARY])
+    shutil.move(layout.install, tmp_path / "new")
+    done = run(
+        "sh", '. "$1"; echo $?; echo "${CMAKE_PREFIX_PATH-none}"', PLAIN, str(tmp_path / "new/setup.sh")
+    )
+    assert done.stdout == "1\nnone\n"
+    assert done.stderr == (
+        f"'{layout.install}' is not there any more; set COLCON_CURRENT_PREFIX to where it was moved\n"
+    )
+
+
+@each_layout
+@each_shell
+def test_removed_packages_are_left_out(shell: str, layout_word: str, tmp_path: Path) -> None:
+    """A folder that was deleted by hand breaks nothing, and what it set is not set."""
+    hook = {"share/gone/hook.sh": "export HOOKED=yes\n"}
+    gone = dsv_package(
+        "gone", "set;GONE;yes", "prepend-non-duplicate;X;x", "source;share/gone/hook.sh", files=hook
+    )
+    layout = make_install(tmp_path, [LIBRARY, gone, PROGRAMS], merged=layout_word == "merged")
+    for path in (
+        layout.prefix("gone") / "share/gone",
+        layout.prefix("gone") / "share/colcon-core/packages/gone",
+    ):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    done = run(shell, 'set -eu; . "$1"; exec /usr/bin/env', PLAIN, setup(layout, shell))
+    assert done.returncode == 0
+    assert "GONE=" not in done.stdout
+    assert "HOOKED=" not in done.stdout
+    assert "LD_LIBRARY_PATH=" in done.stdout
+    assert done.stderr.startswith("warning: ")
+
+
+@each_shell
+def test_underlays_come_first_and_stand_behind(shell: str, tmp_path: Path) -> None:
+    """The chain is sourced lowest first, so that the overlay's entries stand before the others."""
+    lowest = make_install(tmp_path / "lowest", [Made("base", files=LIBRARY.files)], merged=True)
+    middle = make_install(tmp_path / "middle", [LIBRARY], underlays=(lowest.install,))
+    chain = (lowest.install, middle.install)
+    layout = make_install(tmp_path / "top", [PROGRAMS], underlays=chain)
+    after = report(shell, 'set -eu; . "$1"', PLAIN, setup(layout, shell))
+    assert after == workspace_environment([*chain, layout.install], PLAIN)
+    assert after["COLCON_PREFIX_PATH"] == ":".join(map(str, [layout.install, middle.install, lowest.install]))
+    assert after["CMAKE_PREFIX_PATH"] == f"{middle.install}/library:{lowest.install}"
+
+
+@each_shell
+def test_a_foreign_underlay_is_sourced_as_it_expects(shell: str, tmp_path: Path) -> None:
+    """A prefix with nothing but a sh script, which reads unset variables, and its own place."""
+    (tmp_path / "ros").mkdir()
+    (tmp_path / "ros/local_setup.sh").write_text(
+        'export SEEN="$NOBODY:$COLCON_CURRENT_PREFIX"\n', encoding="utf-8"
+    )
+    layout = make_install(tmp_path / "top", [LIBRARY], underlays=(tmp_path / "ros",))
+    assert report(shell, 'set -eu; . "$1"', PLAIN, setup(layout, shell))["SEEN"] == f":{tmp_path}/ros"
+
+
+@each_shell
+def test_a_missing_underlay_is_one_line(shell: str, tmp_path: Path) -> None:
+    """What is left of the workspace works, and the line says what is not there."""
+    below = make_install(tmp_path / "below", [LIBRARY])
+    layout = make_install(tmp_path / "top", [PROGRAMS], underlays=(below.install,))
+    shutil.rmtree(below.install)
+    done = run(shell, 'set -eu; . "$1"; echo "$PATH"', PLAIN, setup(layout, shell))
+    assert done.returncode == 0
+    assert done.stdout.startswith(str(layout.prefix("programs") / "bin"))
+    path = below.install / f"local_setup.{shell}"
+    assert done.stderr == f"warning: '{path}' is not there any more, its workspace is left out\n"
+
+
+@each_shell
+def test_hooks_in_a_shell_s_own_language_go_before_plain_ones(shell: str, tmp_path: Path) -> None:
+    """A hook that is there for bash too is sourced once, in bash's version by bash."""
+    hooks = {f"share/multi/hook.{ext}": f"export SEEN=${{SEEN-}}{ext}\n" for ext in ("sh", "bash")}
+    multi = dsv_package("multi", *(f"source;{path}" for path in hooks), files=hooks)
+    layout = make_install(tmp_path, [multi])
+    after = report(shell, '. "$1"', PLAIN, setup(layout, shell))
+    assert after["SEEN"] == ("bash" if shell == "bash" else "sh")
+
+
+@pytest.mark.parametrize(
+    ("shell", "option"),
+    [
+        pytest.param(shell, option, marks=pytest.mark.needs(shell))
+        for shell, options in {
+            "bash": (
+                "set -o posix",
+                "set -f",
+                "shopt -s extglob nullglob failglob",
+                "IFS=/:",
+                "cd() { false; }",
+            ),
+            "zsh": (
+                "setopt ksh_arrays",
+                "setopt no_function_argzero",
+                "setopt sh_word_split glob_subst extended_glob null_glob",
+                "setopt prompt_subst prompt_bang",
+                "emulate sh",
+                "emulate ksh",
+                "IFS=/:",
+            ),
+        }.items()
+        for option in options
+    ],
+)
+def test_users_have_options(shell: str, option: str, tmp_path: Path) -> None:
+    """Whatever one has set for oneself, the environment is the same."""
+    path = tmp_path / "here (it) is"
+    hook = {"share/hooked/hook.sh": "export HOOKED=yes\n"}
+    layout = make_install(path, [LIBRARY, PROGRAMS, dsv_package("hooked", *_MANY, files=hook)])
+    expected = workspace_environment([layout.install], PLAIN)
+    assert report(shell, f'{option}\n. "$1"; . "$1"', PLAIN, setup(layout, shell)) == expected
+
+
+_MANY = (
+    "append-non-duplicate;LAST;x;y",
+    "set;ONE;a b",
+    "set-if-unset;TWO;*",
+    "source;share/hooked/hook.sh",
+)
+
+
+@each_shell
+def test_tracing_names_the_scripts(shell: str, tmp_path: Path) -> None:
+    """COLCON_TRACE prints what is sourced, as comments."""
+    layout = make_install(tmp_path, [LIBRARY])
+    done = run(shell, '. "$1"', PLAIN | {"COLCON_TRACE": "1"}, setup(layout, shell))
+    assert done.stdout == f'# . "{layout.install}/local_setup.{shell}"\n'
