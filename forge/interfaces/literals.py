@@ -133,7 +133,7 @@ def _unquote(text: str) -> str:
     for quote in QUOTES:
         if text.startswith(quote) and text.endswith(quote):
             inside = text[1:-1]
-            stray = re.search(rf"(?:[^\\{quote}]|\\.)*{quote}", inside)
+            stray = re.match(rf"(?:[^\\{quote}]|\\.)*{quote}", inside)
             if stray:
                 raise Fault(
                     f"a quote inside quotes needs a backslash: \\{quote}",

@@ -187,7 +187,10 @@ class _Search:
 
     def _unknown(self, start: Message, member: Field, name: TypeName) -> Problem:
         if member.place is None:
-            message = f"the action '{start.name}' implies '{name}', which is not there"
+            # Only derived members have no place: those of a missing type are all reported by the first.
+            self._broken.add(name)
+            action = str(start.name).rpartition("/")[2].partition("_")[0]
+            message = f"the action '{action}' needs '{name}', which is not there"
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
