@@ -1,0 +1,131 @@
+"""Python packages into prefixes, with real backends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+from forge.wheels import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+    from tests.conftest import Tree
+
+SITE = "lib/python3/site-packages"
+
+SETUP = {
+    "src/talk/setup.py": """from setuptools import setup
+setup(name="talk", version="0.1.0", packages=["talk"],
+      data_files=[("share/talk/launch", ["launch/talk.launch.py"])],
+      entry_points={"console_scripts": ["hello = talk.hello:main"]})
+""",
+    "src/talk/talk/__init__.py": "",
+    "src/talk/talk/hello.py": "def main():\n    print('hello from talk')\n",
+    "src/talk/talk/old.py": "",
+    "src/talk/launch/talk.launch.py": "# a launch file\n",
+}
+
+
+def install(root: Path, *options: str) -> int:
+    """Install the package talk below root/install with this interpreter."""
+    return main(
+        [
+            str(root / "src/talk"),
+            *("--package", "talk", "--build", str(root / "build/talk"), "--prefix", str(root / "install")),
+            *("--python", sys.executable, "--site-packages", SITE, *options),
+        ]
+    )
+
+
+def files(folder: Path) -> set[str]:
+    """Return the files below a folder, metadata left out."""
+    found = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir())
+    return {name for name in found if "-info/" not in name}
+
+
+def hello(root: Path) -> str:
+    """Run the installed console script."""
+    argv = [str(root / "install/lib/talk/hello")]
+    env = {"PYTHONPATH": str(root / "install" / SITE), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(argv, env=env, check=True, capture_output=True, text=True).stdout
+
+
+INSTALLED = {
+    "lib/talk/hello",
+    "share/talk/launch/talk.launch.py",
+    f"{SITE}/talk/__init__.py",
+    f"{SITE}/talk/hello.py",
+    f"{SITE}/talk/old.py",
+}
+
+
+def test_a_setup_py_package_is_installed_and_its_source_folder_stays_clean(tree: Tree) -> None:
+    root = tree(SETUP)
+    before = files(root / "src")
+    assert install(root) == 0
+    assert files(root / "install") == INSTALLED
+    assert hello(root) == "hello from talk\n"
+    assert files(root / "src") == before
+
+
+def test_what_is_no_longer_part_of_the_package_is_removed(tree: Tree) -> None:
+    root = tree(SETUP)
+    install(root)
+    (root / "install/share/talk/mine").write_text("of somebody else")
+    (root / "src/talk/talk/old.py").unlink()
+    setup = root / "src/talk/setup.py"
+    setup.write_text(setup.read_text().replace('("share/talk/launch", ["launch/talk.launch.py"])', ""))
+    install(root)
+    gone = {f"{SITE}/talk/old.py", "share/talk/launch/talk.launch.py"}
+    assert files(root / "install") == INSTALLED - gone | {"share/talk/mine"}
+    assert not (root / "install/share/talk/launch").exists()
+
+
+def test_links_show_an_edit_at_once_and_going_back_to_copies_leaves_the_sources_alone(tree: Tree) -> None:
+    root = tree(SETUP)
+    install(root, "--link")
+    source = root / "src/talk/talk/hello.py"
+    source.write_text("def main():\n    print('edited')\n")
+    assert hello(root) == "edited\n"
+    assert (root / "install/share/talk/launch/talk.launch.py").is_symlink()
+    install(root)
+    assert not any(path.is_symlink() for path in (root / "install").rglob("*"))
+    assert source.read_text() == "def main():\n    print('edited')\n"
+
+
+def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
+    root = tree(
+        {
+            "src/talk/pyproject.toml": """[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "talk"
+version = "0.1.0"
+[project.scripts]
+hello = "talk.hello:main"
+""",
+            "src/talk/talk/__init__.py": "",
+            "src/talk/talk/hello.py": "def main():\n    print('hello from hatch')\n",
+        }
+    )
+    assert install(root) == 0
+    assert hello(root) == "hello from hatch\n"
+
+
+def test_a_backend_that_is_not_there_is_named(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+    root = tree({"src/talk/pyproject.toml": '[build-system]\nbuild-backend = "no_such.backend"\n'})
+    assert install(root) == 2
+    assert "has no 'no_such.backend'" in capsys.readouterr().err
+
+
+def test_a_setup_py_that_fails_shows_its_own_words(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+    root = tree({"src/talk/setup.py": "raise RuntimeError('my own words')\n"})
+    assert install(root) == 2
+    err = capsys.readouterr().err
+    assert "RuntimeError: my own words" in err
+    assert "error: the package's build backend 'setuptools.build_meta' failed" in err
