@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,6 @@ INTEGER_RANGES = {
     **{f"int{bits}": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"uint{bits}": (0, (1 << bits) - 1) for bits in (8, 16, 32, 64)},
 }
-_LARGEST_FLOAT = (2 - 2**-23) * 2.0**127
 QUOTES = "\"'"
 _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
@@ -91,18 +89,15 @@ def _number(text: str, name: str) -> bool | int | float:
             raise _unreadable(text, "a bool", hint="write true or false")
         return _TRUTH[text.lower()]
     if name in {"float", "double"}:
-        return _real(text, name)
+        return _real(text)
     return _integer(text, name)
 
 
-def _real(text: str, name: str) -> float:
+def _real(text: str) -> float:
     try:
-        value = float(text)
+        return float(text)
     except ValueError:
         raise _unreadable(text, "a number") from None
-    if name == "float" and math.isfinite(value) and abs(value) > _LARGEST_FLOAT:
-        raise Fault(f"'{text}' is out of range for a float32", hint="float64 can hold it")
-    return value
 
 
 def _integer(text: str, name: str) -> int:
