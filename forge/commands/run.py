@@ -32,7 +32,7 @@ def register(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the executable and return its exit code, or minus the signal that ended it."""
-    words: list[str] = options.words
+    words = options.words[1:] if options.words[:1] == ["--"] else options.words
     if len(words) < 2:  # noqa: PLR2004  (a package and an executable)
         hint = "'forge pkg executables' lists them"
         raise ForgeError(Problem("name a package and one of its executables", hint=hint))

@@ -45,6 +45,10 @@ def test_the_program_gets_its_words_as_they_are(argv: tuple[str, ...], forge: Fo
     assert run(forge, root, "walker", "say", *argv) == (0, "".join(f"[{word}]" for word in argv), "")
 
 
+def test_two_dashes_end_the_options_of_forge(forge: Forge, tree: Tree) -> None:
+    assert run(forge, tree({MARK: "", "lib/walker/say": SAY}), "--", "walker", "say", "a")[1] == "[a]"
+
+
 def test_a_prefix_stands_in_front(forge: Forge, tree: Tree) -> None:
     root = tree({MARK: "", "lib/walker/say": SAY, "wrap": '#!/bin/sh\nprintf "$1:"; shift; exec "$@"\n'})
     code, out, _ = run(forge, root, "--prefix", f"'{root}/wrap' 'a b'", "walker", "say", "--prefix", "c")
