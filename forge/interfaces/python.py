@@ -77,14 +77,15 @@ def _interface(interface: Interface) -> str:
     imported = _imported(interface, messages)
     classes = imported | {message.name: message.name.name for message in messages}
     views = [_message(message, classes) for message in messages]
-    standard, shared = _shared_imports(views)
+    decorator = _decorator(messages)
+    standard, shared = _shared_imports(views, decorator)
     return render(
         "python/interface.py.j2",
         title=str(interface.name),
         standard=standard,
         shared=shared,
         imported=[(_module(name), name.name, local) for name, local in imported.items()],
-        decorator=_decorator(messages),
+        decorator=decorator,
         messages=views,
         services=[
             _ServiceView(part.name.name, part.request.name.name, part.response.name.name)
@@ -140,10 +141,12 @@ def _taken(interface: Interface, messages: Sequence[Message]) -> set[str]:
     return {name.name for name in classes} | {field.name for message in messages for field in message.fields}
 
 
-def _shared_imports(views: Sequence[_MessageView]) -> tuple[list[str], list[str]]:
+def _shared_imports(views: Sequence[_MessageView], decorator: str) -> tuple[list[str], list[str]]:
     """Return the import lines for the standard library and for what all generated modules share."""
     needs = {need for view in views for field in view.fields for need in field.needs}
     standard = ["from array import array as _array"] if "array" in needs else []
+    if decorator != "property":
+        standard.append(f"from builtins import property as {decorator}")
     shared = ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
     if "numpy" in needs:
         shared = ["from forge_rosidl import arrays as _arrays", *shared, "import numpy as _numpy"]

@@ -33,4 +33,4 @@ def array(name: str, value: Any, type_name: str, size: int) -> np.ndarray[Any, A
         assert value.size == size, f"The '{name}' numpy.ndarray() must have a size of {size}"
         return value
     checks.elements(name, value, type_name, size=size)
-    return np.array(list(value) if isinstance(value, (set, frozenset)) else value, dtype)
+    return np.array(list(value), dtype)

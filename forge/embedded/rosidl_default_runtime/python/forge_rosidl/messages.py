@@ -15,12 +15,24 @@ from types import FunctionType
 from typing import Any, ClassVar, TypeVar
 
 _M = TypeVar("_M")
+_NOT_CONSTANT = (property, FunctionType, classmethod, type, tuple)
 
 
 class InterfaceType(type):
     """The metaclass of all interface classes: constants stay as they are, C support comes late."""
 
     _TYPE_SUPPORT: ClassVar[Any] = None
+    _CONSTANTS: ClassVar[frozenset[str]]
+
+    def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any]) -> None:
+        """Remember the constants of the generated class; those that a user derives have the same."""
+        super().__init__(name, bases, namespace)
+        if "_CONSTANTS" not in type(cls).__dict__:
+            type(cls)._CONSTANTS = frozenset(  # noqa: SLF001  (the metaclass is this very code)
+                name
+                for name, value in namespace.items()
+                if not (name.startswith("_") or isinstance(value, _NOT_CONSTANT))
+            )
 
     def __setattr__(cls, name: str, value: object) -> None:
         """Set a class attribute; raises AttributeError for a constant or a default."""
@@ -147,12 +159,9 @@ def several(class_: type[_M], count: int) -> list[_M]:
     return [class_() for _ in range(count)]
 
 
-def _refuse_constant(cls: type, name: str) -> None:
-    """Raise AttributeError if `name` is a constant: public, and neither a field nor a method."""
-    value = cls.__dict__.get(name, property)
-    if name.startswith("_") or isinstance(value, (property, FunctionType, classmethod, staticmethod, type)):
-        return
-    raise AttributeError(f"can't set attribute '{name}' of '{cls.__name__}': it is a constant")
+def _refuse_constant(cls: InterfaceType, name: str) -> None:
+    if name in cls._CONSTANTS:
+        raise AttributeError(f"can't set attribute '{name}' of '{cls.__name__}': it is a constant")
 
 
 def _extension(module: str) -> Any:
