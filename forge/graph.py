@@ -4,8 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.errors import Problem, WorkspaceError
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+
+
+def ordered_names(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
+    """Return the topological order; raises WorkspaceError that names the shortest cycle."""
+    ordered = order(needs)
+    if ordered is None:
+        cycle = find_cycle(needs) or ()
+        raise WorkspaceError(
+            Problem(
+                f"the packages depend on each other in a circle: {' -> '.join(cycle)}",
+                hint="remove one of these dependencies from its package.xml",
+            )
+        )
+    return ordered
 
 
 def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
-from forge.graph import closures, find_cycle, order
+from forge.graph import closures, ordered_names
 from forge.model import BuildPlan, Task
 from forge.names import did_you_mean
 from forge.recipes import RECIPES
@@ -19,20 +19,6 @@ if TYPE_CHECKING:
     from forge.model import Package, Selection, Snapshot
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
-
-
-def ordered_names(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
-    """Return the topological order; raises WorkspaceError that names the shortest cycle."""
-    ordered = order(needs)
-    if ordered is None:
-        cycle = find_cycle(needs) or ()
-        raise WorkspaceError(
-            Problem(
-                f"the packages depend on each other in a circle: {' -> '.join(cycle)}",
-                hint="remove one of these dependencies from its package.xml",
-            )
-        )
-    return ordered
 
 
 def wanted_names(

@@ -119,7 +119,7 @@ class Report:
             del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
         if stderr:
             self._stderr.add(task)
-        if self._on["console_direct"]:
+        if self._on["console_direct"] and not self._plan.tasks[task].embedded:
             _write(line, stderr=stderr)
 
     def _close(self, task: str) -> None:

@@ -8,8 +8,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.discovery import discover, discover_embedded
+from forge.graph import ordered_names
 from forge.options import query_of
-from forge.planning import ordered_names
 from forge.prefixes import find_underlays, provider
 from forge.provision import Provision, provide
 from forge.selection import select

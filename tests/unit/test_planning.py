@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from forge.errors import WorkspaceError
+from forge.graph import ordered_names
 from forge.layout import Layout
 from forge.model import BuildPlan, Package, Selection, Snapshot
-from forge.planning import make_plan, ordered_names, wanted_names
+from forge.planning import make_plan, wanted_names
 from forge.provision import Provision
 from forge.recipes.cmake import jobs_given
 from forge.recipes.kitchen import Kitchen
