@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import pytest
 
 from forge.files import write_if_changed
 from forge.interfaces import python
-from forge.interfaces.model import Source
+from forge.interfaces.model import Catalog, Source
 from forge.interfaces.parsing import parse_all
 from forge.interfaces.resolution import referred, resolve
-from forge.interfaces.sources import EMBEDDED, Library
+from forge.interfaces.sources import EMBEDDED, Library, read_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from forge.interfaces.model import Catalog
+    from forge.interfaces.model import Message
 
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
+PROBE = Path(__file__).parent / "data" / "probe"
+"""A package with a field of every kind, every default and every awkward name."""
+
+INTEGERS = {
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+CODES = dict(zip(INTEGERS, "bhiqBHIQ", strict=True)) | {"float32": "f", "float64": "d"}
+"""The type code of an array of each numeric type."""
 
 
 def catalog_of(package: str, definitions: Mapping[str, str]) -> Catalog:
@@ -28,6 +41,11 @@ def catalog_of(package: str, definitions: Mapping[str, str]) -> Catalog:
         Source(package, path, Path("/src") / package / path, text) for path, text in definitions.items()
     ]
     return resolve(package, parse_all(sources), Library())
+
+
+def probe_catalog() -> Catalog:
+    """Return the catalog of the package 'probe'."""
+    return resolve("probe", parse_all(read_folder("probe", PROBE)), Library())
 
 
 def generate(folder: Path, catalog: Catalog) -> None:
@@ -50,3 +68,24 @@ def importable(folder: Path) -> Iterator[None]:
         for name, module in list(sys.modules.items()):
             if str(getattr(module, "__file__", None) or "").startswith(f"{folder}/"):
                 del sys.modules[name]
+
+
+def run_python(folder: Path, code: str, *options: str) -> str:
+    """Return what the code prints in a Python of its own that finds the generated modules."""
+    variables = {"PYTHONPATH": f"{folder}:{RUNTIME}", "PYTHONDONTWRITEBYTECODE": "1"}
+    argv = [sys.executable, *options, "-c", code]
+    return subprocess.run(argv, env=variables, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def classes_of(message: Message) -> dict[str, Any]:
+    """Return what the generated module of a message defines, executed where it stands."""
+    catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, ())
+    text = next(file.text for file in python.files(catalog) if "/_" in file.path.replace("__init__", ""))
+    names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
+    exec(compile(text, str(message.name), "exec"), names)  # noqa: S102  (that it can be is the point)
+    return names
+
+
+def refused(words: str) -> pytest.RaisesExc[AssertionError]:
+    """Expect the assertion with exactly these words."""
+    return pytest.raises(AssertionError, match=f"^{re.escape(words)}$")

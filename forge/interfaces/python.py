@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
-from forge.interfaces.python_fields import BUILTINS, FieldView, Scope, literal, view_field
+from forge.interfaces.python_fields import BUILTINS, FieldView, Scope, view_field
+from forge.interfaces.python_types import literal
 from forge.names import snake_case
 from forge.templating import render
 

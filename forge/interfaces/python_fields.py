@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, isnan
 from typing import TYPE_CHECKING, Final
 
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+from forge.interfaces.python_types import (
+    DTYPES,
+    INTEGERS,
+    TYPE_CODES,
+    literal,
+    numeric,
+    scalar,
+    slot_type,
+    type_text,
+    zero,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from forge.interfaces.model import Element, Field, Type, TypeName, Value
+    from forge.interfaces.model import Field, Type, TypeName
 
-INTEGERS: Final = {
-    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
-    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
-}
-TYPE_CODES: Final = {
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float": "f",
-    "double": "d",
-}
-DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "double": "float64"}
 HIGHEST: Final = {"char": 127, "wchar": 65535}
 FLOAT_MAX: Final = "3.4028234663852886e+38"
 
@@ -76,7 +69,7 @@ def view_field(field: Field, scope: Scope) -> FieldView:
         name=field.name,
         parameter=f"{field.name}={_parameter(field)}",
         type_text=repr(type_text(field.type)),
-        slot_type=_slot_type(field.type),
+        slot_type=slot_type(field.type),
         build=_build(field, scope),
         accept=_accept(field, scope.classes),
         default=default,
@@ -84,114 +77,17 @@ def view_field(field: Field, scope: Scope) -> FieldView:
     )
 
 
-def type_text(type_: Type) -> str:
-    """Return a type as `get_fields_and_field_types` spells it (interface spec 4.2)."""
-    match type_:
-        case Primitive(name):
-            return name
-        case Text(wide, bound):
-            word = "wstring" if wide else "string"
-            return word if bound is None else f"{word}<{bound}>"
-        case Named(name):
-            return f"{name.package}/{name.name}"
-        case Array(of, size):
-            return f"{type_text(of)}[{size}]"
-        case Sequence(of, None):
-            return f"sequence<{type_text(of)}>"
-        case Sequence(of, bound):
-            return f"sequence<{type_text(of)}, {bound}>"
-
-
-def literal(type_: Type, value: Value) -> str:
-    """Return a value as the expression that makes it in the form in which a field stores it."""
-    if not isinstance(type_, Array | Sequence):
-        return _scalar(type_, value)
-    items = [_scalar(type_.of, item) for item in value] if isinstance(value, tuple) else []
-    listed = f"[{', '.join(items)}]"
-    name = _number(type_)
-    if name is None:
-        return listed
-    if isinstance(type_, Array):
-        return f"_numpy.array({listed}, _numpy.{DTYPES[name]})"
-    return f"_array({TYPE_CODES[name]!r}, {listed})" if items else f"_array({TYPE_CODES[name]!r})"
-
-
-def _scalar(element: Element, value: object) -> str:
-    """Return one value as an expression; text is quoted by Python's own rules, so nothing breaks out."""
-    match element:
-        case Primitive("octet") if isinstance(value, int):
-            return repr(bytes([value]))
-        case Primitive("boolean"):
-            return repr(bool(value))
-        case Primitive("float" | "double") if isinstance(value, int | float):
-            return _float(float(value))
-        case Primitive("char" | "wchar") if isinstance(value, int):
-            return repr(chr(value))
-        case _:
-            return repr(value)
-
-
-def _float(value: float) -> str:
-    if isfinite(value):
-        return repr(value)
-    word = "nan" if isnan(value) else "inf"
-    return f"-float({word!r})" if value < 0 else f"float({word!r})"
-
-
 def _parameter(field: Field) -> str:
     """Return the constructor's default: the value, or '...' where each message needs its own object."""
     if isinstance(field.type, Array | Sequence | Named):
         return "..."
-    return _scalar(field.type, field.default) if field.default is not None else _zero(field.type)
-
-
-def _zero(element: Element) -> str:
-    match element:
-        case Primitive("boolean"):
-            return "False"
-        case Primitive("octet"):
-            return repr(b"\0")
-        case Primitive("char" | "wchar"):
-            return repr("\0")
-        case Primitive("float" | "double"):
-            return "0.0"
-        case Primitive():
-            return "0"
-        case _:
-            return "''"
-
-
-def _slot_type(type_: Type) -> str:
-    """Return the expression that makes the type's rosidl_parser description."""
-    match type_:
-        case Primitive(name):
-            inner = f"BasicType({name!r})"
-        case Text(wide, bound):
-            word = "WString" if wide else "String"
-            inner = f"Unbounded{word}()" if bound is None else f"Bounded{word}({bound})"
-        case Named(name):
-            inner = f"NamespacedType({[name.package, name.kind]!r}, {name.name!r})"
-        case Array(of, size):
-            inner = f"Array({_slot_type(of)}, {size})"
-        case Sequence(of, None):
-            inner = f"UnboundedSequence({_slot_type(of)})"
-        case Sequence(of, bound):
-            inner = f"BoundedSequence({_slot_type(of)}, {bound})"
-    return f"_definition.{inner}"
+    return scalar(field.type, field.default) if field.default is not None else zero(field.type)
 
 
 def _needs(type_: Type) -> frozenset[str]:
-    if _number(type_) is None:
+    if numeric(type_) is None:
         return frozenset()
     return frozenset({"numpy"} if isinstance(type_, Array) else {"array"})
-
-
-def _number(type_: Type) -> str | None:
-    """Return the numeric type of a collection that is stored as an array, else None."""
-    element = element_of(type_)
-    if type_ is element or not isinstance(element, Primitive):
-        return None
-    return element.name if element.name in TYPE_CODES else None
 
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
@@ -214,7 +110,7 @@ def _build(field: Field, scope: Scope) -> tuple[str, ...]:
 
 def _own_value(field: Field, scope: Scope) -> str:
     """Return the expression for a default object that no other message shares."""
-    number = _number(field.type)
+    number = numeric(field.type)
     if field.default is not None:
         copied = ".copy()" if number and isinstance(field.type, Array) else "[:]"
         return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
@@ -226,14 +122,14 @@ def _own_value(field: Field, scope: Scope) -> str:
         case Array(Named(name), size):
             return f"_messages.several({scope.classes[name]}, {size})"
         case Array(of, size):
-            return f"[{_zero(of)}] * {size}"
+            return f"[{zero(of)}] * {size}"
         case _:
             return f"_array({TYPE_CODES[number]!r})" if number else "[]"
 
 
 def _convert(field: Field) -> str | None:
     """Return the call that makes an array of what the constructor was given, or None."""
-    number = _number(field.type)
+    number = numeric(field.type)
     if number is None:
         return None
     if isinstance(field.type, Array):
@@ -299,7 +195,7 @@ def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
 
 def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
     """Return the call that looks at an array or a sequence."""
-    type_, number = field.type, _number(field.type)
+    type_, number = field.type, numeric(field.type)
     size = f", {type_.size}" if isinstance(type_, Array) else ""
     if number and size:
         return f"_arrays.array({field.name!r}, value, {number!r}{size})"

@@ -1,0 +1,127 @@
+"""Types and values of interfaces as Python text."""
+
+from __future__ import annotations
+
+from math import isfinite, isnan
+from typing import TYPE_CHECKING, Final
+
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+
+if TYPE_CHECKING:
+    from forge.interfaces.model import Element, Type, Value
+
+INTEGERS: Final = {
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+TYPE_CODES: Final = {
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float": "f",
+    "double": "d",
+}
+DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "double": "float64"}
+
+
+def type_text(type_: Type) -> str:
+    """Return a type as `get_fields_and_field_types` spells it (interface spec 4.2)."""
+    match type_:
+        case Primitive(name):
+            return name
+        case Text(wide, bound):
+            word = "wstring" if wide else "string"
+            return word if bound is None else f"{word}<{bound}>"
+        case Named(name):
+            return f"{name.package}/{name.name}"
+        case Array(of, size):
+            return f"{type_text(of)}[{size}]"
+        case Sequence(of, None):
+            return f"sequence<{type_text(of)}>"
+        case Sequence(of, bound):
+            return f"sequence<{type_text(of)}, {bound}>"
+
+
+def literal(type_: Type, value: Value) -> str:
+    """Return a value as the expression that makes it in the form in which a field stores it."""
+    if not isinstance(type_, Array | Sequence):
+        return scalar(type_, value)
+    items = [scalar(type_.of, item) for item in value] if isinstance(value, tuple) else []
+    listed = f"[{', '.join(items)}]"
+    name = numeric(type_)
+    if name is None:
+        return listed
+    if isinstance(type_, Array):
+        return f"_numpy.array({listed}, _numpy.{DTYPES[name]})"
+    return f"_array({TYPE_CODES[name]!r}, {listed})" if items else f"_array({TYPE_CODES[name]!r})"
+
+
+def scalar(element: Element, value: object) -> str:
+    """Return one value as an expression; text is quoted by Python's own rules, so nothing breaks out."""
+    match element:
+        case Primitive("octet") if isinstance(value, int):
+            return repr(bytes([value]))
+        case Primitive("boolean"):
+            return repr(bool(value))
+        case Primitive("float" | "double") if isinstance(value, int | float):
+            return _float(float(value))
+        case Primitive("char" | "wchar") if isinstance(value, int):
+            return repr(chr(value))
+        case _:
+            return repr(value)
+
+
+def _float(value: float) -> str:
+    if isfinite(value):
+        return repr(value)
+    word = "nan" if isnan(value) else "inf"
+    return f"-float({word!r})" if value < 0 else f"float({word!r})"
+
+
+def slot_type(type_: Type) -> str:
+    """Return the expression that makes the type's rosidl_parser description."""
+    match type_:
+        case Primitive(name):
+            inner = f"BasicType({name!r})"
+        case Text(wide, bound):
+            word = "WString" if wide else "String"
+            inner = f"Unbounded{word}()" if bound is None else f"Bounded{word}({bound})"
+        case Named(name):
+            inner = f"NamespacedType({[name.package, name.kind]!r}, {name.name!r})"
+        case Array(of, size):
+            inner = f"Array({slot_type(of)}, {size})"
+        case Sequence(of, None):
+            inner = f"UnboundedSequence({slot_type(of)})"
+        case Sequence(of, bound):
+            inner = f"BoundedSequence({slot_type(of)}, {bound})"
+    return f"_definition.{inner}"
+
+
+def numeric(type_: Type) -> str | None:
+    """Return the numeric type of a collection that is stored as an array, else None."""
+    element = element_of(type_)
+    if type_ is element or not isinstance(element, Primitive):
+        return None
+    return element.name if element.name in TYPE_CODES else None
+
+
+def zero(element: Element) -> str:
+    """Return what a single value starts with when nothing was given."""
+    match element:
+        case Primitive("boolean"):
+            return "False"
+        case Primitive("octet"):
+            return repr(b"\0")
+        case Primitive("char" | "wchar"):
+            return repr("\0")
+        case Primitive("float" | "double"):
+            return "0.0"
+        case Primitive():
+            return "0"
+        case _:
+            return "''"

@@ -1,0 +1,223 @@
+"""What arrays and sequences of generated Python hold, convert and refuse (interface spec 4.3)."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import UserList, UserString
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.generated import CODES, refused, run_python
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+    from types import ModuleType
+
+
+def test_messages_do_not_share_their_parts(msg: ModuleType) -> None:
+    for class_ in (msg.Nested, msg.Fixed, msg.Loose, msg.Defaults):
+        one, other = class_(), class_()
+        for slot in class_.__slots__:
+            if not isinstance(getattr(one, slot), bool | int | float | str | bytes):
+                assert getattr(one, slot) is not getattr(other, slot), slot
+    points = msg.Fixed().points
+    assert points[0] is not points[1]
+
+
+@pytest.mark.parametrize(("name", "code"), CODES.items())
+def test_fixed_numeric_arrays_are_numpy_arrays(msg: ModuleType, name: str, code: str) -> None:
+    value = getattr(msg.Fixed(), f"a_{name}")
+    assert isinstance(value, np.ndarray)
+    assert (value.dtype, value.shape, value.tolist()) == (np.dtype(name), (3,), [0, 0, 0])
+    assert np.dtype(code) == value.dtype
+
+
+@pytest.mark.parametrize(("name", "code"), CODES.items())
+def test_numeric_sequences_are_arrays(msg: ModuleType, name: str, code: str) -> None:
+    assert getattr(msg.Loose(), f"a_{name}") == array(code)
+    message = msg.Loose(**{f"a_{name}": [1, 2]})
+    assert getattr(message, f"a_{name}").typecode == code
+
+
+def test_other_collections_are_lists(msg: ModuleType) -> None:
+    fixed, loose = msg.Fixed(), msg.Loose()
+    assert (fixed.flags, fixed.bytes, fixed.texts, fixed.shorts) == (
+        [False] * 2,
+        [b"\0"] * 2,
+        [""] * 2,
+        [""] * 2,
+    )
+    assert fixed.points == [msg.Point(), msg.Point()]
+    assert (loose.flags, loose.bytes, loose.texts, loose.shorts, loose.points) == ([], [], [], [], [])
+
+
+def test_a_constructor_lets_numpy_convert(msg: ModuleType) -> None:
+    message = msg.Fixed(a_int8=[1.7, 2, True], a_float32=(1, 2, 3))
+    assert message.a_int8.tolist() == [1, 2, 1]
+    assert message.a_float32.dtype == np.float32
+    with pytest.raises(OverflowError):
+        msg.Fixed(a_int8=[1, 2, 300])
+    with refused("The 'a_int8' numpy.ndarray() must have a size of 3"):
+        msg.Fixed(a_int8=[1, 2])
+    with pytest.raises(AssertionError):
+        msg.Fixed(a_int8=[[1, 2, 3]])
+
+
+def test_a_constructor_lets_array_convert(msg: ModuleType) -> None:
+    given = array("d", [1.0])
+    message = msg.Loose(a_uint8=b"\x01\x02", a_float64=given)
+    assert message.a_uint8 == array("B", [1, 2])
+    assert message.a_float64 == given
+    assert message.a_float64 is not given
+    assert msg.Loose(a_float32=[1, 2]).a_float32 == array("f", [1.0, 2.0])
+    with pytest.raises(OverflowError):
+        msg.Loose(a_uint8=[256])
+    with pytest.raises(TypeError):
+        msg.Loose(a_uint8=["a"])
+    with refused("The 'numbers' array.array() must have a size <= 3"):
+        msg.Bound(numbers=[1, 2, 3, 4])
+
+
+def test_a_property_keeps_an_array_of_the_right_type(msg: ModuleType) -> None:
+    fixed, loose = msg.Fixed(), msg.Loose()
+    fixed.a_uint8 = kept = np.arange(3, dtype=np.uint8)
+    assert fixed.a_uint8 is kept
+    loose.a_uint8 = also_kept = array("B", [1])
+    assert loose.a_uint8 is also_kept
+    square = np.zeros((3, 1), np.uint8)
+    fixed.a_uint8 = square
+    assert fixed.a_uint8 is square
+    assert fixed != msg.Fixed()
+
+
+COLLECTIONS_ACCEPTED = [
+    ("a_uint8", b"\x01\x02\x03"),
+    ("a_uint8", range(3)),
+    ("a_uint8", memoryview(b"abc")),
+    ("a_uint8", UserList([1, 2, 3])),
+    ("a_int16", {1, 2, 3}),
+    ("a_int16", (True, False, True)),
+    ("a_float64", [1.0, math.nan, math.inf]),
+    ("a_float32", [np.float64(1.5), 2.5, -math.inf]),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), COLLECTIONS_ACCEPTED)
+def test_a_property_converts_sequences_and_sets_of_numbers(
+    msg: ModuleType, name: str, value: Iterable[float]
+) -> None:
+    for message in (msg.Fixed(), msg.Loose()):
+        setattr(message, name, value)
+        assert repr(list(map(float, getattr(message, name)))) == repr(list(map(float, value)))
+
+
+@pytest.mark.parametrize("value", [[1.0], iter([1]), "", 5, None, {1: 1.5}, np.zeros(3), [300], ["a"]])
+def test_a_numeric_sequence_refuses_what_is_no_collection_of_its_numbers(
+    msg: ModuleType, value: object
+) -> None:
+    with refused(
+        "The 'a_uint8' field must be a set or sequence and each value of type 'int' "
+        "and each unsigned integer in [0, 255]"
+    ):
+        msg.Loose().a_uint8 = value
+
+
+def test_arrays_of_another_type_or_size_are_refused(msg: ModuleType) -> None:
+    fixed, loose, bound = msg.Fixed(), msg.Loose(), msg.Bound()
+    with refused("The 'a_uint8' numpy.ndarray() must have the dtype of 'numpy.uint8'"):
+        fixed.a_uint8 = np.zeros(3)
+    with refused("The 'a_uint8' numpy.ndarray() must have a size of 3"):
+        fixed.a_uint8 = np.zeros(4, np.uint8)
+    with refused("The 'a_uint8' array.array() must have the type code of 'B'"):
+        loose.a_uint8 = array("b")
+    with refused("The 'numbers' array.array() must have a size <= 3"):
+        bound.numbers = array("i", [1, 2, 3, 4])
+    with refused(
+        "The 'a_uint8' field must be a set or sequence with length 3 and each value of type 'int' "
+        "and each unsigned integer in [0, 255]"
+    ):
+        fixed.a_uint8 = [1, 2]
+    with refused(
+        "The 'a_float32' field must be a set or sequence and each value of type 'float' "
+        "and each float in [-3.402823466e+38, 3.402823466e+38]"
+    ):
+        loose.a_float32 = [1e39]
+
+
+LISTS_REFUSED = [
+    ("Fixed", "flags", [1, 0], "with length 2 and each value of type 'bool'"),
+    ("Fixed", "bytes", [b"a"], "with length 2 and each value of type 'bytes'"),
+    ("Fixed", "texts", "ab", "with length 2 and each value of type 'str'"),
+    (
+        "Fixed",
+        "shorts",
+        ["a", "long"],
+        "with length 2 and each string value not longer than 3 and each value of type 'str'",
+    ),
+    ("Loose", "texts", UserString("ab"), "and each value of type 'str'"),
+    ("Loose", "texts", ["a", 1], "and each value of type 'str'"),
+    ("Loose", "points", [None], "and each value of type 'Point'"),
+    ("Loose", "flags", np.array([True]), "and each value of type 'bool'"),
+    ("Bound", "texts", ["a"] * 4, "with length <= 3 and each value of type 'str'"),
+    (
+        "Bound",
+        "shorts",
+        [1],
+        "with length <= 2 and each string value not longer than 3 and each value of type 'str'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("class_", "name", "value", "words"), LISTS_REFUSED)
+def test_a_list_refuses_other_elements_and_lengths(
+    msg: ModuleType, class_: str, name: str, value: object, words: str
+) -> None:
+    message = getattr(msg, class_)()
+    with refused(f"The '{name}' field must be a set or sequence{' ' + words}"):
+        setattr(message, name, value)
+    with pytest.raises(AssertionError):
+        getattr(msg, class_)(**{name: value})
+
+
+@pytest.mark.parametrize("value", [("a", "b"), {"a", "b"}, UserList(["a", "b"]), ["a", "b"]])
+def test_a_list_is_stored_as_given(msg: ModuleType, value: object) -> None:
+    message = msg.Fixed()
+    message.texts = value
+    assert message.texts is value
+
+
+def test_bytes_in_a_list_may_have_any_length(msg: ModuleType) -> None:
+    assert msg.Loose(bytes=[b"", b"abc"]).bytes == [b"", b"abc"]
+
+
+def test_without_assertions_values_are_not_checked_but_converted(probe: Path) -> None:
+    code = (
+        "from probe.msg import Scalars, Fixed, Loose\n"
+        "loose = Loose(); loose.a_int8 = [1]\n"
+        "fixed = Fixed(); fixed.a_int8 = [1, 2, 3]\n"
+        "kinds = type(loose.a_int8).__name__, type(fixed.a_int8).__name__\n"
+        "print(Scalars(flag='x', a_int8=1000, other=1).flag, *kinds)"
+    )
+    assert run_python(probe, code, "-O") == "x array ndarray"
+
+
+@given(value=st.one_of(st.integers(), st.floats(), st.booleans(), st.text(max_size=2), st.none()))
+def test_an_integer_field_holds_what_it_is_given_or_what_it_had(probe: Path, value: object) -> None:
+    assert probe.is_dir()
+    message = import_module("probe.msg").Scalars()
+    try:
+        message.a_uint16 = value
+    except AssertionError:
+        assert message.a_uint16 == 0
+        assert not (isinstance(value, int) and 0 <= value < 2**16)
+    else:
+        assert message.a_uint16 is value
+        assert isinstance(value, int)
+        assert 0 <= value < 2**16
