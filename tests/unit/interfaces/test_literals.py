@@ -74,9 +74,9 @@ def test_reals_read_as_python_reads_them(text: str, value: float) -> None:
     assert (read, type(read)) == (value, float)
 
 
-def test_nan_is_a_number_and_float32_holds_its_largest() -> None:
+def test_reals_have_no_range() -> None:
     assert math.isnan(float(str(read_value("nan", Primitive("float")))))
-    assert read_value("3.4028234663852886e38", Primitive("float")) == 3.4028234663852886e38
+    assert read_value("1e39", Primitive("float")) == 1e39
     assert read_value("inf", Primitive("float")) == math.inf
 
 
