@@ -76,8 +76,7 @@ python3 -c "{HELLO}"
 
 def test_building_again_changes_nothing(workspace: Path) -> None:
     before = _times(workspace / "install")
-    output = shell("forge build", workspace)
-    assert "Starting >>>" not in output
+    shell("forge build", workspace)
     assert _times(workspace / "install") == before
 
 
