@@ -134,13 +134,13 @@ class Headers:
         handles += [Handle("service", _symbol(service.name)) for service in services_of(self.interface)]
         if isinstance(self.interface, Action):
             handles.append(Handle("action", _symbol(self.name)))
-        kinds = sorted({handle.kind for handle in handles})
+        kinds = {handle.kind for handle in handles}
         return self._detail_file(
             "type_support",
-            headers=[
-                *(f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds),
-                _visibility_path(self.name.package),
-            ],
+            headers=sorted(
+                [_visibility_path(self.name.package)]
+                + [f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds]
+            ),
             package=self.name.package,
             handles=handles,
         )

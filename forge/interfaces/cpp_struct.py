@@ -5,27 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from forge.interfaces.cpp_text import comment, literal, needs_numeric_limits, spell, zero
-from forge.interfaces.model import HIDDEN_MEMBER, Array, Named, Primitive, Sequence, Text
+from forge.interfaces.cpp_text import comment, literal, needs_numeric_limits, spell
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from forge.interfaces.model import Constant, Field, Message
+    from forge.interfaces.model import Constant, Field, Message, Type
 
 _CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
 _DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
 _ZEROED = "_init == Initialization::ZERO"
 
+_ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", Text: "_alloc", Sequence: "_alloc"}
+"""What the members that take an allocator are constructed from."""
+
 
 @dataclass(frozen=True, slots=True)
 class MemberView:
-    """A member; the hidden one of an empty message has no setter."""
+    """A member."""
 
     name: str
     type: str
     doc: tuple[str, ...]
-    hidden: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,7 @@ class StructView:
     doc: tuple[str, ...]
     constants: tuple[ConstantView, ...]
     members: tuple[MemberView, ...]
+    settable: tuple[str, ...]
     plain: ConstructorView
     allocating: ConstructorView
     blocks: tuple[Block, ...]
@@ -79,17 +82,13 @@ def struct_view(message: Message) -> StructView:
         symbol=f"{message.name.package}__{message.name.kind}__{message.name.name}",
         doc=comment(message.doc),
         constants=tuple(map(_constant, message.constants)),
-        members=tuple(map(_member, message.members)),
+        members=tuple(MemberView(f.name, spell(f.type), comment(f.doc, f.unit)) for f in members),
+        settable=tuple(f.name for f in message.fields),
         plain=_plain_constructor(members, blocks),
         allocating=_allocating_constructor(members, blocks),
         blocks=blocks,
         comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
     )
-
-
-def _member(field: Field) -> MemberView:
-    hidden = field.name == HIDDEN_MEMBER
-    return MemberView(field.name, spell(field.type), comment(field.doc, field.unit), hidden)
 
 
 def struct_needs_numeric_limits(message: Message) -> bool:
@@ -111,14 +110,9 @@ def _plain_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) ->
 
 def _allocating_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
     """Hand the allocator to all that take one; the elements of an array make their own."""
-    nested = [f for f in members if isinstance(f.type, Named)]
-    others = [f for f in members if isinstance(f.type, Text | Sequence)]
-    initializers = [
-        f"{f.name}(_alloc, _init)" if f in nested else f"{f.name}(_alloc)"
-        for f in members
-        if f in nested or f in others
-    ]
-    return _constructor(initializers, blocks, takes_init=bool(nested), takes_allocator=bool(initializers))
+    initializers = [f"{f.name}({_ALLOCATED[type(f.type)]})" for f in members if type(f.type) in _ALLOCATED]
+    nested = any(isinstance(f.type, Named) for f in members)
+    return _constructor(initializers, blocks, takes_init=nested, takes_allocator=bool(initializers))
 
 
 def _constructor(
@@ -138,7 +132,7 @@ def _blocks(members: Iterable[Field]) -> tuple[Block, ...]:
     fields = tuple(members)
     blocks = (
         Block(_CLEARED, tuple(s for f in fields if f.default is None for s in _clear(f))),
-        Block(_DEFAULTED, tuple(_default(f) for f in fields if f.default not in (None, ()))),
+        Block(_DEFAULTED, tuple(s for f in fields for s in _default(f))),
         Block(_ZEROED, tuple(s for f in fields for s in _zero(f))),
     )
     return tuple(block for block in blocks if block.statements)
@@ -148,14 +142,15 @@ def _clear(field: Field) -> Iterator[str]:
     """Yield the assignment of zero; texts and sequences are born empty."""
     match field.type:
         case Primitive():
-            yield f"{field.name} = {zero(field.type)};"
+            yield f"{field.name} = {literal(0, field.type)};"
         case Array(Primitive() as of):
-            yield f"{field.name}.fill({zero(of)});"
+            yield f"{field.name}.fill({literal(0, of)});"
 
 
-def _default(field: Field) -> str:
-    assert field.default is not None  # noqa: S101  (the caller chose fields that have one)
-    return f"{field.name} = {literal(field.default, field.type)};"
+def _default(field: Field) -> Iterator[str]:
+    """Yield the assignment of a default; an empty one goes without saying."""
+    if field.default not in (None, (), ""):
+        yield f"{field.name} = {literal(field.default, field.type)};"
 
 
 def _zero(field: Field) -> Iterator[str]:

@@ -29,6 +29,7 @@ _REAL_SUFFIXES = {"float": "f", "double": "", "long double": "l"}
 _LOWEST = {"int32": -(1 << 31), "int64": -(1 << 63)}
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 _UNPRINTABLE = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_SURROGATES = range(0xD800, 0xE000)
 _FIRST_UNIVERSAL = 0xA0
 _FIRST_ASTRAL = 0x10000
 
@@ -62,21 +63,17 @@ def spell(type_: Type) -> str:
 
 def literal(value: Value, type_: Type) -> str:
     """Return an expression of exactly this value, for a member or constant of this type."""
-    if isinstance(type_, Array | Sequence):
-        inside = ", ".join(literal(item, type_.of) for item in _items(value))
-        return f"{{{{{inside}}}}}" if isinstance(type_, Array) else f"{{{inside}}}"
-    if isinstance(type_, Text):
-        return _text(str(value), type_)
-    if isinstance(type_, Named):
-        raise TypeError(f"a message has no literal: {type_.name}")
-    return _number(value, type_.name)
-
-
-def zero(of: Element) -> str:
-    """Return the literal of an element that nobody gave a value."""
-    if isinstance(of, Text):
-        return 'u""' if of.wide else '""'
-    return literal(0, of)
+    match type_:
+        case Array(of):
+            return f"{{{{{_joined(value, of)}}}}}"
+        case Sequence(of):
+            return f"{{{_joined(value, of)}}}"
+        case Text():
+            return _text(str(value), type_)
+        case Primitive(name):
+            return _number(value, name)
+        case Named(name):
+            raise TypeError(f"a message has no literal: {name}")
 
 
 def needs_numeric_limits(value: Value | None, type_: Type) -> bool:
@@ -86,9 +83,10 @@ def needs_numeric_limits(value: Value | None, type_: Type) -> bool:
 
 def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
     """Return documentation as comment lines that end where they seem to end."""
-    plain = [_UNPRINTABLE.sub(" ", line).rstrip() for line in lines]
+    *before, last = lines or [""]
     if unit is not None:
-        plain[-1:] = [f"{plain[-1]} [{unit}]".lstrip()] if plain else [f"[{unit}]"]
+        last = f"{last} [{unit}]".lstrip()
+    plain = (_UNPRINTABLE.sub(" ", line) for line in (*before, last) if lines or unit)
     return tuple(_unspliced(f"/// {line}".rstrip()) for line in plain)
 
 
@@ -97,16 +95,18 @@ def _unspliced(line: str) -> str:
     return f"{line} ." if line.endswith(("\\", "??/")) else line
 
 
-def _items(value: Value) -> tuple[bool | int | float | str, ...]:
-    return value if isinstance(value, tuple) else (value,)
+def _joined(value: Value, of: Element) -> str:
+    return ", ".join(literal(item, of) for item in (value if isinstance(value, tuple) else (value,)))
 
 
 def _number(value: Value, name: str) -> str:
+    if isinstance(value, tuple):
+        raise TypeError(f"a {name} is one number, not {len(value)}")
     if name in _REAL_SUFFIXES:
-        return _real(float(value), name)  # type: ignore[arg-type]  # a tuple never gets here
+        return _real(float(value), name)
     if name == "boolean":
         return "true" if value else "false"
-    number = ord(value) if isinstance(value, str) else int(value)  # type: ignore[arg-type]
+    number = ord(value) if isinstance(value, str) else int(value)
     suffix = _INTEGER_SUFFIXES.get(name, "")
     if number == _LOWEST.get(name):
         return f"(-{-(number + 1)}{suffix} - 1)"
@@ -168,13 +168,9 @@ def _universal(character: str) -> str:
     number = ord(character)
     if number < _FIRST_UNIVERSAL:
         return _ascii(character)
-    if _is_surrogate(number):
+    if number in _SURROGATES:
         return f'\\x{number:04x}" u"'  # ends the literal: a hexadecimal escape has no length of its own
     return f"\\u{number:04x}" if number < _FIRST_ASTRAL else f"\\U{number:08x}"
-
-
-def _is_surrogate(number: int) -> bool:
-    return 0xD800 <= number <= 0xDFFF  # noqa: PLR2004  (Unicode's own numbers)
 
 
 def _utf8(value: str) -> bytes:

@@ -20,7 +20,7 @@ from forge.interfaces.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from forge.interfaces.model import Field, Interface, Type, TypeName
 
@@ -38,16 +38,22 @@ class YamlView:
 
 
 @dataclass(frozen=True, slots=True)
-class TypeTraits:
-    """The specialisations for a type; one that is not identified has nothing but `traits`."""
+class Identity:
+    """Both names of a type, and the base classes that tell whether its size is fixed or bounded."""
 
-    name: str
     data_type: str
-    slashed: str
-    identified: bool
+    name: str
     fixed: str
     bounded: str
+
+
+@dataclass(frozen=True, slots=True)
+class TypeTraits:
+    """The specialisations for a type; an action has nothing but `traits`."""
+
+    name: str
     traits: tuple[str, ...]
+    identity: Identity | None = None
 
 
 def yaml_view(message: Message) -> YamlView:
@@ -65,8 +71,7 @@ def type_traits(interface: Interface) -> Iterator[TypeTraits]:
     for service in services_of(interface):
         yield _service_traits(service)
     if isinstance(interface, Action):
-        name = interface.name
-        yield TypeTraits(qualified(name), "", "", False, "", "", ("is_action",))  # noqa: FBT003  (a record)
+        yield TypeTraits(qualified(interface.name), ("is_action",))
 
 
 def services_of(interface: Interface) -> tuple[Service, ...]:
@@ -95,26 +100,23 @@ def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
 
 def _message_traits(message: Message, traits: tuple[str, ...]) -> TypeTraits:
     types = [field.type for field in message.members]
-    return _traits(
-        message.name,
-        _all_of("has_fixed_size", types, all(map(_is_fixed, types))),
-        _all_of("has_bounded_size", types, all(map(_is_bounded, types))),
-        traits,
-    )
+    fixed = _base("has_fixed_size", types, own=all(map(_is_fixed, types)))
+    bounded = _base("has_bounded_size", types, own=all(map(_is_bounded, types)))
+    return _identified(message.name, fixed, bounded, traits)
 
 
 def _service_traits(service: Service) -> TypeTraits:
-    halves: list[Type] = [Named(service.request.name), Named(service.response.name)]
-    fixed, bounded = (_all_of(trait, halves, True) for trait in ("has_fixed_size", "has_bounded_size"))  # noqa: FBT003
-    return _traits(service.name, fixed, bounded, ("is_service",))
+    halves = [Named(service.request.name), Named(service.response.name)]
+    fixed, bounded = (_base(trait, halves, own=True) for trait in ("has_fixed_size", "has_bounded_size"))
+    return _identified(service.name, fixed, bounded, ("is_service",))
 
 
-def _traits(name: TypeName, fixed: str, bounded: str, traits: tuple[str, ...]) -> TypeTraits:
+def _identified(name: TypeName, fixed: str, bounded: str, traits: tuple[str, ...]) -> TypeTraits:
     spelled = qualified(name)
-    return TypeTraits(spelled, spelled.removeprefix("::"), str(name), True, fixed, bounded, traits)  # noqa: FBT003
+    return TypeTraits(spelled, traits, Identity(spelled.removeprefix("::"), str(name), fixed, bounded))
 
 
-def _all_of(trait: str, types: list[Type], own: bool) -> str:  # noqa: FBT001
+def _base(trait: str, types: Iterable[Type], *, own: bool) -> str:
     """Return the base class of a trait: what the type itself decides, then what its parts say."""
     if not own:
         return "std::false_type"

@@ -16,8 +16,10 @@ from forge.interfaces.model import (
     Constant,
     Field,
     Message,
+    Named,
     Primitive,
     Sequence,
+    Service,
     Source,
     Text,
     TypeName,
@@ -87,11 +89,16 @@ VALUES = {
     "pair": '["a,b", c]',
     "words": "[x, y]",
 }
+NAMES = (
+    "build builder data geometry_msgs init main message move msg name probe rosidl_runtime_cpp size_t std "
+    "string type uint8_t vector"
+).split()
 DEFINITIONS = {
     "Bounded": "string<=3[<=2] words\nwstring<=4 wide\nint8[<=3] some\n",
     "Defaults": MEMBERS.format_map(VALUES),
     "Empty": "",
     "HTTPServer": "int64 low -9223372036854775808\nuint64 high\nfloat32 bad nan\nfloat64 far -inf\n",
+    "Names": "".join(f"uint8 {name}\n" for name in NAMES) + "geometry_msgs/Point point\n",
     "Nest": "Defaults one\nDefaults[2] fixed\nDefaults[<=2] few\nDefaults[] any\nEmpty[] nothing\n",
     "Nothings": "Empty one\nEmpty[] several\n",
     "Plain": MEMBERS.format_map(dict.fromkeys(VALUES, "")),
@@ -160,10 +167,24 @@ def catalogs() -> Iterator[Catalog]:
 def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Generate all headers of all packages once."""
     folder = tmp_path_factory.mktemp("include")
-    for catalog in catalogs():
+    for catalog in (*catalogs(), *odd_packages()):
         for file in cpp.files(catalog):
             write_if_changed(folder / file.path, file.text)
     return folder
+
+
+def odd_packages() -> Iterator[Catalog]:
+    """Yield packages called like the namespaces inside a package."""
+    for package in ("action", "builder", "detail", "msg", "srv"):
+        own = Named(TypeName(package, "msg", "Inner"))
+        inner = Message(own.name, (Field("x", Primitive("int8")),))
+        outer = Message(TypeName(package, "msg", "Outer"), (Field("one", own), Field("all", Sequence(own))))
+        service = Service(
+            TypeName(package, "srv", "Ask"),
+            Message(TypeName(package, "srv", "Ask_Request"), (Field("one", own),)),
+            Message(TypeName(package, "srv", "Ask_Response")),
+        )
+        yield Catalog(package, {i.name: i for i in (inner, outer, service)}, {}, ())
 
 
 def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str | Path) -> None:
@@ -211,3 +232,18 @@ def test_all_headers_compile_together(include: Path, tmp_path: Path) -> None:
     source = tmp_path / "all.cpp"
     source.write_text(macros + "".join(f'#include "{header}"\n' for header in headers), encoding="utf-8")
     compile_cleanly("g++", "c++17", include, "-fsyntax-only", source)
+
+
+@pytest.mark.needs("gcc")
+def test_type_support_can_be_declared_in_c(tmp_path: Path) -> None:
+    """The headers of rosidl_runtime_c are C99, and their macros give rosidl's names."""
+    headers = sorted(path.relative_to(RUNTIME).as_posix() for path in RUNTIME.glob("rosidl_runtime_c/*.h"))
+    macro = "ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME(rosidl_typesupport_c, std_msgs, msg, String)"
+    name = "rosidl_typesupport_c__get_message_type_support_handle__std_msgs__msg__String"
+    source = tmp_path / "main.c"
+    lines = [f'#include "{header}"' for header in headers]
+    lines += [f"const rosidl_message_type_support_t * {macro}(void);"]
+    lines += [f"const void * use(void) {{ return {name}(); }}"]
+    lines += ["const void * get(void) { return ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, String); }"]
+    source.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    compile_cleanly("gcc", "c99", tmp_path, "-fsyntax-only", source)

@@ -21,6 +21,7 @@
 #include "probe/msg/defaults.hpp"
 #include "probe/msg/empty.hpp"
 #include "probe/msg/http_server.hpp"
+#include "probe/msg/names.hpp"
 #include "probe/msg/nest.hpp"
 #include "probe/msg/nothings.hpp"
 #include "probe/msg/plain.hpp"
@@ -28,6 +29,8 @@
 #include "probe/msg/small.hpp"
 #include "probe/msg/strings.hpp"
 #include "probe/msg/wide.hpp"
+#include "builder/srv/ask.hpp"
+#include "msg/msg/outer.hpp"
 #include "std_srvs/srv/empty.hpp"
 
 using rosidl_runtime_cpp::MessageInitialization;
@@ -272,8 +275,13 @@ void builders()
   const probe::msg::Empty empty = probe::build<probe::msg::Empty>();
   HOLDS(empty.structure_needs_at_least_one_member == 0);
 
+  probe::msg::Names names = probe::msg::Names().set__std(1).set__uint8_t(2).set__geometry_msgs(3);
+  HOLDS(names.std + names.uint8_t + names.geometry_msgs == 6);
+
   using Request = example_interfaces::srv::AddTwoInts::Request;
   HOLDS(example_interfaces::build<Request>().a(40).b(2).a == 40);
+  HOLDS(builder::build<builder::srv::Ask::Request>().one(builder::msg::Inner()).one.x == 0);
+  HOLDS(msg::msg::to_yaml(msg::msg::Outer(), true) == "{one: {x: 0}, all: []}");
 }
 
 void services_and_actions()
@@ -472,6 +480,7 @@ void bounded_vectors()
 
 template struct probe::msg::Defaults_<std::allocator<void>>;
 template struct probe::msg::Plain_<std::allocator<void>>;
+template struct probe::msg::Names_<std::allocator<void>>;
 template struct probe::msg::Nest_<std::allocator<void>>;
 template struct probe::msg::Constants_<std::allocator<void>>;
 template struct probe::msg::Wide_<std::allocator<void>>;
