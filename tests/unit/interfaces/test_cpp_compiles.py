@@ -89,10 +89,26 @@ VALUES = {
     "pair": '["a,b", c]',
     "words": "[x, y]",
 }
-NAMES = (
-    "build builder data geometry_msgs init main message move msg name probe rosidl_runtime_cpp size_t std "
-    "string type uint8_t vector"
-).split()
+NAMES = [
+    "build",
+    "builder",
+    "data",
+    "geometry_msgs",
+    "init",
+    "main",
+    "message",
+    "move",
+    "msg",
+    "name",
+    "probe",
+    "rosidl_runtime_cpp",
+    "size_t",
+    "std",
+    "string",
+    "type",
+    "uint8_t",
+    "vector",
+]
 DEFINITIONS = {
     "Bounded": "string<=3[<=2] words\nwstring<=4 wide\nint8[<=3] some\n",
     "Defaults": MEMBERS.format_map(VALUES),
