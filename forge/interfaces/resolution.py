@@ -55,6 +55,25 @@ def resolve(package: str, parsed: Iterable[Parsed], known: Known) -> Catalog:
     return Catalog(package, interfaces, messages, tuple(sources))
 
 
+def undeclared(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
+    """Return a problem for each field of a type from a package that is none of `declared`.
+
+    Such a type is found, but code that refers to it need not compile: its package may not be built.
+    """
+    accepted = {catalog.package, *declared}
+    return [
+        Problem(
+            f"'{catalog.package}' does not depend on '{name.package}'",
+            member.place,
+            f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces, "
+            f"and <depend>{name.package}</depend> to package.xml",
+        )
+        for interface in catalog.interfaces.values()
+        for member, name in _references(interface)
+        if member.place and name.package not in accepted
+    ]
+
+
 def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> tuple[Catalog, ...]:
     """Return what generated code of a catalog needs of other packages, as a part of each one's catalog.
 
@@ -69,7 +88,7 @@ def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> t
         name = waiting.pop()
         if name not in found:
             found[name] = _demand(name, known)
-            waiting += _references(found[name].interface)
+            waiting += [reference for _, reference in _references(found[name].interface)]
     return _partial_catalogs(found)
 
 
@@ -95,13 +114,13 @@ def _demand(name: TypeName, known: Known) -> Parsed:
     return parsed
 
 
-def _references(interface: Interface) -> Iterator[TypeName]:
-    """Yield the messages that a message or service of another package refers to."""
+def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
+    """Yield each member that holds a message, and which; the sections of actions are no messages."""
     for message in messages_of(interface):
         for member in message.fields:
             element = element_of(member.type)
             if isinstance(element, Named) and element.name.kind == "msg":
-                yield element.name
+                yield member, element.name
 
 
 def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:

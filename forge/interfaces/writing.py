@@ -11,7 +11,7 @@ from forge.files import write_if_changed
 from forge.interfaces.model import TypeName
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
     from pathlib import Path
 
     from forge.interfaces.model import File
@@ -37,18 +37,21 @@ def write(files: Iterable[File], out: Path, package: str, needs: Iterable[TypeNa
     """Write the files of a package's run below `out`; return those that were new or had changed.
 
     Files of an earlier run of the same package are removed, unless this one or another package
-    still makes them. Raises EnvironmentFault when the folder cannot be written to.
+    still makes them, or their language (the first folder of a path) is not of this run.
+    Raises EnvironmentFault when the folder cannot be written to.
     """
     texts = {file.path: file.text for file in files}
+    languages = {_language(path) for path in texts}
     records = read_records(out)
     before = records.pop(package, Record()).files
-    kept = {path for record in records.values() for path in record.files}
+    others = [path for path in before if _language(path) not in languages]
+    kept = {*others, *(path for record in records.values() for path in record.files)}
     try:
         written = tuple(out / path for path, text in texts.items() if write_if_changed(out / path, text))
         for path in before:
             if path not in texts and path not in kept:
                 (out / path).unlink(missing_ok=True)
-        write_if_changed(out / _RECORDS / f"{package}.json", _text(texts, needs))
+        write_if_changed(out / _RECORDS / f"{package}.json", _text({*texts, *others}, needs))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise EnvironmentFault(Problem(f"cannot write: {reason}", Place(error.filename or out))) from error
@@ -77,8 +80,12 @@ def _read(path: Path) -> Record:
         return Record()
 
 
-def _text(texts: Mapping[str, str], needs: Iterable[TypeName]) -> str:
-    content = {"version": _VERSION, "needs": sorted(map(str, needs)), "files": sorted(texts)}
+def _language(path: str) -> str:
+    return path.partition("/")[0]
+
+
+def _text(files: Iterable[str], needs: Iterable[TypeName]) -> str:
+    content = {"version": _VERSION, "needs": sorted(map(str, needs)), "files": sorted(files)}
     return json.dumps(content, indent=1) + "\n"
 
 

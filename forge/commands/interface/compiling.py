@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import prefixes
-from forge.errors import ForgeError, InterfaceError, Problem
+from forge.errors import ForgeError, InterfaceError, Problem, raise_if_any
 from forge.interfaces.declarations import LOWER_NAME
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.parsing import parse_all
 from forge.interfaces.rendering import render
-from forge.interfaces.resolution import messages_below, referred, resolve
+from forge.interfaces.resolution import messages_below, referred, resolve, undeclared
 from forge.interfaces.showing import parse_type_name
 from forge.interfaces.sources import Library, read_folder, read_runtime, read_source
 from forge.interfaces.writing import read_records, write, write_depfile, write_stamp
@@ -84,7 +84,7 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-runtime",
         action="store_true",
-        help="write neither the run-time files nor what is needed of other packages",
+        help="write neither run-time files nor other packages' types; use only types of included packages",
     )
     parser.add_argument("--stamp", metavar="FILE", type=Path, help="a file to touch when all is done")
     parser.add_argument("--depfile", metavar="FILE", type=Path, help="gets a make rule with the files read")
@@ -105,6 +105,8 @@ def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Calla
 def _generate(options: argparse.Namespace) -> int:
     library = _library(options)
     catalog = _catalog(options, options.source, library)
+    if options.no_runtime:
+        raise_if_any(undeclared(catalog, dict(options.includes)), InterfaceError)
     languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
     others = () if options.no_runtime else _others(catalog, library, options.output)
     files = [file for language in languages for each in (catalog, *others) for file in render(each, language)]

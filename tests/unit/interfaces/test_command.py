@@ -224,6 +224,20 @@ def test_two_packages_share_an_output_folder(forge: Forge, tree: Tree) -> None:
     assert not (out / "python/a_msgs/msg/_old.py").exists()
 
 
+def test_a_build_refuses_types_of_packages_that_it_does_not_depend_on(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/msg/A.msg": "int8 a\nstd_msgs/Header header"})
+    arguments = ["--package", "tour", "--output", "out", "--no-runtime", "src"]
+    ran = forge("interface", "generate", *arguments, cwd=root)
+    assert ran.code == 2
+    assert ran.err.splitlines()[:2] == [
+        "src/msg/A.msg:2:1: error: 'tour' does not depend on 'std_msgs'",
+        "    std_msgs/Header header",
+    ]
+    assert "DEPENDENCIES of rosidl_generate_interfaces" in ran.err
+    included = Library().folder("std_msgs")
+    assert forge("interface", "generate", *arguments, "--include", f"std_msgs={included}", cwd=root).code == 0
+
+
 def test_generate_for_a_build_takes_files_and_leaves_stamp_and_depfile(forge: Forge, tree: Tree) -> None:
     root = tree({"some where/msg/A.msg": "std_msgs/Header header"})
     arguments = [
@@ -236,6 +250,8 @@ def test_generate_for_a_build_takes_files_and_leaves_stamp_and_depfile(forge: Fo
         "--lang",
         "json",
         "--no-runtime",
+        "--include",
+        f"std_msgs={Library().folder('std_msgs')}",
         "--file",
         f"{root / 'some where'}:msg/A.msg",
         "--stamp",

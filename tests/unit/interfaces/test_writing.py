@@ -26,8 +26,17 @@ def test_only_what_changed_is_written(tmp_path: Path) -> None:
 def test_what_is_no_longer_made_is_removed_unless_another_package_makes_it(tmp_path: Path) -> None:
     write([A, B], tmp_path, "p")
     write([B], tmp_path, "q")
-    assert write([], tmp_path, "p") == ()
-    assert [path.name for path in (tmp_path / "x").iterdir()] == ["b.txt"]
+    write([File("x/c.txt", "c")], tmp_path, "p")
+    assert sorted(path.name for path in (tmp_path / "x").iterdir()) == ["b.txt", "c.txt"]
+
+
+def test_a_language_that_is_not_of_the_run_is_left_alone(tmp_path: Path) -> None:
+    write([A], tmp_path, "p")
+    write([File("y/c.txt", "c")], tmp_path, "p")
+    assert (tmp_path / "x/a.txt").exists()
+    write([B], tmp_path, "p")
+    assert not (tmp_path / "x/a.txt").exists()
+    assert (tmp_path / "y/c.txt").exists()
 
 
 def test_a_file_of_the_users_is_never_removed(tmp_path: Path) -> None:
