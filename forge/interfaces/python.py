@@ -148,9 +148,10 @@ def _shared_imports(views: Sequence[_MessageView], decorator: str) -> tuple[list
     standard = ["from array import array as _array"] if "array" in needs else []
     if decorator != "property":
         standard.append(f"from builtins import property as {decorator}")
-    shared = ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
-    if "numpy" in needs:
-        shared = ["from forge_rosidl import arrays as _arrays", *shared, "import numpy as _numpy"]
+    shared = (
+        ["import numpy as _numpy", "from forge_rosidl import arrays as _arrays"] if "numpy" in needs else []
+    )
+    shared += ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
     if any(view.fields for view in views):
         shared.append("from rosidl_parser import definition as _definition")
     return standard, shared

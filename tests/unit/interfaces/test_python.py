@@ -15,7 +15,7 @@ import pytest
 
 from forge.interfaces import python
 from tests.conftest import GOLDEN, Golden
-from tests.generated import PROBE, catalog_of, probe_catalog, run_python
+from tests.generated import PROBE, catalog_of, probe_catalog, refused, run_python
 
 if TYPE_CHECKING:
     from pathlib import Path
