@@ -143,11 +143,21 @@ def _type(tree: Tree[Token], package: str) -> Type:
         case "array":
             return Array(_element(_subtree(tree), package), _size(tree.children[1]))
         case "sequence":
-            return Sequence(_element(_subtree(tree), package))
+            return _unbounded(_element(_subtree(tree), package))
         case "bounded_sequence":
             return Sequence(_element(_subtree(tree), package), _size(tree.children[1]))
         case _:
             return _element(tree, package)
+
+
+def _unbounded(of: Element) -> Sequence:
+    """Return a sequence, unless rosidl and its readers disagree about it (interface spec 10, case 20)."""
+    if isinstance(of, Text) and of.wide and of.bound is not None:
+        raise Fault(
+            f"rosidl takes 'wstring<={of.bound}[]' for 'wstring<={of.bound}[<={of.bound}]'",
+            hint="write that, or 'wstring[]'",
+        )
+    return Sequence(of)
 
 
 def _subtree(tree: Tree[Token]) -> Tree[Token]:

@@ -197,11 +197,13 @@ ELEMENTS = st.one_of(
     st.builds("{}<={}".format, st.sampled_from(["string", "wstring"]), st.integers(1, 99)),
     st.sampled_from(["string", "wstring", "Pose", "geometry_msgs/Pose"]),
 )
+# An unbounded sequence of bounded wide strings is refused: rosidl means something else by it.
+# An unbounded sequence of bounded wide strings is refused: rosidl takes it for something else.
 TYPES = st.builds(
     "{}{}".format,
     ELEMENTS,
     st.one_of(st.just(""), st.just("[]"), st.builds("[{}]".format, st.integers(1, 99)), st.just("[<=7]")),
-)
+).filter(lambda written: not (written.startswith("wstring<=") and written.endswith("[]")))
 
 
 @given(st.lists(TYPES, max_size=6), st.sampled_from(["\n", "\n\n", "  # note\n", "\n# note\n"]))
