@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge import __version__
 from forge.model import Kind
 from forge.templating import render
 
@@ -59,6 +60,7 @@ def handover(kitchen: Kitchen, manifest: Path) -> str:
         ("PYTHON_INSTALL_DIR", quoted(kitchen.site_packages), "STRING", "Where Python modules are installed"),
         ("FORGE_PYTHON_VERSION", quoted(version[1] if version else ""), "STRING", "What that Python is"),
         ("FORGE_COMMAND", quoted(*kitchen.forge), "STRING", "The words that start forge"),
+        ("FORGE_VERSION", quoted(__version__), "STRING", "A new one generates interfaces anew"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
     )
     return render(

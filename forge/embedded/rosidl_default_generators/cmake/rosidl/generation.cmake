@@ -1,0 +1,170 @@
+# The build step that calls forge's interface compiler, and the targets that stand for what it writes.
+
+# _rosidl_generate(<target> <tuples> <interface packages>): add the custom target, and what it runs.
+function(_rosidl_generate target tuples packages)
+  _rosidl_output_folder(output "${target}")
+  set(words
+    --package ${PROJECT_NAME} --output "${output}" --lang python --lang cpp --lang idl --lang json --no-runtime
+    --stamp "${output}/stamp" --depfile "${output}/stamp.d")
+  foreach(package IN LISTS packages)
+    get_filename_component(share "${${package}_DIR}/.." ABSOLUTE)
+    list(APPEND words --include "${package}=${share}")
+  endforeach()
+  foreach(tuple IN LISTS tuples)
+    list(APPEND words --file "${tuple}")
+  endforeach()
+  string(REPLACE ";" "\n" text "${words}")
+  _rosidl_write("${output}/generate.args" "${text}\n")
+  # A new forge writes new code, though nothing else has changed.
+  _rosidl_write("${output}/forge_version" "${FORGE_VERSION}\n")
+
+  _rosidl_forge_command(forge)
+  _rosidl_known_inputs(inputs "${output}" "${tuples}" ${packages})
+  set(track_inputs DEPENDS ${inputs})
+  if(CMAKE_GENERATOR MATCHES "Ninja" OR CMAKE_VERSION VERSION_GREATER_EQUAL 3.20)
+    set(track_inputs DEPENDS ${inputs} DEPFILE "${output}/stamp.d")
+  endif()
+  _rosidl_headers(headers "${output}" ${tuples})
+  _rosidl_service_command(cut_services byproducts "${output}" ${tuples})
+  add_custom_command(
+    OUTPUT "${output}/stamp"
+    BYPRODUCTS ${headers} ${byproducts}  # Ninja must know them, or it looks at their dates before they are written
+    COMMAND ${forge} interface generate "@${output}/generate.args"
+    ${cut_services}
+    ${track_inputs}
+    COMMENT "Generating the interfaces of ${PROJECT_NAME}"
+    VERBATIM)
+  add_custom_target(${target} ALL DEPENDS "${output}/stamp")
+  foreach(part IN ITEMS cpp py)
+    # Names that other packages use in add_dependencies(); one command must not belong to several targets.
+    add_custom_target(${target}__${part})
+    add_dependencies(${target}__${part} ${target})
+  endforeach()
+endfunction()
+
+# _rosidl_add_targets(<target> <interface packages>)
+#
+# Everything is header-only, so every target is an INTERFACE library. Those of a kind link the same kind of
+# the dependencies; whoever links one of this project waits for the generation.
+function(_rosidl_add_targets target packages)
+  _rosidl_output_folder(output "${target}")
+  foreach(kind IN ITEMS
+      rosidl_generator_c rosidl_typesupport_introspection_c rosidl_typesupport_fastrtps_c rosidl_typesupport_c
+      rosidl_generator_cpp rosidl_typesupport_introspection_cpp rosidl_typesupport_fastrtps_cpp
+      rosidl_typesupport_cpp rosidl_generator_py)
+    set(library ${target}__${kind})
+    add_library(${library} INTERFACE)
+    add_library(${PROJECT_NAME}::${library} ALIAS ${library})
+    add_dependencies(${library} ${target})
+    if(kind MATCHES "_(cpp|c)$")
+      set(language ${CMAKE_MATCH_1})
+      target_include_directories(${library} INTERFACE
+        "$<BUILD_INTERFACE:${output}/cpp>" "$<INSTALL_INTERFACE:include/${PROJECT_NAME}>")
+      foreach(package IN LISTS packages)
+        target_link_libraries(${library} INTERFACE ${${package}_TARGETS__${kind}})
+      endforeach()
+      if(kind MATCHES "^rosidl_generator_")
+        target_link_libraries(${library} INTERFACE rosidl_runtime_${language}::rosidl_runtime_${language})
+      else()
+        target_link_libraries(${library} INTERFACE ${target}__rosidl_generator_${language})
+      endif()
+    endif()
+    if(kind MATCHES "_cpp$")
+      # Set as a property: target_compile_features() refuses where C++ is not enabled.
+      set_property(TARGET ${library} PROPERTY INTERFACE_COMPILE_FEATURES cxx_std_17)
+    endif()
+    set_property(GLOBAL APPEND PROPERTY rosidl_libraries_of_${target} ${library})
+  endforeach()
+endfunction()
+
+# _rosidl_forge_command(<variable>): the words that start forge.
+function(_rosidl_forge_command variable)
+  if(FORGE_COMMAND)
+    set(command "${FORGE_COMMAND}")
+  elseif(NOT "$ENV{FORGE_COMMAND}" STREQUAL "")
+    separate_arguments(command UNIX_COMMAND "$ENV{FORGE_COMMAND}")
+  else()
+    find_program(FORGE_EXECUTABLE NAMES forge DOC "The program that compiles interfaces")
+    set(command "${FORGE_EXECUTABLE}")
+    if(NOT command)
+      message(FATAL_ERROR
+        "'${PROJECT_NAME}' defines interfaces, and the program that compiles them was not found: "
+        "put 'forge' on PATH (pip install ros-forge), or set FORGE_COMMAND")
+    endif()
+  endif()
+  set(${variable} "${command}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_known_inputs(<variable> <output folder> <tuples> <package>...): what generation reads, as known so far.
+function(_rosidl_known_inputs variable output tuples)
+  set(inputs "${output}/generate.args" "${output}/forge_version")
+  foreach(tuple IN LISTS tuples)
+    string(REGEX REPLACE ":([^:]+)$" "/\\1" file "${tuple}")
+    list(APPEND inputs "${file}")
+  endforeach()
+  if(NOT CMAKE_GENERATOR MATCHES "Ninja" AND CMAKE_VERSION VERSION_LESS 3.20)
+    # Older CMake's makefiles take no list from the compiler: all files of the dependencies count.
+    foreach(package IN LISTS ARGN)
+      foreach(file IN LISTS ${package}_INTERFACE_FILES ${package}_IDL_FILES)
+        get_filename_component(file "${${package}_DIR}/../${file}" ABSOLUTE)
+        if(EXISTS "${file}")
+          list(APPEND inputs "${file}")
+        endif()
+      endforeach()
+    endforeach()
+  endif()
+  set(${variable} "${inputs}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_headers(<variable> <output folder> <tuple>...): the headers that generation writes.
+function(_rosidl_headers variable output)
+  set(folder "${output}/cpp/${PROJECT_NAME}")
+  set(headers "${folder}/msg/rosidl_generator_cpp__visibility_control.hpp")
+  _rosidl_names(names ${ARGN})
+  foreach(name IN LISTS names)
+    get_filename_component(namespace "${name}" DIRECTORY)
+    get_filename_component(stem "${name}" NAME)
+    string_camel_case_to_lower_case_underscore("${stem}" stem)
+    list(APPEND headers "${folder}/${namespace}/${stem}.hpp")
+    foreach(part IN ITEMS struct builder traits type_support)
+      list(APPEND headers "${folder}/${namespace}/detail/${stem}__${part}.hpp")
+    endforeach()
+  endforeach()
+  set(${variable} "${headers}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_service_command(<command variable> <byproducts variable> <output folder> <tuple>...)
+#
+# ROS tools list the two halves of a service as messages of their own.
+function(_rosidl_service_command command_variable byproducts_variable output)
+  set(services "")
+  set(byproducts "")
+  foreach(tuple IN LISTS ARGN)
+    if(tuple MATCHES "^(.*):([^:]+/([^:/]+))\\.srv$")
+      list(APPEND services "${CMAKE_MATCH_1}/${CMAKE_MATCH_2}.srv")
+      list(APPEND byproducts
+        "${output}/halves/${CMAKE_MATCH_3}_Request.msg" "${output}/halves/${CMAKE_MATCH_3}_Response.msg")
+    endif()
+  endforeach()
+  set(command "")
+  if(services)
+    get_property(folder GLOBAL PROPERTY rosidl_folder)
+    string(REPLACE ";" "\n" services "${services}")
+    _rosidl_write("${output}/services" "${services}\n")
+    set(command COMMAND "${CMAKE_COMMAND}" "-DSERVICES=${output}/services" "-DOUTPUT=${output}/halves"
+      -P "${folder}/cut_services.cmake")
+  endif()
+  set(${command_variable} "${command}" PARENT_SCOPE)
+  set(${byproducts_variable} "${byproducts}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_write(<file> <text>): write the text, unless the file already says so.
+function(_rosidl_write file text)
+  if(EXISTS "${file}")
+    file(READ "${file}" current)
+    if(current STREQUAL text)
+      return()
+    endif()
+  endif()
+  file(WRITE "${file}" "${text}")
+endfunction()

@@ -1,0 +1,150 @@
+# rosidl_generate_interfaces(): from the files that a package names to targets, installed files and exports.
+
+# rosidl_generate_interfaces(<target> <file>... [DEPENDENCIES <package>...] [LIBRARY_NAME <name>]
+#                            [SKIP_INSTALL] [SKIP_GROUP_MEMBERSHIP_CHECK] [ADD_LINTER_TESTS])
+#
+# A file is relative to the current source folder, or reads BASE:msg/X.msg. Gives the custom target <target>,
+# header-only targets <target>__rosidl_typesupport_cpp and so on (also as <project>::...), and a Python
+# package. A macro, because extensions and the packages it finds must be seen by the caller.
+#
+# LIBRARY_NAME is accepted and passed on, but nothing generated here has a file of that name; generated code
+# needs no linters either.
+macro(rosidl_generate_interfaces target)
+  cmake_parse_arguments(_rosidl
+    "SKIP_INSTALL;SKIP_GROUP_MEMBERSHIP_CHECK;ADD_LINTER_TESTS" "LIBRARY_NAME" "DEPENDENCIES" ${ARGN})
+  if(_${PROJECT_NAME}_AMENT_PACKAGE)
+    message(FATAL_ERROR "rosidl_generate_interfaces() must be called before ament_package()")
+  endif()
+  _rosidl_read_files(_rosidl_tuples "${target}" ${_rosidl_UNPARSED_ARGUMENTS})
+
+  # An action's messages refer to these packages, and hardly anybody declares them.
+  if(_rosidl_tuples MATCHES ":action/|\\.action(;|$)")
+    if(NOT action_msgs_FOUND)
+      find_package(action_msgs QUIET)
+    endif()
+    if(NOT action_msgs_FOUND)
+      message(FATAL_ERROR
+        "'${PROJECT_NAME}' defines actions, which need the package 'action_msgs': "
+        "add <depend>action_msgs</depend> to package.xml")
+    endif()
+    list(APPEND _rosidl_DEPENDENCIES action_msgs)
+    list(REMOVE_DUPLICATES _rosidl_DEPENDENCIES)
+  endif()
+  foreach(_rosidl_dependency IN LISTS _rosidl_DEPENDENCIES)
+    if(NOT ${_rosidl_dependency}_FOUND)
+      message(FATAL_ERROR
+        "rosidl_generate_interfaces() depends on '${_rosidl_dependency}', which was not found "
+        "(is there a find_package(${_rosidl_dependency} REQUIRED) above?)")
+    endif()
+  endforeach()
+  _rosidl_interface_packages(_rosidl_packages ${_rosidl_DEPENDENCIES})
+
+  if(NOT _rosidl_SKIP_INSTALL)
+    if(NOT _AMENT_PACKAGE_NAME)
+      ament_package_xml()
+    endif()
+    if(NOT _rosidl_SKIP_GROUP_MEMBERSHIP_CHECK
+        AND NOT "rosidl_interface_packages" IN_LIST ${PROJECT_NAME}_MEMBER_OF_GROUPS)
+      message(FATAL_ERROR
+        "the package.xml of '${PROJECT_NAME}' must contain "
+        "<member_of_group>rosidl_interface_packages</member_of_group>")
+    endif()
+    ament_export_dependencies(${_rosidl_DEPENDENCIES} rosidl_default_runtime)
+  endif()
+  if(NOT DEFINED PYTHON_INSTALL_DIR)
+    ament_get_python_install_dir(PYTHON_INSTALL_DIR)
+  endif()
+
+  _rosidl_generate("${target}" "${_rosidl_tuples}" "${_rosidl_packages}")
+  _rosidl_add_targets("${target}" "${_rosidl_packages}")
+  if(NOT _rosidl_SKIP_INSTALL)
+    _rosidl_install("${target}" "${_rosidl_tuples}")
+    _rosidl_describe("${target}" "${_rosidl_tuples}")
+  endif()
+
+  # What third-party generators read.
+  _rosidl_output_folder(_rosidl_output "${target}")
+  _rosidl_idl_tuples(rosidl_generate_interfaces_IDL_TUPLES "${_rosidl_output}" ${_rosidl_tuples})
+  string(REGEX REPLACE "(^|;)([^;]*):([^;:]*)" "\\1\\2/\\3"
+    rosidl_generate_interfaces_ABS_IDL_FILES "${rosidl_generate_interfaces_IDL_TUPLES}")
+  set(rosidl_generate_interfaces_TARGET "${target}")
+  set(rosidl_generate_interfaces_DEPENDENCY_PACKAGE_NAMES "${_rosidl_packages}")
+  set(rosidl_generate_interfaces_LIBRARY_NAME "${_rosidl_LIBRARY_NAME}")
+  set(rosidl_generate_interfaces_SKIP_INSTALL "${_rosidl_SKIP_INSTALL}")
+  set(rosidl_generate_interfaces_ADD_LINTER_TESTS "${_rosidl_ADD_LINTER_TESTS}")
+  ament_execute_extensions(rosidl_generate_idl_interfaces)
+endmacro()
+
+# _rosidl_read_files(<variable> <target> <file>...): the files as BASE:NAMESPACE/NAME.EXT, checked.
+function(_rosidl_read_files variable target)
+  if(TARGET "${target}")
+    message(FATAL_ERROR
+      "rosidl_generate_interfaces() makes a target '${target}', but there is one already: "
+      "give the library or program another name")
+  endif()
+  if(NOT ARGN)
+    message(FATAL_ERROR "rosidl_generate_interfaces() was given no files for '${target}'")
+  endif()
+  set(tuples "")
+  foreach(file IN LISTS ARGN)
+    if(file MATCHES "^(/.*):([^:]+)$")
+      set(path "${CMAKE_MATCH_1}/${CMAKE_MATCH_2}")
+    elseif(IS_ABSOLUTE "${file}")
+      message(FATAL_ERROR
+        "rosidl_generate_interfaces() takes an absolute path as BASE:NAMESPACE/NAME, not as '${file}'")
+    else()
+      set(path "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+    endif()
+    get_filename_component(path "${path}" ABSOLUTE)
+    if(NOT EXISTS "${path}" OR IS_DIRECTORY "${path}")
+      message(FATAL_ERROR "rosidl_generate_interfaces() was given '${path}', which does not exist")
+    endif()
+    if(NOT path MATCHES "^(.+)/([^/]+)/([^/]+\\.(msg|srv|action|idl))$")
+      message(FATAL_ERROR
+        "rosidl_generate_interfaces() was given '${path}', which is no .msg, .srv, .action or .idl file")
+    endif()
+    list(APPEND tuples "${CMAKE_MATCH_1}:${CMAKE_MATCH_2}/${CMAKE_MATCH_3}")
+  endforeach()
+  list(REMOVE_DUPLICATES tuples)
+  set(${variable} "${tuples}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_interface_packages(<variable> <package>...): those with interfaces among them and their dependencies.
+function(_rosidl_interface_packages variable)
+  set(packages "")
+  foreach(package IN LISTS ARGN)
+    foreach(candidate IN ITEMS ${package} ${${package}_RECURSIVE_DEPENDENCIES})
+      if(DEFINED ${candidate}_IDL_FILES)
+        list(APPEND packages "${candidate}")
+      endif()
+    endforeach()
+  endforeach()
+  list(REMOVE_DUPLICATES packages)
+  set(${variable} "${packages}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_names(<variable> <tuple>...): each interface as NAMESPACE/NAME; the extension names the namespace.
+function(_rosidl_names variable)
+  set(names "")
+  foreach(tuple IN LISTS ARGN)
+    if(tuple MATCHES ":[^:/]+/([^:/]+)\\.(msg|srv|action)$")
+      list(APPEND names "${CMAKE_MATCH_2}/${CMAKE_MATCH_1}")
+    elseif(tuple MATCHES ":([^:/]+)/([^:/]+)\\.idl$")
+      list(APPEND names "${CMAKE_MATCH_1}/${CMAKE_MATCH_2}")
+    endif()
+  endforeach()
+  set(${variable} "${names}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_idl_tuples(<variable> <output folder> <tuple>...): where each interface is to be had as .idl.
+function(_rosidl_idl_tuples variable output)
+  _rosidl_names(names ${ARGN})
+  list(TRANSFORM names PREPEND "${output}/idl/${PROJECT_NAME}:")
+  list(TRANSFORM names APPEND ".idl")
+  set(${variable} "${names}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_output_folder(<variable> <target>): where the target's code is generated.
+function(_rosidl_output_folder variable target)
+  set(${variable} "${CMAKE_CURRENT_BINARY_DIR}/rosidl/${target}" PARENT_SCOPE)
+endfunction()

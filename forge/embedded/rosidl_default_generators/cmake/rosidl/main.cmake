@@ -1,0 +1,24 @@
+# The rosidl CMake API: the one door that all config files of this package lead to.
+#
+# Written against ament's public commands only, so that it serves on any ament. Whoever finds it has found
+# ament_cmake, too: some packages never ask for that themselves.
+
+find_package(ament_cmake QUIET REQUIRED)
+find_package(rosidl_default_runtime QUIET REQUIRED)
+
+cmake_policy(PUSH)
+cmake_policy(VERSION 3.18)
+if(POLICY CMP0116)
+  cmake_policy(SET CMP0116 NEW)  # Ninja: the generator's depfile is relative to where it is written
+endif()
+get_property(_rosidl_is_loaded GLOBAL PROPERTY rosidl_is_loaded)
+if(NOT _rosidl_is_loaded)
+  set_property(GLOBAL PROPERTY rosidl_folder "${CMAKE_CURRENT_LIST_DIR}")
+  include("${CMAKE_CURRENT_LIST_DIR}/interfaces.cmake")
+  include("${CMAKE_CURRENT_LIST_DIR}/generation.cmake")
+  include("${CMAKE_CURRENT_LIST_DIR}/installation.cmake")
+  include("${CMAKE_CURRENT_LIST_DIR}/typesupport.cmake")
+  set_property(GLOBAL PROPERTY rosidl_is_loaded TRUE)
+endif()
+unset(_rosidl_is_loaded)
+cmake_policy(POP)

@@ -1,0 +1,1 @@
+include("${rosidl_default_generators_DIR}/rosidl/main.cmake")
