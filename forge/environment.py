@@ -162,7 +162,7 @@ def apply(
     """Return `variables` after the edits, each with the prefix of its package.
 
     An entry that a variable holds already stays where it is, as when a workspace is sourced; with
-    `first` it moves to the front and empty entries go, as when a single package is sourced.
+    `first` prepending moves it to the front and drops empty ones, as when a single package is sourced.
     """
     result = dict(variables)
     lists: dict[str, _Entries] = {}
@@ -198,7 +198,7 @@ class _Entries:
     @classmethod
     def of(cls, text: str, *, first: bool) -> _Entries:
         """Take a variable's text apart; an empty one has no entries."""
-        original = [entry for entry in text.split(":") if entry or not first] if text else []
+        original = text.split(":") if text else []
         return cls(dict.fromkeys(original), original, first)
 
     def add(self, value: str, *, last: bool) -> None:
@@ -214,7 +214,9 @@ class _Entries:
 
     def text(self) -> str:
         """Return the entries joined again."""
-        kept = (entry for entry in self.original if not self.first or entry not in self.front)
+        kept: Iterable[str] = self.original
+        if self.first and self.front:
+            kept = (entry for entry in self.original if entry and entry not in self.front)
         return ":".join([*reversed(self.front), *kept, *self.back])
 
 

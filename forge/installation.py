@@ -46,7 +46,7 @@ def begin_workspace(layout: Layout) -> None:
         if problem:
             problems.append(problem)
     if problems:
-        raise WorkspaceError(*problems)
+        raise WorkspaceError(*dict.fromkeys(problems))
 
 
 def install_package(

@@ -67,7 +67,7 @@ def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
         listed = ", ".join(f"'{name}'" for name in missing)
         raise EnvironmentFault(
             Problem(
-                f"the python modules that the build needs are missing in '{interpreter.path}': {listed}",
+                f"'{interpreter.path}' lacks what the build needs: {listed}",
                 hint=f"{interpreter.path} -m pip install {' '.join(missing)}",
             )
         )
@@ -113,8 +113,11 @@ def _ask(path: Path, program: str, *arguments: str) -> str:
     """Run a line of Python in another interpreter and return what it prints."""
     try:
         done = subprocess.run([path, "-c", program, *arguments], capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise EnvironmentFault(Problem(f"the python '{path}' does not run: {error}")) from error
+    except OSError as error:
+        raise EnvironmentFault(Problem(f"the python '{path}' does not run: {error.strerror}")) from error
+    except subprocess.CalledProcessError as error:
+        message = f"the python '{path}' does not run: it exits with {error.returncode}"
+        raise EnvironmentFault(Problem(message)) from error
     return done.stdout
 
 

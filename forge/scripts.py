@@ -14,7 +14,7 @@ from forge.environment import Edit, Script
 from forge.templating import render
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from forge.environment import Installed
@@ -25,18 +25,22 @@ if TYPE_CHECKING:
 SHELLS = ("sh", "bash", "zsh")
 
 _SPECIAL = re.compile(r'[\\"$`]')
-_AMENT = ("ament_append_value", "ament_append_unique_value", "ament_prepend_unique_value")
+_FOR_HOOKS = {
+    "present": ("_forge_present",),
+    "ament": ("ament_append_value", "ament_append_unique_value", "ament_prepend_unique_value"),
+}
+"""The functions that sourcing a package's scripts takes, by their template."""
 
 
 def setup(shell: str, root: Path, underlays: Sequence[Path]) -> str:
     """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
     variable = "_forge_setup_root"
     statements = [_underlay(script) for script in underlays]
-    own = _sourced(f"${variable}", f"local_setup.{shell}", "this workspace is left out")
-    own |= {"comment": "This workspace."}
+    own = _sourced("This workspace.", f"${variable}", f"local_setup.{shell}")
     return render(
         "scripts/setup.j2",
         shell=shell,
+        present="_forge_setup_present",
         options="_forge_setup_options",
         statements=[*statements, own],
         **_location("setup", shell, variable, root),
@@ -50,43 +54,44 @@ def local_setup(shell: str, root: Path, packages: Sequence[Installed]) -> str:
     falls back to `root`.
     """
     edits = [(package, edit) for package in packages for edit in package.edits]
+    words = _words(edit for _, edit in edits)
     parts = {"select": ("_forge_select", "_forge_prepend"), "unique": ("_forge_first",)}
-    if any(isinstance(edit, Edit) and edit.operation == "append" for _, edit in edits):
+    if words["appending"]:
         parts["append"] = ("_forge_append",)
-    if any(isinstance(edit, Script) for _, edit in edits):
-        parts["ament"] = _AMENT
+    if words["sourcing"]:
+        parts |= _FOR_HOOKS
     isolated = [package for package in packages if package.folder]
     return render(
         "scripts/local_setup.j2",
         shell=shell,
-        options="_forge_options",
         names=sorted(package.name for package in isolated),
         marker=_marker("$_forge_root/$_forge_name", "$_forge_name"),
         functions=[f"scripts/{part}.sh.j2" for part in parts],
         function="_forge_first",
         function_names=[" ".join(names) for names in parts.values() if names],
         statements=[s for group in _groups(edits) if (s := _group_statement(shell, group))],
+        **words,
         **_location("local_setup", shell, "_forge_root", root),
     )
 
 
 def package_setup(shell: str, prefix: Path, package: Installed) -> str:
     """Return the script that adds one package alone and puts its entries before all others."""
+    words = _words(package.edits)
     parts: dict[str, tuple[str, ...]] = {"unique": ()}  # the one function that stays: others' hooks call it
-    if any(isinstance(edit, Edit) and edit.operation == "append" for edit in package.edits):
+    if words["appending"]:
         parts["unique_append"] = ("_forge_append",)
-    if any(isinstance(edit, Script) for edit in package.edits):
-        parts["ament"] = _AMENT
+    if words["sourcing"]:
+        parts |= _FOR_HOOKS
     return render(
         "scripts/package.j2",
         shell=shell,
         name=package.name,
-        options="_forge_options",
         functions=[f"scripts/{part}.sh.j2" for part in parts],
         function="_colcon_prepend_unique_value",
-        append="_forge_append",
         function_names=[" ".join(names) for names in parts.values() if names],
         statements=[s for edit in package.edits if (s := _edit_statement(shell, package, edit))],
+        **words,
         **_location("package", shell, "_forge_prefix", prefix),
     )
 
@@ -104,6 +109,18 @@ def hook_runner() -> str:
 def quoted(text: str) -> str:
     """Return `text` as it stands between the double quotes of any of the shells."""
     return _SPECIAL.sub(r"\\\g<0>", text)
+
+
+def _words(edits: Iterable[Edit | Script]) -> dict[str, object]:
+    """Return which functions the edits take, and how they are called."""
+    listed = list(edits)
+    return {
+        "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in listed),
+        "sourcing": any(isinstance(edit, Script) for edit in listed),
+        "append": "_forge_append",
+        "present": "_forge_present",
+        "options": "_forge_options",
+    }
 
 
 def _location(script: str, shell: str, variable: str, baked: Path) -> dict[str, object]:
@@ -161,10 +178,11 @@ def _group_statement(shell: str, group: list[tuple[Installed, Edit | Script]]) -
     if first.operation == "prepend":
         entries.reverse()
     return {
-        "template": "scripts/entries.sh.j2",
+        "template": "scripts/entry.sh.j2",
         "function": f"_forge_{first.operation}",
         "variable": first.variable,
-        "entries": ":\\\n".join(entries),
+        # One entry a line, where there are several.
+        "entry": entries[0] if len(entries) == 1 else "\\\n" + ":\\\n".join(entries),
     }
 
 
@@ -205,25 +223,23 @@ def _script(shell: str, name: str, script: Script, prefix: str) -> Statement | N
     path = script.path(shell)
     if path is None:
         return None
-    statement = _sourced(prefix, quoted(path), f"a hook of '{name}' is left out")
-    variables = ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")
-    return statement | {"comment": f"A hook of '{name}'.", "prefix_variables": variables}
+    statement = _sourced(f"A hook of '{name}'.", prefix, quoted(path))
+    return statement | {"prefix_variables": ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")}
 
 
 def _underlay(script: Path) -> Statement:
     """Return the statement that sources the script of an underlay."""
-    statement = _sourced(quoted(str(script.parent)), script.name, "its workspace is left out")
-    return statement | {"comment": f"The workspace {script.parent}."}
+    return _sourced(f"The workspace {script.parent}.", quoted(str(script.parent)), script.name)
 
 
-def _sourced(prefix: str, path: str, consequence: str) -> Statement:
-    """Return the words that every statement that sources a file has."""
+def _sourced(comment: str, prefix: str, path: str) -> Statement:
+    """Return the statement that sources a script, which may ask for its prefix."""
     return {
         "template": "scripts/source.sh.j2",
+        "comment": comment,
         "prefix": prefix,
         "file": path if path.startswith("/") else f"{prefix}/{path}",
         "prefix_variables": ("COLCON_CURRENT_PREFIX",),
-        "consequence": consequence.replace("%", "%%"),
     }
 
 
