@@ -96,7 +96,7 @@ _HELD = st.dictionaries(_VARIABLES, st.sampled_from(["", "/a", "/a:/b", ":/a", "
 @each_layout
 @each_shell
 @given(made=workspaces(), held=_HELD)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_a_shell_reports_what_was_computed(
     shell: str,
     layout_word: str,
@@ -113,7 +113,7 @@ def test_a_shell_reports_what_was_computed(
 
 @each_shell
 @given(made=workspaces(), held=_HELD)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_a_package_alone_is_what_its_users_are_built_in(
     shell: str, made: list[Made], held: dict[str, str]
 ) -> None:
@@ -290,7 +290,7 @@ def test_a_missing_underlay_is_one_line(shell: str, tmp_path: Path) -> None:
     assert done.returncode == 0
     assert done.stdout.startswith(str(layout.prefix("programs") / "bin"))
     path = below.install / f"local_setup.{shell}"
-    assert done.stderr == f"warning: '{path}' is not there any more, its workspace is left out\n"
+    assert done.stderr == f"warning: '{path}' is not there any more and is left out\n"
 
 
 @each_shell
