@@ -197,7 +197,6 @@ ELEMENTS = st.one_of(
     st.builds("{}<={}".format, st.sampled_from(["string", "wstring"]), st.integers(1, 99)),
     st.sampled_from(["string", "wstring", "Pose", "geometry_msgs/Pose"]),
 )
-# An unbounded sequence of bounded wide strings is refused: rosidl means something else by it.
 # An unbounded sequence of bounded wide strings is refused: rosidl takes it for something else.
 TYPES = st.builds(
     "{}{}".format,
