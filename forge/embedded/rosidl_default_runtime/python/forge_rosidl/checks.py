@@ -128,7 +128,7 @@ def collection(
     name: str, value: Any, element: type, *, size: int | None = None, bound: int | None = None
 ) -> Any:
     """Accept a set or sequence of elements of a class: exactly `size`, or at most `bound`."""
-    assert _fits(value, size, bound) and all(isinstance(item, element) for item in value), (
+    assert _fits(value, size, bound) and _all_of(value, element), (
         f"{_must(name, size, bound)} and each value of type '{element.__name__}'"
     )
     return value
@@ -137,9 +137,7 @@ def collection(
 def texts(name: str, value: Any, longest: int, *, size: int | None = None, bound: int | None = None) -> Any:
     """Accept a set or sequence of strings of at most `longest` characters each."""
     assert (
-        _fits(value, size, bound)
-        and all(isinstance(item, str) for item in value)
-        and all(len(item) <= longest for item in value)
+        _fits(value, size, bound) and _all_of(value, str) and all(len(item) <= longest for item in value)
     ), (
         f"{_must(name, size, bound)} and each string value not longer than {longest} "
         "and each value of type 'str'"
@@ -153,7 +151,7 @@ def characters(
     """Accept a set or sequence of single characters with code points up to `highest`."""
     assert (
         _fits(value, size, bound)
-        and all(isinstance(item, str) for item in value)
+        and _all_of(value, str)
         and all(len(item) == 1 and ord(item) <= highest for item in value)
     ), f"{_must(name, size, bound)} and each value of type 'str' and the character ord() in [0, {highest}]"
     return value
@@ -182,10 +180,8 @@ def elements(
 ) -> None:
     """Fail unless the value is a set or sequence of numbers in the range of the IDL type."""
     kind = NUMBERS[type_name]
-    assert (
-        _fits(value, size, bound)
-        and all(issubclass(class_, kind.python) for class_ in set(map(type, value)))
-        and kind.admits_all(value)
+    assert _fits(value, size, bound) and (
+        _is_raw(value, kind) or (_all_of(value, kind.python) and kind.admits_all(value))
     ), f"{_must(name, size, bound)} and each value of type '{kind.python.__name__}' and each {kind.range}"
 
 
@@ -197,6 +193,16 @@ def _fits(value: object, size: int | None, bound: int | None) -> bool:
         and (size is None or len(value) == size)
         and (bound is None or len(value) <= bound)
     )
+
+
+def _all_of(value: Any, class_: type) -> bool:
+    """Tell if all elements are of the class; there are few classes, however many elements."""
+    return all(issubclass(found, class_) for found in set(map(type, value)))
+
+
+def _is_raw(value: object, kind: Number) -> bool:
+    """Tell if the value is made of bytes that a uint8 can hold by their nature: images, point clouds."""
+    return kind.code == "B" and isinstance(value, bytes | bytearray)
 
 
 def _must(name: str, size: int | None, bound: int | None) -> str:
