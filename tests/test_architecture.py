@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     4: "__main__ cli commands commands.* options workspace",
     3: """
-        discovery execution installation installed interpreter jobs journal prefixes reporting runner snapshot
+        discovery digests execution installation installed interpreter jobs journal prefixes reporting runner snapshot
         sourcing tools transcript wheels interfaces.sources interfaces.writing
     """,
     2: """
