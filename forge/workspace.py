@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.discovery import discover, discover_embedded
 from forge.graph import ordered_names
 from forge.options import query_of
-from forge.prefixes import find_underlays, provider
+from forge.prefixes import find_underlays, provider, system_prefixes
 from forge.provision import Provision, provide
 from forge.selection import select
 
@@ -72,4 +72,8 @@ def _provision(
     if not embedded:
         return provide(workspace.packages, {}, lambda _: None)
     underlays = find_underlays(variables, install)
-    return provide(workspace.packages, discover_embedded(), cache(lambda name: provider(name, underlays)))
+    # Whoever sourced this workspace has its own earlier results on PATH.
+    system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
+    return provide(
+        workspace.packages, discover_embedded(), cache(lambda name: provider(name, underlays, system))
+    )

@@ -13,7 +13,7 @@ from forge import options as shared
 from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.execution import execute
-from forge.installation import begin_workspace, finish_workspace
+from forge.installation import begin_workspace, finish_workspace, recorded_underlays
 from forge.interpreter import find_interpreter, require_modules
 from forge.jobs import job_runner
 from forge.journal import open_journal
@@ -26,6 +26,7 @@ from forge.recipes.kitchen import Kitchen
 from forge.reporting import HANDLERS, Report
 from forge.schedule import Board
 from forge.snapshot import take_snapshot
+from forge.sourcing import workspace_environment
 from forge.tools import find_tools
 from forge.transcript import open_transcript
 from forge.workspace import Loaded, load_workspace, warn
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from forge.interpreter import Interpreter
     from forge.layout import Layout
     from forge.model import BuildPlan
-    from forge.runner import Runner
 
 
 def register(parser: Parser) -> None:
@@ -75,7 +75,8 @@ def run(options: argparse.Namespace) -> int:
     root = Path.cwd()
     handlers = _handlers(options.event_handlers)
     layout = shared.layout_of(options, root)
-    loaded = load_workspace(root, options, os.environ, embedded=True, install=layout.install)
+    variables = _variables(layout)
+    loaded = load_workspace(root, options, variables, embedded=True, install=layout.install)
     names = _wanted(loaded)
     _refuse_what_cannot_work(loaded, names)
     kitchen, interpreter = _kitchen(options, loaded, names, layout)
@@ -88,14 +89,28 @@ def run(options: argparse.Namespace) -> int:
         plan = make_plan(names, loaded.provision, snapshot, kitchen)
         report = Report(plan, handlers, transcript.folder)
         try:
-            for event in execute(plan, _runner(loaded, layout, interpreter), _board(plan, options)):
+            for event in execute(
+                plan, job_runner(loaded.provision, layout, interpreter, variables), _board(plan, options)
+            ):
                 journal.record(event, plan)
                 transcript.write(event)
                 report.show(event)
         finally:
-            finish_workspace(layout, find_underlays(os.environ, layout.install).chain, interpreter.path)
+            finish_workspace(layout, find_underlays(variables, layout.install).chain, interpreter.path)
             report.summarise(time.monotonic() - begun)
     return report.exit_code
+
+
+def _variables(layout: Layout) -> dict[str, str]:
+    """Return the environment with the ROS variables that manifests ask for and the recorded underlays.
+
+    An underlay of an earlier build counts though this shell has not sourced it: the workspace stands on
+    it, and forgetting to source must not change what is built.
+    """
+    variables = {**ROS_DEFAULTS, "COLCON": "1", **os.environ}
+    sourced = find_underlays(variables, layout.install).chain
+    forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced]
+    return workspace_environment([root for root in forgotten if root.is_dir()], variables)
 
 
 def _wanted(loaded: Loaded) -> tuple[str, ...]:
@@ -138,12 +153,6 @@ def _kitchen(
         environment_generator=os.environ.get("CMAKE_GENERATOR"),
     )
     return kitchen, interpreter
-
-
-def _runner(loaded: Loaded, layout: Layout, interpreter: Interpreter) -> Runner:
-    """Return what runs the steps, in an environment that knows the ROS variables manifests ask for."""
-    variables = {**ROS_DEFAULTS, "COLCON": "1", **os.environ}
-    return job_runner(loaded.provision, layout, interpreter, variables)
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:

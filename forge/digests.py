@@ -1,0 +1,178 @@
+"""What files look like and what they say: cheap stamps of stats, and digests of contents behind them.
+
+A stamp is a digest of sizes, times, modes and inodes: equal stamps mean that nobody wrote there. Only
+when stamps differ are contents read, and only of files whose own stat differs from the remembered one.
+A file that changed within the clock's last tick may change again without a trace in its times: its
+stat is not trusted the next time (git calls such entries racy).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.files import replace_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+VERSION = 1
+RACY_NANOSECONDS = 20_000_000
+"""Two ticks of the slowest kernel clock: file times are no finer than that."""
+
+_LITTER_FOLDERS = frozenset(
+    {
+        ".git",
+        ".hg",
+        ".svn",
+        ".bzr",
+        "__pycache__",
+        ".pytest_cache",
+        ".mypy_cache",
+        ".ruff_cache",
+        ".idea",
+        ".vscode",
+    }
+)
+_LITTER_ENDINGS = (".pyc", ".pyo", "~", ".swp", ".swo", ".egg-info")
+_LITTER_BEGINNINGS = (".#", "#")
+_LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE"})
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A set of files at one moment: `stamp` of their stats ('' when not to be trusted), `digest` of all."""
+
+    stamp: str = ""
+    digest: str = ""
+
+
+class FileTable:
+    """Content digests of single files by their stats; a cache that may be lost at any time."""
+
+    def __init__(self, path: Path) -> None:
+        """Remember where the table is kept; it is read when first asked."""
+        self._path = path
+        self._known: dict[str, tuple[str, str]] | None = None
+        self._changed = False
+
+    def digest(self, path: str, status: os.stat_result) -> str:
+        """Return the content digest of a file whose stat is `status`; raises OSError as open does."""
+        known = self._load()
+        said = _said(status)
+        entry = known.get(path)
+        if entry is not None and entry[0] == said:
+            return entry[1]
+        with open(path, "rb") as stream:  # noqa: PTH123  (thousands of files: no Path for each)
+            found = hashlib.blake2b(stream.read(), digest_size=16).hexdigest()
+        if not _racy(status):
+            known[path] = (said, found)
+            self._changed = True
+        return found
+
+    def save(self) -> None:
+        """Write the table if it learned anything."""
+        if self._changed and self._known is not None:
+            replace_file(self._path, json.dumps({"version": VERSION, "files": self._known}).encode())
+            self._changed = False
+
+    def _load(self) -> dict[str, tuple[str, str]]:
+        if self._known is None:
+            try:
+                said = json.loads(self._path.read_bytes())
+                valid = said["version"] == VERSION
+                self._known = {p: (s, d) for p, (s, d) in said["files"].items()} if valid else {}
+            except (OSError, ValueError, LookupError, TypeError, AttributeError):
+                self._known = {}
+        return self._known
+
+
+def mark_tree(root: str, table: FileTable, known: Mark | None = None) -> Mark:
+    """Return what the tree below `root` looks like now; contents are read only if `known` differs."""
+    return _mark(list(_walk(root)), len(root) + 1, table, known, trusting=False)
+
+
+def mark_files(paths: Iterable[str], table: FileTable, known: Mark | None = None) -> Mark:
+    """Return what the given files look like now, in the given order; a missing one shows as missing."""
+    entries = [(path, _status(path)) for path in paths]
+    return _mark(entries, 0, table, known, trusting=True)
+
+
+def source_files(root: str) -> Iterator[str]:
+    """Yield the paths of the files that count as sources, sorted folder by folder."""
+    return (path for path, _ in _walk(root))
+
+
+def _walk(root: str) -> Iterator[tuple[str, os.stat_result | None]]:
+    with os.scandir(root) as found:
+        entries = sorted(found, key=lambda entry: entry.name)
+    for entry in entries:
+        name = entry.name
+        if entry.is_dir(follow_symlinks=False):
+            if name not in _LITTER_FOLDERS and not name.endswith(".egg-info"):
+                yield from _walk(entry.path)
+        elif not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS)):
+            yield entry.path, entry.stat(follow_symlinks=False)
+
+
+def _mark(
+    entries: list[tuple[str, os.stat_result | None]],
+    cut: int,
+    table: FileTable,
+    known: Mark | None,
+    *,
+    trusting: bool,
+) -> Mark:
+    """Digest the stats and, unless they are as `known` says, the contents of the entries."""
+    stamp = hashlib.blake2b(digest_size=16)
+    racy = False
+    for path, status in entries:
+        stamp.update(f"{path[cut:]}\0{_said(status) if status else ''}\n".encode(errors="surrogateescape"))
+        racy = racy or (status is not None and not trusting and _racy(status))
+    said = "" if racy else stamp.hexdigest()
+    if known is not None and said and known.stamp == said:
+        return known
+    digest = hashlib.blake2b(digest_size=16)
+    for path, status in entries:
+        digest.update(f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape"))
+    return Mark(said, digest.hexdigest())
+
+
+def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
+    """Return what a file says: its mode and content, and for a link also where it points."""
+    if status is None:
+        return "missing"
+    if stat.S_ISREG(status.st_mode):
+        try:
+            return f"{stat.S_IMODE(status.st_mode) & 0o111:o} {table.digest(path, status)}"
+        except OSError:
+            return "unreadable"
+    if not stat.S_ISLNK(status.st_mode):
+        return "special"
+    target = os.readlink(path)  # noqa: PTH115
+    real = _status(path, follow=True)
+    if real is None or not stat.S_ISREG(real.st_mode):
+        return f"link {target}"
+    return f"link {target} {table.digest(path, real)}"
+
+
+def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
+    try:
+        return os.stat(path, follow_symlinks=follow)  # noqa: PTH116
+    except OSError:
+        return None
+
+
+def _said(status: os.stat_result) -> str:
+    return f"{status.st_mtime_ns} {status.st_ctime_ns} {status.st_size} {status.st_ino} {status.st_mode:o}"
+
+
+def _racy(status: os.stat_result) -> bool:
+    newest = max(status.st_mtime_ns, status.st_ctime_ns)
+    return newest > time.time_ns() - RACY_NANOSECONDS

@@ -1,0 +1,131 @@
+"""Stamps and digests of files."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.digests import FileTable, Mark, mark_files, mark_tree, source_files
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+
+def settle(root: Path) -> None:
+    """Wait until what was just written is old enough for its stat to be trusted."""
+    del root
+    time.sleep(0.03)
+
+
+@pytest.fixture
+def package(tree: Tree) -> Path:
+    """Return a folder of sources with litter in it."""
+    root = tree(
+        {
+            "a/src/x.cpp": "int x;",
+            "a/package.xml": "<package/>",
+            "a/.git/HEAD": "x",
+            "a/__pycache__/x.pyc": "x",
+            "a/a.egg-info/PKG-INFO": "x",
+            "a/src/x.cpp~": "x",
+            "a/src/.x.cpp.swp": "x",
+        }
+    )
+    settle(root)
+    return root / "a"
+
+
+def test_litter_is_no_source(package: Path) -> None:
+    assert [path[len(str(package)) + 1 :] for path in source_files(str(package))] == ["package.xml", "src/x.cpp"]
+
+
+def mark(package: Path, known: Mark | None = None) -> Mark:
+    """Mark with a table that knows nothing."""
+    return mark_tree(str(package), FileTable(package.parent / "table"), known)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda p: (p / "src/x.cpp").write_text("int y;"),
+        lambda p: (p / "src/new.cpp").write_text(""),
+        lambda p: (p / "src/x.cpp").unlink(),
+        lambda p: (p / "src/x.cpp").rename(p / "src/z.cpp"),
+        lambda p: (p / "src/x.cpp").chmod(0o755),
+        lambda p: ((p / "src/x.cpp").unlink(), (p / "src/x.cpp").symlink_to("../package.xml")),
+    ],
+)
+def test_every_edit_shows(package: Path, edit: object) -> None:
+    before = mark(package)
+    edit(package)  # type: ignore[operator]
+    assert mark(package, before).digest != before.digest
+
+
+def test_a_touch_changes_the_stamp_but_not_the_digest(package: Path) -> None:
+    before = mark(package)
+    os.utime(package / "src/x.cpp", (1, 1))
+    settle(package)
+    after = mark(package, before)
+    assert after.stamp != before.stamp
+    assert after.digest == before.digest
+
+
+def test_an_older_file_with_other_words_shows(package: Path) -> None:
+    before = mark(package)
+    (package / "src/x.cpp").write_text("int z;")
+    os.utime(package / "src/x.cpp", (1, 1))
+    assert mark(package, before).digest != before.digest
+
+
+def test_equal_stamps_read_nothing(package: Path) -> None:
+    before = mark(package)
+    assert mark(package, Mark(before.stamp, "as remembered")).digest == "as remembered"
+
+
+def test_a_file_that_just_changed_is_not_trusted(package: Path) -> None:
+    (package / "src/x.cpp").write_text("int q;")
+    assert mark(package).stamp == ""
+
+
+def test_what_a_link_points_at_counts(package: Path) -> None:
+    target = package.parent / "target"
+    target.write_text("one")
+    (package / "link").symlink_to(target)
+    (package / "broken").symlink_to("nowhere")
+    before = mark(package)
+    target.write_text("two")
+    assert mark(package).digest != before.digest
+
+
+def test_files_anywhere_are_marked_and_a_missing_one_shows(tree: Tree) -> None:
+    root = tree({"one": "1", "two": "2"})
+    paths = [str(root / "one"), str(root / "two")]
+    table = FileTable(root / "table")
+    before = mark_files(paths, table)
+    assert mark_files(paths, table, before) is before
+    (root / "two").unlink()
+    assert mark_files(paths, table, before).digest != before.digest
+
+
+def test_the_table_saves_reading_and_may_be_lost(package: Path) -> None:
+    path = package.parent / "table"
+    table = FileTable(path)
+    before = mark_tree(str(package), table)
+    table.save()
+    assert mark_tree(str(package), FileTable(path)).digest == before.digest
+    for broken in ("", "[]", '{"version": 1}', '{"version": 1, "files": {"x": 3}}', '{"version": 2, "files": {}}'):
+        path.write_text(broken)
+        assert mark_tree(str(package), FileTable(path)).digest == before.digest
+
+
+def test_an_unreadable_file_is_something_too(package: Path) -> None:
+    fifo = package / "fifo"
+    (package / "folder-link").symlink_to(package / "src")
+    before = mark(package)
+    os.mkfifo(fifo)
+    assert mark(package).digest != before.digest
