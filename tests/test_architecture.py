@@ -21,8 +21,8 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     4: "__main__ cli commands commands.* options workspace",
     3: """
-        discovery digests execution installation installed interpreter jobs journal prefixes reporting runner snapshot
-        sourcing tools transcript wheels interfaces.sources interfaces.writing
+        digests discovery execution installation installed interpreter jobs journal prefixes reporting runner
+        snapshot sourcing tools transcript wheels interfaces.sources interfaces.writing
     """,
     2: """
         charts conditions creation diagnosis environment graph hooks manifest planning provision recipes
