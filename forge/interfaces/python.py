@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
 from forge.interfaces.python_fields import BUILTINS, FieldView, Scope, view_field
+from forge.interfaces.python_stubs import Language, hidden_words, stub_imports, view_stub
 from forge.interfaces.python_types import literal
 from forge.names import snake_case
 from forge.templating import render
@@ -61,39 +62,39 @@ def files(catalog: Catalog) -> Iterator[File]:
     yield File(f"{catalog.package}/py.typed", "")
     for kind in sorted({name.kind for name in catalog.interfaces}):
         names = [name for name in catalog.interfaces if name.kind == kind]
-        yield File(f"{catalog.package}/{kind}/__init__.py", _namespace(catalog.package, kind, names))
-    for name, interface in catalog.interfaces.items():
-        yield File(f"{_module(name).replace('.', '/')}.py", _interface(interface))
+        yield from _namespace(catalog.package, kind, names)
+    for interface in catalog.interfaces.values():
+        yield from _interface(interface)
 
 
-def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> str:
-    """Return the module that gathers the classes of one kind."""
+def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:
+    """Yield the module that gathers the classes of one kind, and its stub."""
     members = sorted((f"_{snake_case(name.name)}", name.name) for name in names)
-    return render("python/namespace.py.j2", title=f"{package}/{kind}", members=members)
+    for ending in ("py", "pyi"):
+        text = render(f"python/namespace.{ending}.j2", package=package, kind=kind, members=members)
+        yield File(f"{package}/{kind}/__init__.{ending}", text)
 
 
-def _interface(interface: Interface) -> str:
-    """Return the module of one interface file."""
+def _interface(interface: Interface) -> Iterator[File]:
+    """Yield the module of one interface file, and its stub."""
     messages = tuple(messages_of(interface))
     imported = _imported(interface, messages)
     classes = imported | {message.name: message.name.name for message in messages}
+    path = _module(interface.name).replace(".", "/")
+    shared = {
+        "title": str(interface.name),
+        "imported": [(_module(name), name.name, local) for name, local in imported.items()],
+        "decorator": _decorator(messages),
+        "services": [_service(part) for part in _services(interface)],
+        "action": _action(interface, classes),
+    }
     views = [_message(message, classes) for message in messages]
-    decorator = _decorator(messages)
-    standard, shared = _shared_imports(views, decorator)
-    return render(
-        "python/interface.py.j2",
-        title=str(interface.name),
-        standard=standard,
-        shared=shared,
-        imported=[(_module(name), name.name, local) for name, local in imported.items()],
-        decorator=decorator,
-        messages=views,
-        services=[
-            _ServiceView(part.name.name, part.request.name.name, part.response.name.name)
-            for part in _services(interface)
-        ],
-        action=_action(interface, classes),
-    )
+    text = render("python/interface.py.j2", **shared, messages=views, imports=_imports(views, messages))
+    yield File(f"{path}.py", text)
+    language = Language(classes, hidden_words(messages))
+    stubs = [view_stub(message, language) for message in messages]
+    lines = stub_imports(messages, language.hidden, aliases=bool(_services(interface)))
+    yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
 
 
 def _module(name: TypeName) -> str:
@@ -109,6 +110,10 @@ def _services(interface: Interface) -> tuple[Service, ...]:
             return (interface.send_goal, interface.get_result)
         case _:
             return ()
+
+
+def _service(service: Service) -> _ServiceView:
+    return _ServiceView(service.name.name, service.request.name.name, service.response.name.name)
 
 
 def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionView | None:
@@ -142,19 +147,20 @@ def _taken(interface: Interface, messages: Sequence[Message]) -> set[str]:
     return {name.name for name in classes} | {field.name for message in messages for field in message.fields}
 
 
-def _shared_imports(views: Sequence[_MessageView], decorator: str) -> tuple[list[str], list[str]]:
+def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list[str]:
     """Return the import lines for the standard library and for what all generated modules share."""
     needs = {need for view in views for field in view.fields for need in field.needs}
-    standard = ["from array import array as _array"] if "array" in needs else []
-    if decorator != "property":
-        standard.append(f"from builtins import property as {decorator}")
-    shared = (
-        ["import numpy as _numpy", "from forge_rosidl import arrays as _arrays"] if "numpy" in needs else []
-    )
-    shared += ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
+    lines = ["from array import array as _array"] if "array" in needs else []
+    if _decorator(messages) != "property":
+        lines.append("from builtins import property as _property")
+    if lines:
+        lines.append("")
+    if "numpy" in needs:
+        lines += ["import numpy as _numpy", "from forge_rosidl import arrays as _arrays"]
+    lines += ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
     if any(view.fields for view in views):
-        shared.append("from rosidl_parser import definition as _definition")
-    return standard, shared
+        lines.append("from rosidl_parser import definition as _definition")
+    return lines
 
 
 def _decorator(messages: Sequence[Message]) -> str:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 def test_a_package_has_a_module_for_each_file_and_one_for_each_kind() -> None:
     catalog = catalog_of("probe", {"msg/UInt8.msg": "", "srv/DoIt.srv": "---", "msg/Vec3D.msg": ""})
-    assert sorted(file.path for file in python.files(catalog)) == [
+    paths = sorted(file.path for file in python.files(catalog))
+    assert [path for path in paths if not path.endswith(".pyi")] == [
         "probe/__init__.py",
         "probe/msg/__init__.py",
         "probe/msg/_u_int8.py",
@@ -33,6 +34,12 @@ def test_a_package_has_a_module_for_each_file_and_one_for_each_kind() -> None:
         "probe/srv/__init__.py",
         "probe/srv/_do_it.py",
     ]
+
+
+def test_every_module_with_content_has_a_stub() -> None:
+    files = {file.path: file.text for file in python.files(probe_catalog())}
+    modules = {path for path, text in files.items() if path.endswith(".py") and text}
+    assert {f"{path}i" for path in modules} == {path for path in files if path.endswith(".pyi")}
 
 
 def test_generating_twice_gives_the_same_files() -> None:

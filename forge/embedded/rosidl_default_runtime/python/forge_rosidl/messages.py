@@ -103,7 +103,7 @@ class ActionType(InterfaceType):
 class Message:
     """The base of all message classes."""
 
-    __slots__ = ()
+    __slots__: tuple[str, ...] = ()
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
     SLOT_TYPES: ClassVar[tuple[Any, ...]] = ()
 

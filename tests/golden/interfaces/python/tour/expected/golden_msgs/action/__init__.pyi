@@ -1,0 +1,1 @@
+from golden_msgs.action._watch import Watch as Watch

@@ -1,0 +1,1 @@
+from golden_msgs.msg._reading import Reading as Reading

@@ -1,0 +1,1 @@
+from golden_msgs.srv._calibrate import Calibrate as Calibrate
