@@ -48,6 +48,11 @@ def probe_catalog() -> Catalog:
     return resolve("probe", parse_all(read_folder("probe", PROBE)), Library())
 
 
+def embedded_catalog(package: str) -> Catalog:
+    """Return the catalog of a package that forge brings along."""
+    return resolve(package, parse_all(read_folder(package, EMBEDDED / package)), Library())
+
+
 def generate(folder: Path, catalog: Catalog) -> None:
     """Write the catalog's Python and that of what it refers to in other packages."""
     for each in (catalog, *referred(catalog, Library())):

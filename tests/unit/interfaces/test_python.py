@@ -15,7 +15,7 @@ import pytest
 
 from forge.interfaces import python
 from tests.conftest import GOLDEN, Golden
-from tests.generated import PROBE, catalog_of, probe_catalog, refused, run_python
+from tests.generated import PROBE, catalog_of, embedded_catalog, probe_catalog, refused, run_python
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,6 +45,11 @@ def test_every_module_with_content_has_a_stub() -> None:
 def test_generating_twice_gives_the_same_files() -> None:
     catalog = probe_catalog()
     assert list(python.files(catalog)) == list(python.files(catalog))
+
+
+def test_no_line_ends_in_blanks() -> None:
+    for file in (*python.files(probe_catalog()), *python.files(embedded_catalog("action_msgs"))):
+        assert not [line for line in file.text.splitlines() if line != line.rstrip()], file.path
 
 
 def test_only_the_main_name_is_exported(probe: Path) -> None:
