@@ -1,0 +1,222 @@
+# Google Test, Google Mock and Google Benchmark.
+#
+# Where they are missing, targets and tests are made all the same: not built by default, reported as skipped.
+# So every line of a package that mentions them keeps its meaning.
+
+include_guard(GLOBAL)
+cmake_policy(PUSH)
+cmake_policy(VERSION 3.18)
+
+# ament_find_gtest(): set GTEST_FOUND, GTEST_INCLUDE_DIRS, GTEST_LIBRARIES, GTEST_MAIN_LIBRARIES and
+# GTEST_BOTH_LIBRARIES for the caller.
+macro(ament_find_gtest)
+  _ament_find_google(gtest GTEST)
+endmacro()
+
+# ament_find_gmock(): the same with GMOCK_.
+macro(ament_find_gmock)
+  _ament_find_google(gmock GMOCK)
+endmacro()
+
+# _ament_find_google(<gtest or gmock> <GTEST or GMOCK>)
+macro(_ament_find_google name upper)
+  if(NOT ${upper}_FOUND)
+    find_package(${name}_vendor QUIET)
+    _ament_locate_google(_ament_google_source ${name})
+    if(NOT TARGET ${name} AND _ament_google_source)
+      _ament_build_google("${_ament_google_source}" ${name})
+    elseif(NOT TARGET ${name})
+      find_package(GTest QUIET)
+    endif()
+    _ament_name_google(${name} ${upper})
+    unset(_ament_google_source)
+  endif()
+endmacro()
+
+# _ament_locate_google(<variable> <name>): a folder with the sources, or nothing.
+function(_ament_locate_google variable name)
+  string(TOUPPER "${name}" upper)
+  set(${variable} "" PARENT_SCOPE)
+  foreach(folder IN ITEMS
+      "$ENV{${upper}_DIR}" "${${name}_vendor_BASE_DIR}" "/usr/src/googletest" "/usr/src/${name}")
+    if(folder AND EXISTS "${folder}/CMakeLists.txt")
+      set(${variable} "${folder}" PARENT_SCOPE)
+      return()
+    endif()
+  endforeach()
+endfunction()
+
+# _ament_build_google(<folder> <name>): add the sources to this build; only what tests link gets built.
+function(_ament_build_google folder name)
+  get_property(languages GLOBAL PROPERTY ENABLED_LANGUAGES)
+  if(NOT "CXX" IN_LIST languages)
+    return()
+  endif()
+  set(INSTALL_GTEST OFF)
+  set(INSTALL_GMOCK OFF)
+  set(BUILD_SHARED_LIBS OFF)
+  set(CMAKE_POLICY_DEFAULT_CMP0077 NEW)  # the lines above count for what the sources call option()
+  set(CMAKE_WARN_DEPRECATED OFF)
+  add_subdirectory("${folder}" "${CMAKE_BINARY_DIR}/${name}" EXCLUDE_FROM_ALL)
+endfunction()
+
+# _ament_name_google(<name> <NAME>): publish the variables for whatever there is now.
+macro(_ament_name_google name upper)
+  set(${upper}_FOUND FALSE)
+  foreach(_ament_prefix IN ITEMS "" "GTest::")
+    if(NOT ${upper}_FOUND AND TARGET ${_ament_prefix}${name})
+      set(${upper}_FOUND TRUE)
+      set(${upper}_LIBRARIES ${_ament_prefix}${name})
+      set(${upper}_MAIN_LIBRARIES ${_ament_prefix}${name}_main)
+    endif()
+  endforeach()
+  if(NOT ${upper}_FOUND AND TARGET GTest::GTest AND "${name}" STREQUAL "gtest")
+    set(GTEST_FOUND TRUE)
+    set(GTEST_LIBRARIES GTest::GTest)
+    set(GTEST_MAIN_LIBRARIES GTest::Main)
+  endif()
+  if(${upper}_FOUND)
+    set(${upper}_BOTH_LIBRARIES ${${upper}_MAIN_LIBRARIES} ${${upper}_LIBRARIES})
+    get_target_property(${upper}_INCLUDE_DIRS ${${upper}_LIBRARIES} INTERFACE_INCLUDE_DIRECTORIES)
+  endif()
+endmacro()
+
+# ament_add_gtest(<target> <source>... [SKIP_LINKING_MAIN_LIBRARIES] [options of ament_add_test]...)
+#
+# A program on Google Test, and the test of the same name that runs it.
+macro(ament_add_gtest target)
+  ament_find_gtest()
+  _ament_add_google_executable(${target} GTEST ${ARGN})
+  _ament_add_google_test(${target} ${target} gtest ${ARGN})
+endmacro()
+
+macro(ament_add_gtest_executable target)
+  ament_find_gtest()
+  _ament_add_google_executable(${target} GTEST ${ARGN})
+endmacro()
+
+# ament_add_gtest_test(<target> [TEST_NAME <name>] [options]...): nothing happens if the target is missing.
+macro(ament_add_gtest_test target)
+  _ament_add_google_test(${target} ${target} gtest ${ARGN})
+endmacro()
+
+# ament_add_gmock(...): ament_add_gtest() with Google Mock.
+macro(ament_add_gmock target)
+  ament_find_gmock()
+  _ament_add_google_executable(${target} GMOCK ${ARGN})
+  _ament_add_google_test(${target} ${target} gmock ${ARGN})
+endmacro()
+
+macro(ament_add_gmock_executable target)
+  ament_find_gmock()
+  _ament_add_google_executable(${target} GMOCK ${ARGN})
+endmacro()
+
+macro(ament_add_gmock_test target)
+  _ament_add_google_test(${target} ${target} gmock ${ARGN})
+endmacro()
+
+# ament_add_google_benchmark(<target> <source>... [RUN_PARALLEL] [options of ament_add_test]...)
+#
+# Runs only with AMENT_RUN_PERFORMANCE_TESTS.
+macro(ament_add_google_benchmark target)
+  find_package(benchmark QUIET)
+  _ament_add_benchmark(${target} ${ARGN})
+endmacro()
+
+# _ament_parse_google(<argument>...): the options of all commands above, as ARG_ variables.
+macro(_ament_parse_google)
+  cmake_parse_arguments(ARG "SKIP_LINKING_MAIN_LIBRARIES;SKIP_TEST;RUN_PARALLEL"
+    "RUNNER;TIMEOUT;WORKING_DIRECTORY;TEST_NAME" "APPEND_ENV;APPEND_LIBRARY_DIRS;ENV" ${ARGN})
+endmacro()
+
+# _ament_add_google_executable(<target> <GTEST or GMOCK> <source>... [options]...)
+function(_ament_add_google_executable target upper)
+  _ament_parse_google(${ARGN})
+  if(NOT ARG_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "the test '${target}' has no source files")
+  endif()
+  if(NOT ${upper}_FOUND)
+    string(TOLOWER "${upper}" name)
+    _ament_tell_missing(${name})
+    add_executable(${target} EXCLUDE_FROM_ALL ${ARG_UNPARSED_ARGUMENTS})
+    set_property(TARGET ${target} PROPERTY AMENT_CANNOT_BE_BUILT TRUE)
+    return()
+  endif()
+  add_executable(${target} ${ARG_UNPARSED_ARGUMENTS})
+  target_include_directories(${target} SYSTEM PRIVATE ${${upper}_INCLUDE_DIRS})
+  # The plain signature of target_link_libraries(), for packages go on with that.
+  if(NOT ARG_SKIP_LINKING_MAIN_LIBRARIES)
+    target_link_libraries(${target} ${${upper}_MAIN_LIBRARIES})
+  endif()
+  target_link_libraries(${target} ${${upper}_LIBRARIES})
+  if(upper STREQUAL "GTEST")
+    set(THREADS_PREFER_PTHREAD_FLAG ON)
+    find_package(Threads REQUIRED)
+    target_link_libraries(${target} Threads::Threads)
+  endif()
+endfunction()
+
+# _ament_add_google_test(<target> <test> <label> [options]...)
+function(_ament_add_google_test target name label)
+  if(NOT TARGET ${target})
+    return()
+  endif()
+  _ament_parse_google(${ARGN})
+  if(ARG_TEST_NAME)
+    set(name "${ARG_TEST_NAME}")
+  endif()
+  get_target_property(cannot_be_built ${target} AMENT_CANNOT_BE_BUILT)
+  if(cannot_be_built)
+    set(ARG_SKIP_TEST TRUE)
+  endif()
+  set(result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${name}.gtest.xml")
+  _ament_collect_test_options(options)
+  ament_add_test(${name} COMMAND "$<TARGET_FILE:${target}>" "--gtest_output=xml:${result}"
+    RESULT_FILE "${result}" OUTPUT_FILE "${CMAKE_BINARY_DIR}/ament_cmake_${label}/${name}.txt" ${options})
+  set_tests_properties(${name} PROPERTIES LABELS ${label})
+  if(NOT cannot_be_built)
+    set_tests_properties(${name} PROPERTIES REQUIRED_FILES "$<TARGET_FILE:${target}>")
+  endif()
+endfunction()
+
+# _ament_add_benchmark(<target> <source>... [RUN_PARALLEL] [options]...)
+function(_ament_add_benchmark target)
+  _ament_parse_google(${ARGN})
+  if(NOT ARG_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "the benchmark '${target}' has no source files")
+  endif()
+  if(benchmark_FOUND)
+    add_executable(${target} ${ARG_UNPARSED_ARGUMENTS})
+    if(NOT ARG_SKIP_LINKING_MAIN_LIBRARIES)
+      target_link_libraries(${target} benchmark::benchmark_main)
+    endif()
+    target_link_libraries(${target} benchmark::benchmark)
+  else()
+    _ament_tell_missing(benchmark)
+    add_executable(${target} EXCLUDE_FROM_ALL ${ARG_UNPARSED_ARGUMENTS})
+  endif()
+  if(NOT benchmark_FOUND OR NOT AMENT_RUN_PERFORMANCE_TESTS)
+    set(ARG_SKIP_TEST TRUE)
+  endif()
+  set(result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${target}.google_benchmark.xml")
+  _ament_collect_test_options(options)
+  ament_add_test(${target} COMMAND "$<TARGET_FILE:${target}>" "--benchmark_out_format=json"
+    "--benchmark_out=${result}.json" RESULT_FILE "${result}" GENERATE_RESULT_FOR_RETURN_CODE_ZERO
+    OUTPUT_FILE "${CMAKE_BINARY_DIR}/ament_cmake_google_benchmark/${target}.txt" ${options})
+  set_tests_properties(${target} PROPERTIES LABELS "google_benchmark;performance")
+  if(NOT ARG_RUN_PARALLEL)
+    set_tests_properties(${target} PROPERTIES RUN_SERIAL TRUE)
+  endif()
+endfunction()
+
+# _ament_tell_missing(<name>): say once per project that tests are skipped.
+function(_ament_tell_missing name)
+  get_property(told GLOBAL PROPERTY ament_told_missing_${name})
+  if(NOT told)
+    message(STATUS "'${name}' was not found: tests that need it are skipped")
+    set_property(GLOBAL PROPERTY ament_told_missing_${name} TRUE)
+  endif()
+endfunction()
+
+cmake_policy(POP)

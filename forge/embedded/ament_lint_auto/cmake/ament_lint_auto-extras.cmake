@@ -1,0 +1,5 @@
+if(_${PROJECT_NAME}_AMENT_PACKAGE)
+  message(FATAL_ERROR "find_package(ament_lint_auto) must be called before ament_package(), which adds the linters")
+endif()
+include("${ament_lint_auto_DIR}/lint/main.cmake")
+ament_register_extension(ament_package ament_lint_auto lint/package_hook.cmake)
