@@ -18,7 +18,8 @@ INDEX = Path("share/ament_index/resource_index")
 def prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
     """Return the prefixes that the environment's AMENT_PREFIX_PATH names and that exist."""
     paths = variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return tuple(path for path in map(Path, dict.fromkeys(filter(None, paths))) if path.is_dir())
+    # Unlike Path.is_dir, os.path.isdir says no to a folder that others may not enter.
+    return tuple(Path(path) for path in dict.fromkeys(paths) if os.path.isdir(path))  # noqa: PTH112
 
 
 def resources(kind: str, where: Iterable[Path]) -> dict[str, Path]:

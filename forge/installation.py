@@ -113,7 +113,7 @@ def recorded_underlays(root: Path) -> tuple[Path, ...]:
     try:
         state = json.loads((root / STATE).read_text(encoding="utf-8"))
         return tuple(map(Path, state["underlays"]))
-    except (FileNotFoundError, NotADirectoryError):
+    except OSError:  # what cannot be read cannot be written either: begin_workspace tells
         return ()
     except (ValueError, KeyError, TypeError) as error:
         problem = Problem(

@@ -93,7 +93,8 @@ def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
 def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
     """Return the existing folders that path variables list, each once."""
     entries = [entry for name in names for entry in variables.get(name, "").split(os.pathsep)]
-    return [path for path in map(Path, dict.fromkeys(filter(None, entries))) if path.is_dir()]
+    # Unlike Path.is_dir, os.path.isdir says no to a folder that others may not enter.
+    return [Path(entry) for entry in dict.fromkeys(entries) if os.path.isdir(entry)]  # noqa: PTH112
 
 
 def _inside(path: Path, root: Path) -> bool:
