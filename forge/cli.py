@@ -6,13 +6,14 @@ Exit codes: 0 done, 1 a package failed, 2 the user must mend something, 70 our b
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import os
 import sys
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
-from forge.errors import ForgeError
+from forge.errors import ForgeError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +29,9 @@ COMMANDS = {
 }
 
 _VALUED = frozenset({"--log-base", "--log-level"})
+
+_REFUSALS = frozenset({errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT})
+"""What a system refuses for reasons that only its user can mend."""
 
 EXIT_USER = 2
 EXIT_BUG = 70
@@ -51,6 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output has left, as `head` does: not an error, but the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        return _refused(error) if error.errno in _REFUSALS else _our_bug()
     except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
         return _our_bug()
     return code
@@ -120,6 +126,18 @@ def _asked(arguments: Sequence[str]) -> str | None:
         if word in _VALUED:
             next(words, None)
     return None
+
+
+def _refused(error: OSError) -> int:
+    """Tell which file the system does not let us read or write."""
+    reason = (error.strerror or str(error)).lower()
+    hint = "was it made by another user, as with sudo? make it yours, or remove it"
+    problem = Problem(
+        f"cannot read or write '{error.filename or 'a file'}': {reason}",
+        hint=hint if error.errno in {errno.EACCES, errno.EPERM} else None,
+    )
+    print(problem.render(), file=sys.stderr)
+    return EXIT_USER
 
 
 def _our_bug() -> int:

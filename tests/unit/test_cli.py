@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -63,6 +64,13 @@ class Failing:
         ),
         (KeyboardInterrupt(), 130, ""),
         (ValueError("surprise"), 70, "this is a bug in forge"),
+        (OSError(errno.EINVAL, "surprise"), 70, "this is a bug in forge"),
+        (
+            PermissionError(13, "Permission denied", "/x"),
+            2,
+            "error: cannot read or write '/x': permission denied\nh",
+        ),
+        (OSError(errno.ENOSPC, "No space"), 2, "error: cannot read or write 'a file': no space\n"),
     ],
 )
 def test_every_end_has_its_exit_code(
