@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp_text import qualified
-from forge.interfaces.cpp_traits import services_of, type_traits, yaml_view
-from forge.interfaces.model import Action, File, Named, Sequence, element_of, messages_of
-from forge.names import snake_case
+from forge.interfaces.cpp_traits import type_traits, yaml_view
+from forge.interfaces.headers import detail_path, guard, handles, main_path, needed, services_of
+from forge.interfaces.model import Action, File, Sequence, messages_of
 from forge.templating import render
 
 if TYPE_CHECKING:
@@ -47,14 +47,6 @@ class Start:
     step: str
 
 
-@dataclass(frozen=True, slots=True)
-class Handle:
-    """A function that hands out type support."""
-
-    kind: str
-    symbol: str
-
-
 @dataclass(frozen=True)
 class Headers:
     """The headers of one interface."""
@@ -74,14 +66,12 @@ class Headers:
     @cached_property
     def needed(self) -> tuple[TypeName, ...]:
         """The interfaces whose types are members here, sorted, this one left out."""
-        own = {message.name for message in self.messages}
-        elements = (element_of(f.type) for m in self.messages for f in m.members)
-        return tuple(sorted({of.name for of in elements if isinstance(of, Named)} - own))
+        return needed(self.interface)
 
     def main(self) -> File:
         """Return the header that users include."""
         return self._file(
-            f"{_folder(self.name)}/{snake_case(self.name.name)}.hpp",
+            main_path(self.name, "hpp"),
             "interface",
             headers=[_detail(self.name, part) for part in _PARTS],
         )
@@ -130,11 +120,8 @@ class Headers:
 
     def type_support(self) -> File:
         """Return the header that declares type support."""
-        handles = [Handle("message", _symbol(message.name)) for message in self.messages]
-        handles += [Handle("service", _symbol(service.name)) for service in services_of(self.interface)]
-        if isinstance(self.interface, Action):
-            handles.append(Handle("action", _symbol(self.name)))
-        kinds = {handle.kind for handle in handles}
+        found = handles(self.interface)
+        kinds = {handle.kind for handle in found}
         return self._detail_file(
             "type_support",
             headers=sorted(
@@ -142,7 +129,7 @@ class Headers:
                 + [f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds]
             ),
             package=self.name.package,
-            handles=handles,
+            handles=found,
         )
 
     def _detail_file(self, part: str, **names: object) -> File:
@@ -150,14 +137,14 @@ class Headers:
         return self._file(_detail(self.name, part), part, namespace=namespace, **names)
 
     def _file(self, path: str, template: str, **names: object) -> File:
-        text = render(f"cpp/{template}.hpp.j2", source=str(self.name), guard=_guard(path), **names)
+        text = render(f"cpp/{template}.hpp.j2", source=str(self.name), guard=guard(path), **names)
         return File(path, text)
 
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the headers of every interface; paths are relative to the include folder."""
     path = _visibility_path(catalog.package)
-    text = render("cpp/visibility_control.hpp.j2", guard=_guard(path), package=catalog.package)
+    text = render("cpp/visibility_control.hpp.j2", guard=guard(path), package=catalog.package)
     yield File(path, text)
     for interface in catalog.interfaces.values():
         headers = Headers(interface)
@@ -172,22 +159,8 @@ def _visibility_path(package: str) -> str:
     return f"{package}/msg/rosidl_generator_cpp__visibility_control.hpp"
 
 
-def _folder(name: TypeName) -> str:
-    return f"{name.package}/{name.kind}"
-
-
 def _detail(name: TypeName, part: str) -> str:
-    """Return the path of a detail header; the parts of a service or an action live in its own."""
-    stem = name.name if name.kind == "msg" else name.name.partition("_")[0]
-    return f"{_folder(name)}/detail/{snake_case(stem)}__{part}.hpp"
-
-
-def _guard(path: str) -> str:
-    return "__".join(path.replace(".", "_").upper().split("/")) + "_"
-
-
-def _symbol(name: TypeName) -> str:
-    return f"{name.package}__{name.kind}__{name.name}"
+    return detail_path(name, part, "hpp")
 
 
 def _steps(message: Message) -> Iterable[Step]:

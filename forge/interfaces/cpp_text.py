@@ -117,7 +117,7 @@ def _real(value: float, name: str) -> str:
     """Return the literal; compilers object to one that overflows or vanishes, so those are spelled out."""
     limits = f"std::numeric_limits<{_ARITHMETIC[name]}>"
     if name == "float":
-        value = _nearest_single(value)
+        value = nearest_single(value)
     if math.isnan(value):
         return f"{limits}::quiet_NaN()"
     if math.isinf(value):
@@ -125,7 +125,7 @@ def _real(value: float, name: str) -> str:
     return f"{value!r}{_REAL_SUFFIXES[name]}"
 
 
-def _nearest_single(value: float) -> float:
+def nearest_single(value: float) -> float:
     """Return the value itself, but infinity or zero where single precision has nothing nearer."""
     try:
         single: float = struct.unpack("<f", struct.pack("<f", value))[0]
@@ -136,14 +136,14 @@ def _nearest_single(value: float) -> float:
 
 def _text(value: str, type_: Text) -> str:
     """Return a literal of the text; one with NUL inside needs its length told."""
-    body = _wide(value) if type_.wide else _narrow(value)
+    body = _wide(value) if type_.wide else quoted(value)
     if "\0" not in value:
         return body
     units = len(value.encode("utf-16-le", "surrogatepass")) // 2 if type_.wide else len(_utf8(value))
     return f"{spell(type_)}({body}, {units})"
 
 
-def _narrow(value: str) -> str:
+def quoted(value: str) -> str:
     """Return a string literal whose bytes are UTF-8, whatever the compiler takes its source for."""
     return '"' + _without_trigraphs("".join(_ascii(chr(byte)) for byte in _utf8(value))) + '"'
 

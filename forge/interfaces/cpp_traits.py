@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.interfaces.cpp_text import qualified
+from forge.interfaces.headers import services_of
 from forge.interfaces.model import (
     Action,
     Array,
@@ -72,17 +73,6 @@ def type_traits(interface: Interface) -> Iterator[TypeTraits]:
         yield _service_traits(service)
     if isinstance(interface, Action):
         yield TypeTraits(qualified(interface.name), ("is_action",))
-
-
-def services_of(interface: Interface) -> tuple[Service, ...]:
-    """Return the services that the interface is made of, itself included."""
-    match interface:
-        case Service():
-            return (interface,)
-        case Action():
-            return (interface.send_goal, interface.get_result)
-        case Message():
-            return ()
 
 
 def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:

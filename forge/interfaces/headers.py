@@ -1,0 +1,69 @@
+"""What headers of C and C++ have in common: where they lie, what they need, which handles they declare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.interfaces.model import Action, Message, Named, Service, element_of, messages_of
+from forge.names import snake_case
+
+if TYPE_CHECKING:
+    from forge.interfaces.model import Interface, TypeName
+
+
+@dataclass(frozen=True, slots=True)
+class Handle:
+    """A function that hands out type support."""
+
+    kind: str
+    symbol: str
+
+
+def main_path(name: TypeName, ending: str) -> str:
+    """Return the path of the header that users include."""
+    return f"{name.package}/{name.kind}/{snake_case(name.name)}.{ending}"
+
+
+def detail_path(name: TypeName, part: str, ending: str) -> str:
+    """Return the path of a detail header; the parts of a service or an action live in its own."""
+    stem = name.name if name.kind == "msg" else name.name.partition("_")[0]
+    return f"{name.package}/{name.kind}/detail/{snake_case(stem)}__{part}.{ending}"
+
+
+def guard(path: str) -> str:
+    """Return the macro that keeps a header from being read twice."""
+    return "__".join(path.replace(".", "_").upper().split("/")) + "_"
+
+
+def symbol(name: TypeName) -> str:
+    """Return the name of a type in C."""
+    return f"{name.package}__{name.kind}__{name.name}"
+
+
+def needed(interface: Interface) -> tuple[TypeName, ...]:
+    """Return the messages of other headers that members of this one's messages have as types, sorted."""
+    messages = tuple(messages_of(interface))
+    own = {message.name for message in messages}
+    elements = (element_of(field.type) for message in messages for field in message.members)
+    return tuple(sorted({of.name for of in elements if isinstance(of, Named)} - own))
+
+
+def services_of(interface: Interface) -> tuple[Service, ...]:
+    """Return the services that a header brings along."""
+    match interface:
+        case Message():
+            return ()
+        case Service():
+            return (interface,)
+        case Action():
+            return (interface.send_goal, interface.get_result)
+
+
+def handles(interface: Interface) -> list[Handle]:
+    """Return the functions that hand out the type support of all that an interface brings along."""
+    found = [Handle("message", symbol(message.name)) for message in messages_of(interface)]
+    found += [Handle("service", symbol(service.name)) for service in services_of(interface)]
+    if isinstance(interface, Action):
+        found.append(Handle("action", symbol(interface.name)))
+    return found
