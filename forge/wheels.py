@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import csv
 import filecmp
+import itertools
 import os
 import shutil
 import subprocess
@@ -169,11 +170,18 @@ def _link_to_sources(source: Path, installed: Iterable[Path]) -> None:
     for path in _source_files(source):
         by_name.setdefault(path.name, []).append(path)
     for path in installed:
-        for original in by_name.get(path.name, ()):
+        # Many an __init__.py is empty: the one in the folder of the same name is meant.
+        for original in sorted(by_name.get(path.name, ()), key=lambda source: -_common_end(source, path)):
             if filecmp.cmp(original, path, shallow=False):
                 path.unlink()
                 path.symlink_to(original)
                 break
+
+
+def _common_end(left: Path, right: Path) -> int:
+    """Count the last parts that two paths have in common."""
+    pairs = zip(reversed(left.parts), reversed(right.parts), strict=False)
+    return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def _source_files(source: Path) -> Iterator[Path]:

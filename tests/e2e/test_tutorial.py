@@ -93,5 +93,6 @@ def _programs(folder: Path) -> Path:
 
 
 def _times(folder: Path) -> dict[str, int]:
-    found = (path for part in ("include", "lib") for path in folder.glob(f"*/{part}/**/*"))
+    parts = ("example_ros2_interfaces/include", "example_ros2_interfaces/lib", "example_interfaces_cpp/lib")
+    found = (path for part in parts for path in (folder / part).rglob("*"))
     return {str(path): path.lstat().st_mtime_ns for path in found if path.is_file()}

@@ -97,6 +97,14 @@ def test_links_show_an_edit_at_once_and_going_back_to_copies_leaves_the_sources_
     assert source.read_text() == "def main():\n    print('edited')\n"
 
 
+def test_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> None:
+    setup = SETUP["src/talk/setup.py"].replace('["talk"]', '["talk", "talk.more"]')
+    root = tree(SETUP | {"src/talk/setup.py": setup, "src/talk/talk/more/__init__.py": ""})
+    install(root, "--link")
+    for name in ("talk/__init__.py", "talk/more/__init__.py"):
+        assert (root / "install" / SITE / name).readlink() == root / "src/talk" / name
+
+
 def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
     root = tree(
         {
