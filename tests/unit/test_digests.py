@@ -41,7 +41,8 @@ def package(tree: Tree) -> Path:
 
 
 def test_litter_is_no_source(package: Path) -> None:
-    assert [path[len(str(package)) + 1 :] for path in source_files(str(package))] == ["package.xml", "src/x.cpp"]
+    found = [path[len(str(package)) + 1 :] for path in source_files(str(package))]
+    assert found == ["package.xml", "src/x.cpp"]
 
 
 def mark(package: Path, known: Mark | None = None) -> Mark:
@@ -118,7 +119,8 @@ def test_the_table_saves_reading_and_may_be_lost(package: Path) -> None:
     before = mark_tree(str(package), table)
     table.save()
     assert mark_tree(str(package), FileTable(path)).digest == before.digest
-    for broken in ("", "[]", '{"version": 1}', '{"version": 1, "files": {"x": 3}}', '{"version": 2, "files": {}}'):
+    wrong = ('{"version": 1}', '{"version": 1, "files": {"x": 3}}', '{"version": 2, "files": {}}')
+    for broken in ("", "[]", *wrong):
         path.write_text(broken)
         assert mark_tree(str(package), FileTable(path)).digest == before.digest
 
