@@ -227,12 +227,17 @@ def _check_field(name: str, offset: int, _: Type) -> None:
         hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
         rule = "it takes lower-case letters, digits and single underscores"
         raise Fault(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
+    check_keyword(name, offset, "field")
+
+
+def check_keyword(name: str, offset: int, what: str) -> None:
+    """Raise Fault when generated code could not contain the name of this `what`."""
     tongues = [
         tongue for tongue, words in (("Python", keyword.kwlist), ("C++", CPP_KEYWORDS)) if name in words
     ]
     if tongues:
         raise Fault(
-            f"a field cannot be called '{name}', a keyword of {' and '.join(tongues)}",
+            f"a {what} cannot be called '{name}', a keyword of {' and '.join(tongues)}",
             offset=offset,
             hint=f"name it '{name}_value', or say what it holds",
         )

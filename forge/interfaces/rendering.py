@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 TARGETS = {
     "python": "forge.interfaces.python",
     "cpp": "forge.interfaces.cpp",
-    "idl": "forge.interfaces.idl",
+    "idl": "forge.interfaces.idl_writing",
     "json": "forge.interfaces.description",
 }
 """Each target's module; it has `files(catalog) -> Iterator[File]`, paths relative to the target's folder."""
