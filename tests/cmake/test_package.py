@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
+
+from .conftest import BUILD_TOOLS, EMBEDDED
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -213,3 +216,19 @@ def test_uninstall_leaves_an_empty_prefix(ament: Ament) -> None:
     demo = ament("ament_package()").install()
     demo.make("--target", "uninstall")
     assert list(demo.prefix.iterdir()) == []
+
+
+def test_every_name_that_the_build_tools_answer_to_is_found(ament: Ament) -> None:
+    """One project for all names, with a version that ROS packages ask for."""
+    texts = [(EMBEDDED / name / "package.xml").read_text(encoding="utf-8") for name in BUILD_TOOLS]
+    names = [name for text in texts for name in re.findall("<forge_provides>(.*)</forge_provides>", text)]
+    tools = re.compile(
+        "ament_lint$|ament_lint_cmake$|ament_(?!cmake|lint|package)"
+    )  # programs, no CMake packages
+    asked = [name for name in (*BUILD_TOOLS, *names) if not tools.match(name)]
+    loop = f"foreach(name {' '.join(asked)})\nfind_package(${{name}} 0.10 REQUIRED)\n"
+    check = 'if(NOT ${name}_FOUND_AMENT_PACKAGE)\nmessage(FATAL_ERROR "${name}")\nendif()\nendforeach()\n'
+    use = "add_library(x INTERFACE)\n"
+    use += "ament_target_dependencies(x INTERFACE rosidl_runtime_cpp rosidl_typesupport_cpp)"
+    outcome = ament(f"{loop}{check}{use}").configure()
+    assert outcome.code == 0, outcome.text
