@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 EMBEDDED = Path(__file__).parent.parent / "embedded"
-_RUNTIMES = {"python": "python", "cpp": "include"}
+_RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
+"""Where in the run time the files of each language lie, and which they are."""
 
 
 def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
@@ -60,8 +61,9 @@ def read_runtime(language: str) -> Iterator[File]:
     """Yield the run-time files that generated code of a language needs, below the language's folder."""
     if language not in _RUNTIMES:
         return
-    folder = EMBEDDED / "rosidl_default_runtime" / _RUNTIMES[language]
-    for path in sorted(folder.rglob("*")):
+    place, pattern = _RUNTIMES[language]
+    folder = EMBEDDED / "rosidl_default_runtime" / place
+    for path in sorted(folder.rglob(pattern)):
         if path.is_file() and "__pycache__" not in path.parts:
             relative = path.relative_to(folder).as_posix()
             yield File(f"{language}/{relative}", path.read_text(encoding="utf-8"))

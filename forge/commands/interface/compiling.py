@@ -33,7 +33,7 @@ _DEFAULT_LANGUAGES = ("python", "cpp")
 
 def register(verbs: Verbs) -> None:
     """Add what compiles to the words that follow `forge interface`."""
-    summary = "compile definitions to Python, C++, .idl or .json"
+    summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
     more = "@FILE stands for the words in that file, one per line"
     generate = verbs.add_parser(
         "generate", help=summary, description=summary, epilog=more, fromfile_prefix_chars="@"
@@ -74,12 +74,13 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", metavar="DIR", type=Path, required=True, help="gets LANG/PACKAGE/...")
+    default = " and ".join(_DEFAULT_LANGUAGES)
     parser.add_argument(
         "--lang",
         metavar="LANG",
         dest="languages",
         action="append",
-        help=f"python, cpp, idl or json; may be repeated (default: {' and '.join(_DEFAULT_LANGUAGES)})",
+        help=f"python, cpp, c, idl, json or docs; may be repeated (default: {default})",
     )
     parser.add_argument(
         "--no-runtime",
