@@ -255,8 +255,11 @@ def _check_constant(name: str, offset: int, type_: Type) -> None:
     first, blank, rest = name.partition(" ")
     if blank or not first:
         offset += len(name) - len(rest.lstrip(" "))
-        hint = "a line with '=' declares a constant, even where '=' is meant as text"
-        raise Fault("a constant is 'TYPE NAME = VALUE'", offset=offset, hint=hint)
+        raise Fault(
+            "a constant is 'TYPE NAME = VALUE'",
+            offset=offset,
+            hint="a line with '=' declares a constant, even where '=' is meant as text",
+        )
     if not _CONSTANT_NAME.fullmatch(name):
         better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
         hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None
