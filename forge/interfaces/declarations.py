@@ -76,29 +76,41 @@ def read_declaration(text: str, package: str) -> Declaration:
 
     A type name without a package is one of `package`'s. Raises Fault.
     """
-    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (40 ms, only for who compiles)
-
     written, _, rest = text.partition(" ")
     _check_outline(text, written, rest)
-    constant = "=" in rest
+    type_ = _read_type(written, package)
+    offset = len(text) - len(rest.lstrip(" "))
+    if "=" not in rest:
+        name, _, value = text[offset:].partition(" ")
+        _check_field(name, offset, type_)
+        value = value.lstrip(" ")
+        return Declaration(
+            type_, name, constant=False, value=value or None, value_offset=len(text) - len(value)
+        )
+    name, _, value = text[offset:].partition("=")
+    name, value = name.rstrip(" "), value.lstrip(" ")
+    _check_constant(name, offset, type_)
+    return Declaration(type_, name, constant=True, value=value, value_offset=len(text) - len(value))
+
+
+@cache
+def _read_type(written: str, package: str) -> Type:
+    """Return a type; few are written in a package, but each of them often."""
+    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (40 ms, only for who compiles)
+
     try:
-        tree = _grammar().parse(text, start="constant" if constant else "field")
+        tree = _grammar().parse(written)
     except UnexpectedInput as error:
-        raise _explained(written, max(error.column - 1, 0)) from None
-    type_tree, name, *value = cast("tuple[Tree[Token], Token, Token]", tree.children)
-    type_ = _type(type_tree, package)
-    offset = name.start_pos or 0
-    (_check_constant if constant else _check_field)(str(name), offset, type_)
-    empty = "" if constant else None
-    start = (value[0].start_pos or 0) if value else len(text)
-    return Declaration(type_, str(name), constant, str(value[0]) if value else empty, start)
+        ended = getattr(getattr(error, "token", None), "type", "") == "$END"
+        raise _explained(written, len(written) if ended else error.pos_in_stream or 0) from None
+    return _type(tree, package)
 
 
 @cache
 def _grammar() -> Lark:
     from lark import Lark  # noqa: PLC0415  (as above)
 
-    return Lark.open("grammar.lark", rel_to=__file__, parser="lalr", start=["field", "constant"])
+    return Lark.open("grammar.lark", rel_to=__file__, parser="lalr", start="type")
 
 
 def _check_outline(text: str, written: str, rest: str) -> None:
@@ -117,13 +129,9 @@ def _check_outline(text: str, written: str, rest: str) -> None:
 
 
 def _explained(written: str, offset: int) -> Fault:
-    """Return what is wrong with a line that the grammar refused at `offset`."""
-    if offset >= len(written):
-        if written.count("[") > written.count("]"):
-            return Fault("a type has no blanks inside", offset=len(written))
-        if offset > len(written):
-            hint = "a line with '=' declares a constant, even where '=' is meant as text"
-            return Fault("a constant is 'TYPE NAME = VALUE'", offset=offset, hint=hint)
+    """Return what is wrong with a type that the grammar refused at `offset`."""
+    if offset == len(written) and written.count("[") > written.count("]"):
+        return Fault("a type has no blanks inside", offset=offset)
     if written.count("/") > 1:
         return Fault(
             f"type '{written}' has more than two parts",
@@ -227,18 +235,31 @@ def _check_field(name: str, offset: int, _: Type) -> None:
         hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
         rule = "it takes lower-case letters, digits and single underscores"
         raise Fault(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
+    check_keyword(name, offset, "field")
+
+
+def check_keyword(name: str, offset: int, what: str) -> None:
+    """Raise Fault when generated code could not contain the name of this `what`."""
     tongues = [
         tongue for tongue, words in (("Python", keyword.kwlist), ("C++", CPP_KEYWORDS)) if name in words
     ]
     if tongues:
         raise Fault(
-            f"a field cannot be called '{name}', a keyword of {' and '.join(tongues)}",
+            f"a {what} cannot be called '{name}', a keyword of {' and '.join(tongues)}",
             offset=offset,
             hint=f"name it '{name}_value', or say what it holds",
         )
 
 
 def _check_constant(name: str, offset: int, type_: Type) -> None:
+    first, blank, rest = name.partition(" ")
+    if blank or not first:
+        offset += len(name) - len(rest.lstrip(" "))
+        raise Fault(
+            "a constant is 'TYPE NAME = VALUE'",
+            offset=offset,
+            hint="a line with '=' declares a constant, even where '=' is meant as text",
+        )
     if not _CONSTANT_NAME.fullmatch(name):
         better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
         hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None

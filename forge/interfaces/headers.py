@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,11 @@ from forge.names import snake_case
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Interface, TypeName
+
+_PART = re.compile(
+    r"_(SendGoal|GetResult|((SendGoal|GetResult)_)?(Request|Response)|Goal|Result|Feedback|FeedbackMessage)$"
+)
+"""What the name of a service's or an action's part ends in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +33,7 @@ def main_path(name: TypeName, ending: str) -> str:
 
 def detail_path(name: TypeName, part: str, ending: str) -> str:
     """Return the path of a detail header; the parts of a service or an action live in its own."""
-    stem = name.name if name.kind == "msg" else name.name.partition("_")[0]
+    stem = _PART.sub("", name.name) if name.kind in {"srv", "action"} else name.name
     return f"{name.package}/{name.kind}/detail/{snake_case(stem)}__{part}.{ending}"
 
 

@@ -53,7 +53,7 @@ def read_value(text: str, type_: Type) -> Value:
                 raise Fault(f"a sequence of at most {_elements(bound)} cannot hold {len(values)}")
             return values
         case Text():
-            return _within_bound(_unescape(_unquote(text)), type_)
+            return within_bound(_unescape(_unquote(text)), type_)
         case Primitive(name):
             return _number(text, name)
         case Named():
@@ -70,7 +70,7 @@ def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
     if not inside:
         return ()
     if isinstance(of, Text):
-        return tuple(_within_bound(value, of) for value in _texts(inside))
+        return tuple(within_bound(value, of) for value in _texts(inside))
     values = []
     offset = 1
     for part in inside.split(","):
@@ -178,7 +178,8 @@ def _texts(inside: str) -> list[str]:
     return values
 
 
-def _within_bound(text: str, type_: Text) -> str:
+def within_bound(text: str, type_: Text) -> str:
+    """Return the text; raises Fault when it has more characters than its type allows."""
     if type_.bound is not None and len(text) > type_.bound:
         raise Fault(f"a text of {len(text)} characters does not fit into {type_.bound}")
     return text

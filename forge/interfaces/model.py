@@ -186,7 +186,7 @@ class Catalog:
     """All interfaces of one package, resolved, in the order of their names.
 
     `known` holds every message that these refer to, however deep, other packages' included.
-    `sources` are the files read, those of other packages included (for dependency records).
+    `sources` are the files read: those of `interfaces`, in their order, then those of other packages.
     """
 
     package: str

@@ -1,4 +1,4 @@
-"""The text of a .msg, .srv or .action file to an interface whose type names are full but unchecked."""
+"""The text of a .msg, .srv, .action or .idl file to an interface whose type names are full but unchecked."""
 
 from __future__ import annotations
 
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
     from forge.interfaces.model import Interface
 
+ENDINGS = ("msg", "srv", "action", "idl")
+"""How the names of definitions end."""
+
 SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
 """The kinds of files, and what the name of each of their sections ends in."""
 
@@ -56,6 +59,10 @@ def parse(source: Source) -> Interface:
 
     Raises InterfaceError with every problem of the file, in the order of its lines.
     """
+    if source.relative.endswith(".idl"):
+        from forge.interfaces.idl_reading import parse_idl  # noqa: PLC0415  (few packages have such files)
+
+        return parse_idl(source)
     name = type_name(source)
     lines = _lines(source)
     sections = list(_sections(lines))
@@ -84,7 +91,7 @@ def _attempt(source: Source) -> Parsed | InterfaceError:
 
 
 def type_name(source: Source) -> TypeName:
-    """Return the name that a file gives its interface: package, kind by its ending, stem."""
+    """Return the name that a .msg, .srv or .action file gives: package, kind by its ending, stem."""
     path = PurePosixPath(source.relative)
     return TypeName(source.package, path.suffix.removeprefix("."), path.stem)
 

@@ -72,7 +72,7 @@ def _zero(element: Element, known: Mapping[TypeName, Message]) -> Prototype:
             return False
         case Primitive("float" | "double"):
             return 0.0
-        case Primitive("octet" | "char"):
+        case Primitive("octet" | "char" | "wchar"):
             return "\0"
         case Primitive():
             return 0

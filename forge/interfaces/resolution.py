@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from forge.errors import InterfaceError, Place, Problem, raise_if_any
 from forge.interfaces.model import Action, Catalog, Message, Named, TypeName, element_of, messages_of
-from forge.interfaces.parsing import Parsed, type_name
 from forge.names import did_you_mean, snake_case
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from forge.interfaces.model import Field, Interface, Source
+    from forge.interfaces.parsing import Parsed
 
 ACTION_PARTS = (
     TypeName("action_msgs", "srv", "CancelGoal"),
@@ -115,11 +115,13 @@ def _demand(name: TypeName, known: Known) -> Parsed:
 
 
 def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
-    """Yield each member that holds a message, and which; the sections of actions are no messages."""
-    for message in messages_of(interface):
+    """Yield each member that holds a message of another file, and which."""
+    messages = tuple(messages_of(interface))
+    own = {message.name for message in messages}
+    for message in messages:
         for member in message.fields:
             element = element_of(member.type)
-            if isinstance(element, Named) and element.name.kind == "msg":
+            if isinstance(element, Named) and element.name not in own:
                 yield member, element.name
 
 
@@ -145,7 +147,7 @@ def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Prob
     outputs: dict[tuple[str, str], Parsed] = {}
     problems = []
     for each in parsed:
-        name = type_name(each.source)
+        name = each.interface.name
         rival = unique.setdefault(name, each)
         if rival is not each:
             message = f"'{name}' is also defined in '{rival.source.path}'"
@@ -154,7 +156,7 @@ def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Prob
         output = snake_case(name.name)
         rival = outputs.setdefault((name.kind, output), each)
         if rival is not each:
-            names = f"'{name.name}' and '{type_name(rival.source).name}'"
+            names = f"'{name.name}' and '{rival.interface.name.name}'"
             message = f"{names} would both be generated into '{output}'"
             hint = "rename one of them: file names do not keep upper and lower case apart"
             problems.append(Problem(message, Place(each.source.path), hint))
@@ -213,7 +215,7 @@ class _Search:
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
-        candidates = {f"{n.package}/{n.name}": n for n in names if n.kind == "msg"}
+        candidates = {f"{n.package}/{n.name}": n for n in names if n.kind not in {"srv", "action"}}
         return Problem(f"unknown type '{written}'", member.place, _hint(name, self.package, candidates))
 
 

@@ -9,25 +9,29 @@ from typing import TYPE_CHECKING
 from forge.ament_index import INDEX
 from forge.errors import InterfaceError, Place, Problem
 from forge.interfaces.model import File, Source, TypeName
-from forge.interfaces.parsing import SECTIONS, Parsed, parse
+from forge.interfaces.parsing import ENDINGS, SECTIONS, Parsed, parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 EMBEDDED = Path(__file__).parent.parent / "embedded"
-_RUNTIMES = {"python": "python", "cpp": "include"}
+_RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
+"""Where in the run time the files of each language lie, and which they are."""
 
 
 def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
-    """Read the msg/, srv/ and action/ files of a package's folder, in the order of their names.
+    """Read the definitions in a package's folder: by kind, then by name; .idl files in other folders last.
 
+    An .idl file beside a .msg, .srv or .action file of its name is what rosidl made of that.
     Raises InterfaceError when there is none, or when one is not UTF-8.
     """
     relatives = [
-        f"{kind}/{path.name}" for kind in SECTIONS for path in sorted((folder / kind).glob(f"*.{kind}"))
+        f"{kind}/{path.name}"
+        for kind in _namespaces(folder)
+        for path in sorted([*(folder / kind).glob(f"*.{kind}"), *_idl_only(folder / kind)])
     ]
     if not relatives:
-        hint = "definitions lie in its folders msg, srv and action"
+        hint = "definitions lie in its folders msg, srv and action; .idl files in any"
         raise InterfaceError(Problem(f"there is no interface in '{folder}'", hint=hint))
     return tuple(read_source(package, folder, relative) for relative in relatives)
 
@@ -38,8 +42,8 @@ def read_source(package: str, base: Path, relative: str) -> Source:
     Raises InterfaceError when it cannot be read, is not UTF-8 or has another ending.
     """
     path = base / relative
-    if PurePosixPath(relative).suffix.removeprefix(".") not in SECTIONS:
-        hint = "definitions end in .msg, .srv or .action"
+    if PurePosixPath(relative).suffix.removeprefix(".") not in ENDINGS:
+        hint = "definitions end in .msg, .srv, .action or .idl"
         raise InterfaceError(Problem("not an interface definition", Place(path), hint))
     try:
         content = path.read_bytes()
@@ -57,8 +61,9 @@ def read_runtime(language: str) -> Iterator[File]:
     """Yield the run-time files that generated code of a language needs, below the language's folder."""
     if language not in _RUNTIMES:
         return
-    folder = EMBEDDED / "rosidl_default_runtime" / _RUNTIMES[language]
-    for path in sorted(folder.rglob("*")):
+    place, pattern = _RUNTIMES[language]
+    folder = EMBEDDED / "rosidl_default_runtime" / place
+    for path in sorted(folder.rglob(pattern)):
         if path.is_file() and "__pycache__" not in path.parts:
             relative = path.relative_to(folder).as_posix()
             yield File(f"{language}/{relative}", path.read_text(encoding="utf-8"))
@@ -79,11 +84,17 @@ class Library:
     def find(self, name: TypeName) -> Parsed | None:
         """Return the interface of that name, or None; raises InterfaceError when its file is wrong."""
         if name not in self._parsed:
-            folder = self.folder(name.package)
-            relative = f"{name.kind}/{name.name}.{name.kind}"
-            found = folder is not None and (folder / relative).is_file()
-            self._parsed[name] = self._parse(name.package, folder, relative) if folder and found else None
+            path = self.file(name)
+            self._parsed[name] = self._parse(name, path) if path else None
         return self._parsed[name]
+
+    def file(self, name: TypeName) -> Path | None:
+        """Return the file that should define an interface: .idl only where nothing else does."""
+        folder = self.folder(name.package)
+        if not folder:
+            return None
+        paths = (folder / name.kind / f"{name.name}.{ending}" for ending in (name.kind, "idl"))
+        return next((path for path in paths if path.is_file()), None)
 
     def folder(self, package: str) -> Path | None:
         """Return the folder that holds a package's msg, srv and action folders."""
@@ -112,20 +123,36 @@ class Library:
         if self.embedded:
             yield self.embedded / package
 
-    def _parse(self, package: str, folder: Path, relative: str) -> Parsed:
-        source = read_source(package, folder, relative)
-        return Parsed(source, parse(source))
+    def _parse(self, name: TypeName, path: Path) -> Parsed | None:
+        source = read_source(name.package, path.parent.parent, f"{name.kind}/{path.name}")
+        interface = parse(source)
+        return Parsed(source, interface) if interface.name == name else None
 
 
 def names_in(package: str, folder: Path) -> Iterator[TypeName]:
     """Yield the names of the interfaces in a package's folder; a service's installed halves are none."""
-    for kind in SECTIONS:
+    for kind in _namespaces(folder):
         stems = {path.stem for ending in (kind, "idl") for path in (folder / kind).glob(f"*.{ending}")}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
 
 
 def _has_interfaces(folder: Path) -> bool:
-    return any((folder / kind).is_dir() for kind in SECTIONS)
+    return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
+
+
+def _namespaces(folder: Path) -> tuple[str, ...]:
+    """Return the names of the folders that hold definitions: ROS's own, then others with .idl files."""
+    others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
+    return (*SECTIONS, *sorted(others))
+
+
+def _idl_only(folder: Path) -> list[Path]:
+    """Return the .idl files that were made of nothing else in the folder."""
+    return [
+        path
+        for path in folder.glob("*.idl")
+        if not any(path.with_suffix(f".{kind}").is_file() for kind in SECTIONS)
+    ]
 
 
 def _entries(folder: Path) -> set[str]:

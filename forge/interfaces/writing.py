@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Place, Problem
@@ -11,13 +12,12 @@ from forge.files import write_if_changed
 from forge.interfaces.model import TypeName
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
+    from collections.abc import Iterable, Mapping
 
     from forge.interfaces.model import File
 
 _RECORDS = ".forge"
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +26,8 @@ class Record:
 
     files: tuple[str, ...] = ()
     needs: tuple[TypeName, ...] = ()
+    folders: Mapping[str, Path] = field(default_factory=dict)
+    """Where the definitions of needed packages were."""
 
 
 def read_records(out: Path) -> dict[str, Record]:
@@ -33,9 +35,16 @@ def read_records(out: Path) -> dict[str, Record]:
     return {path.stem: _read(path) for path in sorted((out / _RECORDS).glob("*.json"))}
 
 
-def write(files: Iterable[File], out: Path, package: str, needs: Iterable[TypeName] = ()) -> tuple[Path, ...]:
+def write(
+    files: Iterable[File],
+    out: Path,
+    package: str,
+    needs: Iterable[TypeName] = (),
+    folders: Mapping[str, Path] | None = None,
+) -> tuple[Path, ...]:
     """Write the files of a package's run below `out`; return those that were new or had changed.
 
+    `needs` and `folders` are for the record: types of other packages, and where their definitions are.
     Files of an earlier run of the same package are removed, unless this one or another package
     still makes them, or their language (the first folder of a path) is not of this run.
     Raises EnvironmentFault when the folder cannot be written to.
@@ -51,7 +60,8 @@ def write(files: Iterable[File], out: Path, package: str, needs: Iterable[TypeNa
         for path in before:
             if path not in texts and path not in kept:
                 (out / path).unlink(missing_ok=True)
-        write_if_changed(out / _RECORDS / f"{package}.json", _text({*texts, *others}, needs))
+        record = Record(tuple({*texts, *others}), tuple(needs), folders or {})
+        write_if_changed(out / _RECORDS / f"{package}.json", _text(record))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise EnvironmentFault(Problem(f"cannot write: {reason}", Place(error.filename or out))) from error
@@ -75,8 +85,12 @@ def _read(path: Path) -> Record:
         written = json.loads(path.read_text(encoding="utf-8"))
         if written["version"] != _VERSION:
             return Record()
-        return Record(tuple(written["files"]), tuple(TypeName(*name.split("/")) for name in written["needs"]))
-    except (OSError, ValueError, TypeError, KeyError):
+        return Record(
+            tuple(written["files"]),
+            tuple(TypeName(*name.split("/")) for name in written["needs"]),
+            {name: Path(folder) for name, folder in written["folders"].items()},
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return Record()
 
 
@@ -84,8 +98,13 @@ def _language(path: str) -> str:
     return path.partition("/")[0]
 
 
-def _text(files: Iterable[str], needs: Iterable[TypeName]) -> str:
-    content = {"version": _VERSION, "needs": sorted(map(str, needs)), "files": sorted(files)}
+def _text(record: Record) -> str:
+    content = {
+        "version": _VERSION,
+        "needs": sorted(map(str, record.needs)),
+        "folders": {name: str(folder) for name, folder in sorted(record.folders.items())},
+        "files": sorted(record.files),
+    }
     return json.dumps(content, indent=1) + "\n"
 
 

@@ -81,6 +81,21 @@ def test_a_malformed_manifest_is_shown_where_it_breaks(forge: Forge, tree: Tree)
     one_message(forge("build", cwd=tree({"src/a/package.xml": broken})), "src/a/package.xml:4:", "error: ")
 
 
+def test_a_remark_pasted_behind_a_tag_does_no_harm(forge: Forge, tree: Tree) -> None:
+    """Tutorials mark the line to add like this, and readers copy the mark."""
+    text = manifest("a", "b").replace("</depend>", "</depend> # add this line (添加这一行)")
+    ran = forge("list", "--names-only", cwd=tree({"src/a/package.xml": text}))
+    assert (ran.code, ran.out, ran.err) == (0, "a\n", "")
+
+
+@pytest.mark.needs("cmake")
+def test_a_client_library_that_is_only_needed_to_run_is_a_warning(forge: Forge, tree: Tree) -> None:
+    text = manifest("a", "rclpy").replace("depend>", "exec_depend>")
+    ran = forge("build", cwd=tree({"src/a/package.xml": text, "src/a/CMakeLists.txt": cmakelists("a")}))
+    assert ran.code == 0, ran
+    assert "warning: 'a' needs 'rclpy'" in ran.err
+
+
 def test_a_manifest_without_a_maintainer_says_so(forge: Forge, tree: Tree) -> None:
     text = "".join(line for line in manifest("a").splitlines(keepends=True) if "maintainer" not in line)
     one_message(forge("build", cwd=tree({"src/a/package.xml": text})), "src/a/package.xml", "maintainer")

@@ -129,8 +129,7 @@ def _proto(options: argparse.Namespace) -> int:
     path = _definition(name, library)
     parsed = library.find(name)
     if not parsed:
-        hint = "it reads .msg, .srv and .action"
-        raise InterfaceError(Problem(f"forge cannot read '{path}' yet", hint=hint))
+        raise InterfaceError(Problem(f"'{path}' defines another interface than '{name}'"))
     text = to_yaml(parsed.interface, messages_below(parsed, library))
     print(text if options.no_quotes else f'"{text}"')
     return 0
@@ -139,13 +138,12 @@ def _proto(options: argparse.Namespace) -> int:
 def _definition(name: TypeName, library: Library) -> Path:
     """Return the file of an interface; raises InterfaceError as ros2 interface words it."""
     folder = library.folder(name.package) or _check_package(name.package, library)
-    stem = folder / name.kind / name.name
-    for ending in (f".{name.kind}", ".idl"):
-        path = stem.with_name(stem.name + ending)
-        if path.is_file():
-            return path
+    path = library.file(name)
+    if path:
+        return path
     near = did_you_mean(str(name), [str(each) for each in library.names()])
-    raise InterfaceError(Problem(f"Could not find the interface '{stem}.idl'", hint=near))
+    missing = folder / name.kind / f"{name.name}.idl"
+    raise InterfaceError(Problem(f"Could not find the interface '{missing}'", hint=near))
 
 
 def _check_package(package: str, library: Library) -> Path:

@@ -17,12 +17,12 @@ from forge.interfaces.parsing import parse_all
 from forge.interfaces.rendering import render
 from forge.interfaces.resolution import messages_below, referred, resolve, undeclared
 from forge.interfaces.showing import parse_type_name
-from forge.interfaces.sources import Library, read_folder, read_runtime, read_source
+from forge.interfaces.sources import EMBEDDED, Library, read_folder, read_runtime, read_source
 from forge.interfaces.writing import read_records, write, write_depfile, write_stamp
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Mapping
 
     from forge.interfaces.model import File
 
@@ -33,7 +33,7 @@ _DEFAULT_LANGUAGES = ("python", "cpp")
 
 def register(verbs: Verbs) -> None:
     """Add what compiles to the words that follow `forge interface`."""
-    summary = "compile definitions to Python, C++, .idl or .json"
+    summary = "compile definitions to Python, C++, C, .idl, .json or Markdown"
     more = "@FILE stands for the words in that file, one per line"
     generate = verbs.add_parser(
         "generate", help=summary, description=summary, epilog=more, fromfile_prefix_chars="@"
@@ -74,12 +74,13 @@ def _add_inputs(parser: argparse.ArgumentParser) -> None:
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", metavar="DIR", type=Path, required=True, help="gets LANG/PACKAGE/...")
+    default = " and ".join(_DEFAULT_LANGUAGES)
     parser.add_argument(
         "--lang",
         metavar="LANG",
         dest="languages",
         action="append",
-        help=f"python, cpp, idl or json; may be repeated (default: {' and '.join(_DEFAULT_LANGUAGES)})",
+        help=f"python, cpp, c, idl, json or docs; may be repeated (default: {default})",
     )
     parser.add_argument(
         "--no-runtime",
@@ -108,13 +109,13 @@ def _generate(options: argparse.Namespace) -> int:
     if options.no_runtime:
         raise_if_any(undeclared(catalog, dict(options.includes)), InterfaceError)
     languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
-    others = () if options.no_runtime else _others(catalog, library, options.output)
+    others = () if options.no_runtime else _others(catalog, options)
     files = [file for language in languages for each in (catalog, *others) for file in render(each, language)]
     if not options.no_runtime:
         files += [file for language in languages for file in read_runtime(language)]
     own = () if options.no_runtime else referred(catalog, library)
     needs = [name for each in own for name in each.interfaces]
-    written = write(files, options.output, catalog.package, needs)
+    written = write(files, options.output, catalog.package, needs, _folders(own, library))
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources]
         write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
@@ -140,9 +141,10 @@ def _hash(options: argparse.Namespace) -> int:
     return 0
 
 
-def _library(options: argparse.Namespace) -> Library:
+def _library(options: argparse.Namespace, recorded: Mapping[str, Path] | None = None) -> Library:
+    """Return what can be found; `recorded` folders of earlier runs count where this run names none."""
     includes = {package: Path(folder) for package, folder in options.includes}
-    return Library(includes=includes, prefixes=prefixes(os.environ))
+    return Library(includes={**(recorded or {}), **includes}, prefixes=prefixes(os.environ))
 
 
 def _catalog(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:
@@ -162,15 +164,34 @@ def _catalog(options: argparse.Namespace, folder: str | None, library: Library) 
     return resolve(package, parse_all(sources), library)
 
 
-def _others(catalog: Catalog, library: Library, out: Path) -> tuple[Catalog, ...]:
+def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...]:
     """Return what is needed of packages that are not generated into the same folder themselves.
 
     A second package's run must not take away what the first one needs: both share one folder.
     """
-    records = read_records(out)
+    records = read_records(options.output)
     records.pop(catalog.package, None)
-    others = referred(catalog, library, [name for record in records.values() for name in record.needs])
-    return tuple(other for other in others if other.package not in records)
+    whole = {catalog.package, *records}
+    library = _library(options, dict(pair for record in records.values() for pair in record.folders.items()))
+    needs = []
+    for package, record in records.items():
+        partial = [name for name in record.needs if name.package not in whole]
+        if lost := [name for name in partial if library.find(name) is None]:
+            message = f"'{lost[0]}', which '{package}' needs, is not there any more"
+            hint = f"generate '{package}' again, or '{options.output}' from nothing"
+            raise InterfaceError(Problem(message, hint=hint))
+        needs += partial
+    return tuple(other for other in referred(catalog, library, needs) if other.package not in whole)
+
+
+def _folders(others: Iterable[Catalog], library: Library) -> dict[str, Path]:
+    """Return where the definitions of other packages lie; those that forge brings along are always there."""
+    found = {other.package: library.folder(other.package) for other in others}
+    return {
+        package: folder.absolute()
+        for package, folder in found.items()
+        if folder and not folder.is_relative_to(EMBEDDED)
+    }
 
 
 def _hash_of(name: TypeName, library: Library) -> str:

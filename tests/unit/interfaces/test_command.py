@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.interfaces import idl
+from forge.interfaces import idl_writing
 from forge.interfaces.parsing import parse_all
 from forge.interfaces.resolution import resolve
 from forge.interfaces.sources import Library, read_folder
@@ -154,9 +154,49 @@ def test_proto_knows_every_kind_of_field(forge: Forge, tree: Tree) -> None:
     )
 
 
-def test_proto_of_what_is_only_idl_is_refused(forge: Forge, tree: Tree) -> None:
-    ran = forge("interface", "proto", "mine/msg/Only", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
-    assert (ran.code, "forge cannot read" in ran.err) == (2, True)
+def test_interfaces_that_are_only_idl_count_like_others(forge: Forge, tree: Tree) -> None:
+    struct = "module mine { module msg { struct Short { @default (value=7) short a; }; }; };"
+    other = "module mine { module idl { struct Wide { mine::msg::Short a; wchar b; }; }; };"
+    elsewhere = "module mine { module other { struct Wrong { short a; }; }; };"
+    files = {
+        "msg/Short.idl": struct,
+        "idl/Wide.idl": other,
+        "msg/Wrong.idl": elsewhere,
+        "msg/Short.msg": "Gone a",
+    }
+    prefix = tree({**PREFIX, **{f"share/mine/{path}": text for path, text in files.items()}})
+    (prefix / "share/mine/msg/Short.msg").unlink()
+    env = {"AMENT_PREFIX_PATH": str(prefix)}
+    assert (
+        forge("interface", "proto", "--no-quotes", "mine/idl/Wide", env=env).out == 'a:\n  a: 7\nb: "\\0"\n\n'
+    )
+    assert "    mine/idl/Wide" not in forge("interface", "list", env=env).out.splitlines()
+    assert "mine/idl/Wide" in forge("interface", "package", "mine", env=env).out.splitlines()
+    ran = forge("interface", "proto", "mine/msg/Wrong", env=env)
+    assert (ran.code, "defines another interface than 'mine/msg/Wrong'" in ran.err) == (2, True)
+    hashed = forge("interface", "hash", "mine/idl/Wide", env=env)
+    assert hashed.out.startswith("mine/idl/Wide RIHS01_")
+
+
+def test_generate_takes_idl_files_and_folders_of_them(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "src/msg/A.idl": "module tour { module msg { struct A { long a; }; }; };",
+            "src/deep/B.idl": "module tour { module deep { struct B { tour::msg::C c; }; }; };",
+            "src/msg/C.msg": "A a\nstd_msgs/String text",
+            "src/msg/C.idl": "not read, for it was made of C.msg",
+        }
+    )
+    arguments = ["--package", "tour", "--lang", "idl", "--lang", "json", "--output"]
+    assert forge("interface", "generate", *arguments, "all", "src", cwd=root).err == ""
+    made = {
+        path.relative_to(root / "all/idl/tour").as_posix() for path in (root / "all/idl/tour").rglob("*.idl")
+    }
+    assert made == {"deep/B.idl", "msg/A.idl", "msg/C.idl"}
+    files = ["--file", "src:msg/A.idl", "--file", "src:msg/C.msg", "--file", "src:deep/B.idl"]
+    assert forge("interface", "generate", *arguments, "some", *files, cwd=root).err == ""
+    for path in made:
+        assert (root / "some/idl/tour" / path).read_text() == (root / "all/idl/tour" / path).read_text()
 
 
 def test_hash_prints_a_line_per_type(forge: Forge) -> None:
@@ -293,7 +333,7 @@ def test_generate_says_what_is_missing(forge: Forge, tree: Tree, arguments: list
 def test_idl_text_is_as_reviewed(golden: Golden) -> None:
     folder = GOLDEN / "interfaces/idl/src"
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    golden("interfaces/idl", {file.path: file.text for file in idl.files(catalog)})
+    golden("interfaces/idl", {file.path: file.text for file in idl_writing.files(catalog)})
 
 
 def test_a_name_can_come_from_a_line_of_standard_input(

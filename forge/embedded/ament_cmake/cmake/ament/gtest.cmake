@@ -19,8 +19,11 @@ macro(ament_find_gmock)
 endmacro()
 
 # _ament_find_google(<gtest or gmock> <GTEST or GMOCK>)
+#
+# From sources if there are any, for they fit the project's compiler flags, else as installed. CMake's own
+# CMAKE_DISABLE_FIND_PACKAGE_GTest turns both off.
 macro(_ament_find_google name upper)
-  if(NOT ${upper}_FOUND)
+  if(NOT ${upper}_FOUND AND NOT CMAKE_DISABLE_FIND_PACKAGE_GTest)
     find_package(${name}_vendor QUIET)
     _ament_locate_google(_ament_google_source ${name})
     if(NOT TARGET ${name} AND _ament_google_source)

@@ -25,7 +25,7 @@ function(ament_add_test name)
     "OUTPUT_FILE;RESULT_FILE;RUNNER;SKIP_RETURN_CODE;TIMEOUT;WORKING_DIRECTORY"
     "APPEND_ENV;APPEND_LIBRARY_DIRS;COMMAND;ENV" ${ARGN})
   _ament_refuse_unknown(ament_add_test ${ARG_UNPARSED_ARGUMENTS})
-  if(NOT ARG_COMMAND)
+  if("${ARG_COMMAND}" STREQUAL "")  # not "if(NOT ...)": the program may be called false
     message(FATAL_ERROR "ament_add_test() needs the COMMAND of the test '${name}'")
   endif()
   if(NOT DEFINED ARG_TIMEOUT)

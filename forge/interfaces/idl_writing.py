@@ -18,7 +18,6 @@ from forge.interfaces.model import (
     TypeName,
     element_of,
 )
-from forge.interfaces.parsing import type_name
 from forge.templating import render
 
 if TYPE_CHECKING:
@@ -64,9 +63,8 @@ class _Structure:
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield 'PACKAGE/KIND/Name.idl' for each interface."""
-    origins = {type_name(source): source.relative for source in catalog.sources}
-    for name, interface in catalog.interfaces.items():
-        text = idl_text(interface, f"{name.package}/{origins[name]}")
+    for (name, interface), source in zip(catalog.interfaces.items(), catalog.sources, strict=False):
+        text = idl_text(interface, f"{name.package}/{source.relative}")
         yield File(f"{name.package}/{name.kind}/{name.name}.idl", text)
 
 

@@ -1,0 +1,109 @@
+#ifndef ROSIDL_RUNTIME_C__PRIMITIVES_SEQUENCE_FUNCTIONS_H_
+#define ROSIDL_RUNTIME_C__PRIMITIVES_SEQUENCE_FUNCTIONS_H_
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "rosidl_runtime_c/primitives_sequence.h"
+
+/* Defines, for the sequence of a basic type:
+ *
+ *   init       `size` zeros; false without memory, and then nothing is left behind
+ *   fini       gives the memory back; empty afterwards
+ *   are_equal  compares numbers as == does, so that one that is not a number equals none
+ *   copy       allocates only if the output has too little room; false without memory, the output then
+ *              being as it was
+ *
+ * What is initialized, or all zero, may be finished, even twice, and copied to. */
+#define ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(NAME, TYPE) \
+  static inline bool rosidl_runtime_c__ ## NAME ## __Sequence__init( \
+    rosidl_runtime_c__ ## NAME ## __Sequence * sequence, size_t size) \
+  { \
+    if (!sequence) { \
+      return false; \
+    } \
+    sequence->data = size ? (TYPE *)calloc(size, sizeof(TYPE)) : NULL; \
+    sequence->size = sequence->data ? size : 0; \
+    sequence->capacity = sequence->size; \
+    return sequence->size == size; \
+  } \
+  \
+  static inline void rosidl_runtime_c__ ## NAME ## __Sequence__fini( \
+    rosidl_runtime_c__ ## NAME ## __Sequence * sequence) \
+  { \
+    if (!sequence) { \
+      return; \
+    } \
+    free(sequence->data); \
+    sequence->data = NULL; \
+    sequence->size = 0; \
+    sequence->capacity = 0; \
+  } \
+  \
+  static inline bool rosidl_runtime_c__ ## NAME ## __Sequence__are_equal( \
+    const rosidl_runtime_c__ ## NAME ## __Sequence * lhs, \
+    const rosidl_runtime_c__ ## NAME ## __Sequence * rhs) \
+  { \
+    if (!lhs || !rhs || lhs->size != rhs->size) { \
+      return false; \
+    } \
+    for (size_t i = 0; i < lhs->size; ++i) { \
+      if (!(lhs->data[i] == rhs->data[i])) { \
+        return false; \
+      } \
+    } \
+    return true; \
+  } \
+  \
+  static inline bool rosidl_runtime_c__ ## NAME ## __Sequence__copy( \
+    const rosidl_runtime_c__ ## NAME ## __Sequence * input, \
+    rosidl_runtime_c__ ## NAME ## __Sequence * output) \
+  { \
+    if (!input || !output) { \
+      return false; \
+    } \
+    if (output->capacity < input->size) { \
+      TYPE * data = (TYPE *)realloc(output->data, input->size * sizeof(TYPE)); \
+      if (!data) { \
+        return false; \
+      } \
+      output->data = data; \
+      output->capacity = input->size; \
+    } \
+    if (input->size) { \
+      memmove(output->data, input->data, input->size * sizeof(TYPE)); \
+    } \
+    output->size = input->size; \
+    return true; \
+  }
+
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(boolean, bool)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(octet, uint8_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(char, signed char)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(wchar, uint16_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(int8, int8_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(uint8, uint8_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(int16, int16_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(uint16, uint16_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(int32, int32_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(uint32, uint32_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(int64, int64_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(uint64, uint64_t)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(float, float)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(double, double)
+ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(long_double, long double)
+
+/* The functions of sequences by their older names. */
+#define rosidl_runtime_c__bool__Sequence__init rosidl_runtime_c__boolean__Sequence__init
+#define rosidl_runtime_c__bool__Sequence__fini rosidl_runtime_c__boolean__Sequence__fini
+#define rosidl_runtime_c__byte__Sequence__init rosidl_runtime_c__octet__Sequence__init
+#define rosidl_runtime_c__byte__Sequence__fini rosidl_runtime_c__octet__Sequence__fini
+#define rosidl_runtime_c__float32__Sequence__init rosidl_runtime_c__float__Sequence__init
+#define rosidl_runtime_c__float32__Sequence__fini rosidl_runtime_c__float__Sequence__fini
+#define rosidl_runtime_c__float64__Sequence__init rosidl_runtime_c__double__Sequence__init
+#define rosidl_runtime_c__float64__Sequence__fini rosidl_runtime_c__double__Sequence__fini
+
+#endif  /* ROSIDL_RUNTIME_C__PRIMITIVES_SEQUENCE_FUNCTIONS_H_ */

@@ -1,0 +1,56 @@
+"""Targets that other distributions bring along: entry points of the group 'forge.interfaces.targets'.
+
+Each names a module with `files(catalog) -> Iterator[File]`, as forge's own have it:
+
+    [project.entry-points."forge.interfaces.targets"]
+    rust = "my_distribution.rust_target"
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from forge.errors import ForgeError, Problem
+from forge.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Catalog, File
+
+GROUP = "forge.interfaces.targets"
+
+
+class Target(Protocol):
+    """What turns a catalog into files."""
+
+    def files(self, catalog: Catalog) -> Iterator[File]:
+        """Yield the files of a package, their paths relative to the target's folder."""
+
+
+def find_target(name: str, known: Iterable[str]) -> Target:
+    """Return the target of that name from another distribution; `known` are forge's own, for the message.
+
+    Raises ForgeError when there is none, or when it cannot be used.
+    """
+    from importlib.metadata import entry_points  # noqa: PLC0415  (who asks for forge's own does not pay)
+
+    found = entry_points(group=GROUP)
+    if name not in found.names:
+        names = sorted({*known, *found.names})
+        near = did_you_mean(name, names)
+        there = f"there are {', '.join(names)}"
+        raise ForgeError(Problem(f"forge generates no '{name}'", hint=f"{near} {there}" if near else there))
+    chosen = found[name]
+    try:
+        target: Target = chosen.load()
+    except Exception as error:
+        raise ForgeError(_unusable(name, chosen.value, f"{type(error).__name__}: {error}")) from error
+    if not callable(getattr(target, "files", None)):
+        raise ForgeError(_unusable(name, chosen.value, "it has no function 'files'"))
+    return target
+
+
+def _unusable(name: str, value: str, reason: str) -> Problem:
+    hint = f"an entry point of the group '{GROUP}' says so: mend or remove the distribution that has it"
+    return Problem(f"the target '{name}' cannot be loaded from '{value}': {reason}", hint=hint)

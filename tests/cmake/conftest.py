@@ -1,0 +1,180 @@
+"""CMake projects on the embedded ament, built by a real CMake.
+
+The embedded packages are installed once per session. FORGE_TEST_CMAKE names another CMake to try.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+ROOT = Path(__file__).parents[2]
+EMBEDDED = ROOT / "forge" / "embedded"
+CMAKE = os.environ.get("FORGE_TEST_CMAKE", "cmake")
+PYTHON_VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
+BUILD_TOOLS = ("ament_cmake", "ament_lint_auto", "rosidl_default_runtime", "rosidl_default_generators")
+INTERFACES = ("builtin_interfaces", "unique_identifier_msgs", "service_msgs", "action_msgs", "std_msgs")
+
+MANIFEST = """\
+<?xml version="1.0"?>
+<package format="3">
+  <name>{name}</name>
+  <version>1.2.3</version>
+  <description>A package of the tests.</description>
+  <maintainer email="somebody@example.com">Somebody</maintainer>
+  <license>Apache-2.0</license>
+  {lines}
+  <export><build_type>ament_cmake</build_type></export>
+</package>
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a command ended, and what it printed."""
+
+    code: int
+    text: str
+
+    @property
+    def flat(self) -> str:
+        """The text with runs of blanks and line ends as one blank: CMake wraps its messages."""
+        return " ".join(self.text.split())
+
+    def said(self, name: str) -> str:
+        """Return what message(STATUS "name=...") printed."""
+        begin = f"-- {name}="
+        return next(line.removeprefix(begin) for line in self.text.splitlines() if line.startswith(begin))
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """A CMake project with folders of its own, and the prefixes in which it finds others."""
+
+    source: Path
+    build: Path
+    prefix: Path
+    prefixes: tuple[Path, ...]
+    variables: Mapping[str, str] = field(default_factory=dict)
+
+    def configure(self, *arguments: str) -> Outcome:
+        """Run CMake; see Outcome for how it ended."""
+        return self._run(
+            CMAKE,
+            *("-S", str(self.source), "-B", str(self.build), "-G", "Ninja"),
+            f"-DCMAKE_INSTALL_PREFIX={self.prefix}",
+            f"-DPython3_EXECUTABLE={sys.executable}",
+            f"-DFORGE_PYTHON_VERSION={PYTHON_VERSION}",
+            f"-DFORGE_COMMAND={sys.executable};-m;forge",
+            *arguments,
+        )
+
+    def make(self, *words: str) -> Outcome:
+        """Build, which must succeed."""
+        return self._succeed(CMAKE, "--build", str(self.build), *words)
+
+    def try_to_make(self) -> Outcome:
+        """Build; see Outcome for how it ended."""
+        return self._run(CMAKE, "--build", str(self.build))
+
+    def install(self, *arguments: str) -> Project:
+        """Configure, build and install, all of which must succeed."""
+        outcome = self.configure(*arguments)
+        assert outcome.code == 0, outcome.text
+        self.make()
+        self._succeed(CMAKE, "--install", str(self.build))
+        return self
+
+    def test(self) -> Outcome:
+        """Run the tests."""
+        return self._run("ctest", "--test-dir", str(self.build), "--output-on-failure")
+
+    def files(self) -> set[str]:
+        """Return what is installed."""
+        return {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if path.is_file()}
+
+    def read(self, path: str) -> str:
+        """Return the text of an installed file."""
+        return (self.prefix / path).read_text(encoding="utf-8")
+
+    def _succeed(self, *argv: str) -> Outcome:
+        outcome = self._run(*argv)
+        assert outcome.code == 0, outcome.text
+        return outcome
+
+    def _run(self, *argv: str) -> Outcome:
+        kept = {key: os.environ[key] for key in ("PATH", "HOME", "TMPDIR") if key in os.environ}
+        paths = os.pathsep.join(map(str, self.prefixes))
+        libraries = os.pathsep.join(f"{prefix}/lib" for prefix in self.prefixes)
+        kept["LD_LIBRARY_PATH"] = libraries  # what a sourced workspace sets; installed programs count on it
+        variables = {**kept, "PYTHONPATH": str(ROOT), "CMAKE_PREFIX_PATH": paths, **self.variables}
+        done = subprocess.run(
+            argv, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        )
+        return Outcome(done.returncode, done.stdout)
+
+
+class Ament(Protocol):
+    """What the fixture `ament` gives."""
+
+    def __call__(
+        self, commands: str, name: str = "demo", *, manifest: str = "", files: Mapping[str, str] = ...
+    ) -> Project:
+        """Make a project: `commands` follow project() and find_package(ament_cmake)."""
+
+
+@pytest.fixture(scope="session")
+def embedded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a prefix with the embedded build tools."""
+    base = tmp_path_factory.mktemp("embedded")
+    return _install_embedded(BUILD_TOOLS, base / "build", base / "install", ())
+
+
+@pytest.fixture(scope="session")
+def interfaces(embedded: Path) -> Path:
+    """Return a prefix with the interface packages that most others need."""
+    base = embedded.parent
+    return _install_embedded(INTERFACES, base / "build", base / "interfaces", (embedded,))
+
+
+@pytest.fixture
+def ament(tmp_path: Path, embedded: Path) -> Ament:
+    """Make projects that see the build tools and, if they are installed, each other."""
+    prefixes = [embedded]
+
+    def make(
+        commands: str, name: str = "demo", *, manifest: str = "", files: Mapping[str, str] | None = None
+    ) -> Project:
+        source = tmp_path / "src" / name
+        language = "CXX" if files and any(path.endswith(".cpp") for path in files) else "NONE"
+        lists = f"cmake_minimum_required(VERSION 3.5...3.25)\nproject({name} {language})\n"
+        lists += f"find_package(ament_cmake REQUIRED)\n{commands}\n"
+        texts = {
+            "CMakeLists.txt": lists,
+            "package.xml": MANIFEST.format(name=name, lines=manifest),
+            **(files or {}),
+        }
+        for path, text in texts.items():
+            (source / path).parent.mkdir(parents=True, exist_ok=True)
+            (source / path).write_text(text, encoding="utf-8")
+        prefix = tmp_path / "install" / name
+        project = Project(source, tmp_path / "build" / name, prefix, tuple(prefixes))
+        prefixes.insert(0, prefix)
+        return project
+
+    return make
+
+
+def _install_embedded(names: tuple[str, ...], build: Path, prefix: Path, others: tuple[Path, ...]) -> Path:
+    for name in names:
+        Project(EMBEDDED / name, build / name, prefix, (prefix, *others)).install()
+    return prefix

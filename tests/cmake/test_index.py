@@ -1,0 +1,71 @@
+"""Resources of the ament index: written byte for byte, found in the order of the prefixes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .conftest import Ament
+
+pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
+INDEX = "share/ament_index/resource_index"
+
+
+@pytest.mark.parametrize(
+    ("argument", "text"),
+    [
+        ('CONTENT "ns::A;lib/liba.so\\nns::B;lib/libb.so\\n"', "ns::A;lib/liba.so\nns::B;lib/libb.so\n"),
+        ('CONTENT "[x] $<1:y> z"', "[x] y z"),
+        ('CONTENT ""', ""),
+        ("", ""),
+        ("CONTENT_FILE plain.txt", "a;b\n@NAME@\n"),
+        ("CONTENT_FILE expanded.txt.in", "a;demo\n"),
+        ("CONTENT x PACKAGE_NAME other", "x"),
+    ],
+)
+def test_content_arrives_unchanged(ament: Ament, argument: str, text: str) -> None:
+    files = {"plain.txt": "a;b\n@NAME@\n", "expanded.txt.in": "a;@PROJECT_NAME@\n"}
+    demo = ament(f"ament_index_register_resource(kind {argument})", files=files).install()
+    name = "other" if "PACKAGE_NAME" in argument else "demo"
+    assert demo.read(f"{INDEX}/kind/{name}") == text
+
+
+@pytest.mark.parametrize(
+    ("commands", "complaint"),
+    [
+        ("ament_index_register_resource(k CONTENT a CONTENT_FILE b)", "either CONTENT or CONTENT_FILE"),
+        ("ament_index_register_resource(k CONTENT_FILE none)", "none', which does not exist"),
+        ("ament_index_get_resource(x k none)", "no resource 'none' of the type 'k'"),
+    ],
+)
+def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+    outcome = ament(commands).configure()
+    assert outcome.code != 0
+    assert complaint in outcome.flat
+
+
+def test_resources_are_found_in_the_order_of_the_prefixes(ament: Ament, tmp_path: Path) -> None:
+    for prefix, text in (("over", "1"), ("under", "2")):
+        folder = tmp_path / prefix / INDEX / "kind"
+        folder.mkdir(parents=True)
+        (folder / "both").write_text(text, encoding="utf-8")
+        (folder / prefix).write_text("", encoding="utf-8")
+        (folder / ".hidden").write_text("", encoding="utf-8")
+    demo = ament(
+        "ament_index_get_resources(names kind)\nament_index_get_resource(text kind both)\n"
+        "ament_index_has_resource(where kind under)\nament_index_has_resource(nowhere kind none)\n"
+        "ament_index_get_prefix_path(path)\nlist(GET path 0 first)\n"
+        'foreach(name names text where nowhere first)\nmessage(STATUS "${name}=${${name}}")\nendforeach()'
+    )
+    path = f"{tmp_path}/over:{tmp_path}/under"
+    outcome = replace(demo, variables={"AMENT_PREFIX_PATH": path}).configure()
+    assert outcome.said("names") == "both;over;under"
+    assert outcome.said("text") == "1"
+    assert outcome.said("where") == f"{tmp_path}/under"
+    assert outcome.said("nowhere") == "FALSE"
+    assert outcome.said("first") == f"{demo.build}/ament_cmake_index"

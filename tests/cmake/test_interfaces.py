@@ -1,0 +1,332 @@
+"""rosidl_generate_interfaces(): what it generates, installs, exports and refuses, and when it runs again."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from .conftest import PYTHON_VERSION
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .conftest import Ament, Project
+
+pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
+cxx = pytest.mark.needs("g++")
+SITE = f"lib/python{PYTHON_VERSION}/site-packages"
+
+MEMBER = "<member_of_group>rosidl_interface_packages</member_of_group>"
+GENERATORS = "find_package(rosidl_default_generators REQUIRED)\n"
+DEFINITIONS = {
+    "msg/HTTPStatus.msg": "uint8 OK=1\nstd_msgs/Header header\nuint8 code\n",
+    "srv/Move.srv": "# how far\nfloat32 distance\n---\nfloat32 pose\n",
+    "action/Walk.action": "float32 distance\n---\nfloat32 pose\n---\nfloat32 rest\n",
+}
+DEFINITIONS_INSTALLED = (
+    *(f"share/motion/{path}" for path in DEFINITIONS),
+    *(f"share/motion/{path.rsplit('.', 1)[0]}.{kind}" for path in DEFINITIONS for kind in ("idl", "json")),
+)
+MAIN = """\
+#include "motion/action/walk.hpp"
+#include "motion/msg/http_status.hpp"
+#include "motion/srv/move.hpp"
+int main() {
+  motion::msg::HTTPStatus status;
+  motion::srv::Move::Request request;
+  motion::action::Walk::Goal goal;
+  return status.code + static_cast<int>(request.distance + goal.distance);
+}
+"""
+
+
+@pytest.fixture
+def rosidl(ament: Ament, interfaces: Path) -> Ament:
+    """Make projects that also see the standard interfaces."""
+
+    def make(commands: str, name: str = "demo", **more: object) -> Project:
+        project = ament(commands, name, **more)  # type: ignore[arg-type]
+        return replace(project, prefixes=(*project.prefixes, interfaces))
+
+    return make
+
+
+@pytest.fixture
+def motion(rosidl: Ament) -> Project:
+    """Make a package with a message, a service and an action; nobody declares action_msgs."""
+    return rosidl(
+        f"{GENERATORS}find_package(std_msgs REQUIRED)\n"
+        "rosidl_generate_interfaces(${PROJECT_NAME}\n  msg/HTTPStatus.msg srv/Move.srv action/Walk.action\n"
+        "  DEPENDENCIES std_msgs ADD_LINTER_TESTS)\nament_package()",
+        name="motion",
+        manifest=MEMBER,
+        files=DEFINITIONS,
+    )
+
+
+def test_everything_lands_where_ros_has_it(motion: Project) -> None:
+    motion.install()
+    files = motion.files()
+    assert {file for file in files if file.startswith("include/")} == {
+        "include/motion/motion/msg/rosidl_generator_cpp__visibility_control.hpp",
+        *(
+            f"include/motion/motion/{path}"
+            for kind, name in (("msg", "http_status"), ("srv", "move"), ("action", "walk"))
+            for path in (
+                f"{kind}/{name}.hpp",
+                *(
+                    f"{kind}/detail/{name}__{part}.hpp"
+                    for part in ("struct", "builder", "traits", "type_support")
+                ),
+            )
+        ),
+    }
+    assert {
+        *DEFINITIONS_INSTALLED,
+        f"{SITE}/motion/__init__.py",
+        f"{SITE}/motion/msg/_http_status.py",
+        f"{SITE}/motion-1.2.3-py{PYTHON_VERSION}.egg-info/PKG-INFO",
+        "share/motion/environment/pythonpath.dsv",
+    } <= files
+    assert motion.read("share/motion/srv/Move_Request.msg") == "# how far\nfloat32 distance\n"
+    assert motion.read("share/motion/srv/Move_Response.msg") == "float32 pose\n"
+    assert motion.read("share/ament_index/resource_index/rosidl_interfaces/motion") == "\n".join(
+        [
+            *("action/Walk.action", "action/Walk.idl", "msg/HTTPStatus.idl", "msg/HTTPStatus.msg"),
+            *("srv/Move.idl", "srv/Move.srv", "srv/Move_Request.msg", "srv/Move_Response.msg"),
+        ]
+    )
+    assert not any(file.endswith(".pyc") for file in files)
+
+
+@cxx
+def test_users_link_what_they_like(rosidl: Ament, motion: Project) -> None:
+    motion.install()
+    user = rosidl(
+        "find_package(motion REQUIRED)\n"
+        "add_executable(by_ament main.cpp)\nament_target_dependencies(by_ament motion)\n"
+        "add_executable(by_target main.cpp)\n"
+        "target_link_libraries(by_target motion::motion__rosidl_typesupport_cpp)\n"
+        "add_executable(by_list main.cpp)\ntarget_link_libraries(by_list ${motion_TARGETS})\n"
+        "add_executable(classic main.cpp)\n"
+        "target_include_directories(classic PRIVATE ${motion_INCLUDE_DIRS})\n"
+        'message(STATUS "recursive=${motion_RECURSIVE_DEPENDENCIES}")\n'
+        'message(STATUS "idl=${motion_IDL_FILES}")\nmessage(STATUS "interfaces=${motion_INTERFACE_FILES}")\n'
+        'message(STATUS "kind=${motion_TARGETS__rosidl_generator_cpp}")',
+        name="user",
+        files={"main.cpp": MAIN},
+    )
+    outcome = user.configure("-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror")
+    assert outcome.code == 0, outcome.text
+    assert {"std_msgs", "builtin_interfaces", "action_msgs"} <= set(outcome.said("recursive").split(";"))
+    assert outcome.said("idl") == "msg/HTTPStatus.idl;srv/Move.idl;action/Walk.idl"
+    assert outcome.said("interfaces") == "msg/HTTPStatus.msg;srv/Move.srv;action/Walk.action"
+    assert outcome.said("kind") == "motion::motion__rosidl_generator_cpp"
+    user.make()
+
+
+def test_python_imports_what_was_installed(motion: Project) -> None:
+    motion.install()
+    paths = os.pathsep.join(str(prefix / SITE) for prefix in (motion.prefix, *motion.prefixes))
+    code = (
+        "from motion.msg import HTTPStatus; from motion.action import Walk; print(HTTPStatus.OK, Walk.Goal())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", code],
+        env={"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == "1 motion.action.Walk_Goal(distance=0.0)\n", done.stderr
+
+
+@cxx
+@pytest.mark.parametrize(
+    "generator", ["Ninja", pytest.param("Unix Makefiles", marks=pytest.mark.needs("make"))]
+)
+def test_programs_of_the_same_project_wait_and_follow(rosidl: Ament, generator: str) -> None:
+    demo = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(demo_interfaces msg/One.msg msg/Two.msg)\n"
+        "rosidl_get_typesupport_target(typesupport demo_interfaces rosidl_typesupport_cpp)\n"
+        "rosidl_get_typesupport_target(none demo_interfaces rosidl_typesupport_lisp)\n"
+        'message(STATUS "typesupport=${typesupport}")\nmessage(STATUS "none=${none}")\n'
+        "add_executable(one one.cpp)\ntarget_link_libraries(one ${typesupport})\n"
+        "add_executable(two two.cpp)\nrosidl_target_interfaces(two demo_interfaces rosidl_typesupport_cpp)\n"
+        "add_executable(three one.cpp)\n"
+        "target_link_libraries(three demo::demo_interfaces__rosidl_generator_cpp)\n"
+        "ament_package()",
+        manifest=MEMBER,
+        files={
+            "msg/One.msg": "uint8 a\n",
+            "msg/Two.msg": "uint8 b\n",
+            "one.cpp": "#include <demo/msg/one.hpp>\nint main() { return demo::msg::One().a; }\n",
+            "two.cpp": "#include <demo/msg/two.hpp>\nint main() { return demo::msg::Two().b; }\n",
+        },
+    )
+    outcome = demo.configure("-G", generator)
+    assert outcome.code == 0, outcome.text
+    assert outcome.said("typesupport") == "demo_interfaces__rosidl_typesupport_cpp"
+    assert outcome.said("none").endswith("-NOTFOUND")
+    demo.make("-j2")
+    quiet = demo.make().text
+    assert "Generating the interfaces" not in quiet
+
+    (demo.source / "msg/Two.msg").write_text("uint8 b\nuint8 c\n", encoding="utf-8")
+    again = demo.make().text
+    assert "Generating the interfaces" in again
+    assert "two.cpp" in again
+    assert "one.cpp" not in again
+    assert "Building" not in demo.make().text
+
+
+def test_a_changed_definition_of_a_dependency_generates_again(rosidl: Ament) -> None:
+    base = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(base msg/X.msg)\nament_package()",
+        name="base",
+        manifest=MEMBER,
+        files={"msg/X.msg": "uint8 a\n"},
+    ).install()
+    demo = rosidl(
+        f"{GENERATORS}find_package(base REQUIRED)\n"
+        "rosidl_generate_interfaces(demo msg/Y.msg DEPENDENCIES base)\nament_package()",
+        manifest=MEMBER,
+        files={"msg/Y.msg": "base/X x\n"},
+    ).install()
+    assert "Generating" not in demo.make().text
+    changed = base.source / "msg/X.msg"
+    changed.write_text("uint8 a\nuint8 b\n", encoding="utf-8")
+    later = changed.stat().st_mtime + 2  # installed files are dated to the second
+    os.utime(changed, (later, later))
+    base.install()
+    assert "Generating" in demo.make().text
+
+
+def test_absolute_and_outer_paths_and_other_targets_work(rosidl: Ament) -> None:
+    demo = rosidl(
+        "add_subdirectory(test)\n",
+        manifest=MEMBER,
+        files={
+            "msg/One.msg": "uint8 a\n",
+            "far/msg/Two.msg": "uint8 b\n",
+            "test/CMakeLists.txt": f"{GENERATORS}rosidl_generate_interfaces(test_interfaces ../msg/One.msg\n"
+            '"${PROJECT_SOURCE_DIR}/far:msg/Two.msg" SKIP_INSTALL LIBRARY_NAME other)\n'
+            "foreach(name TARGET IDL_TUPLES ABS_IDL_FILES SKIP_INSTALL LIBRARY_NAME)\n"
+            'message(STATUS "${name}=${rosidl_generate_interfaces_${name}}")\nendforeach()\n'
+            'message(STATUS "python=${PYTHON_INSTALL_DIR}")\n',
+        },
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    output = f"{demo.build}/test/rosidl/test_interfaces"
+    assert outcome.said("TARGET") == "test_interfaces"
+    assert outcome.said("IDL_TUPLES") == f"{output}/idl/demo:msg/One.idl;{output}/idl/demo:msg/Two.idl"
+    assert outcome.said("ABS_IDL_FILES") == f"{output}/idl/demo/msg/One.idl;{output}/idl/demo/msg/Two.idl"
+    assert outcome.said("LIBRARY_NAME") == "other"
+    assert outcome.said("python") == SITE
+    demo.install()
+    assert demo.files() == set()
+    assert (demo.build / "test/rosidl/test_interfaces/idl/demo/msg/Two.idl").is_file()
+
+
+def test_third_party_generators_and_typesupports_have_their_turn(rosidl: Ament) -> None:
+    rosidl(
+        "install(FILES generate.cmake DESTINATION share/other/cmake)\n"
+        "ament_package(CONFIG_EXTRAS register.cmake)",
+        name="other",
+        files={
+            "register.cmake": (
+                "ament_register_extension(rosidl_generate_idl_interfaces other generate.cmake)\n"
+            ),
+            "generate.cmake": "set(name ${rosidl_generate_interfaces_TARGET}__other)\n"
+            "add_library(${name} INTERFACE)\ninstall(TARGETS ${name} EXPORT other_set)\n"
+            "ament_export_targets(other_set)\nrosidl_export_typesupport_targets(other ${name})\n"
+            'rosidl_write_generator_arguments("${CMAKE_BINARY_DIR}/args.json" PACKAGE_NAME ${PROJECT_NAME}\n'
+            "  IDL_TUPLES ${rosidl_generate_interfaces_IDL_TUPLES} OUTPUT_DIR out)\n",
+        },
+    ).install()
+    demo = rosidl(
+        f"find_package(other REQUIRED)\n{GENERATORS}"
+        "rosidl_generate_interfaces(demo msg/X.msg)\nament_package()",
+        manifest=MEMBER,
+        files={"msg/X.msg": ""},
+    ).install()
+    user = rosidl('find_package(demo REQUIRED)\nmessage(STATUS "other=${demo_TARGETS__other}")', name="user")
+    assert user.configure().said("other") == "demo::demo__other"
+    arguments = (demo.build / "args.json").read_text(encoding="utf-8")
+    assert '"idl_tuples": [\n    "' in arguments
+    assert '"output_dir": "out"' in arguments
+
+
+@pytest.mark.parametrize(
+    ("commands", "manifest", "complaint"),
+    [
+        ("rosidl_generate_interfaces(demo)", MEMBER, "was given no files for 'demo'"),
+        ("rosidl_generate_interfaces(demo msg/None.msg)", MEMBER, "msg/None.msg', which does not exist"),
+        (
+            "rosidl_generate_interfaces(demo ${CMAKE_CURRENT_SOURCE_DIR}/msg/X.msg)",
+            MEMBER,
+            "takes an absolute path as BASE:NAMESPACE/NAME",
+        ),
+        ("rosidl_generate_interfaces(demo package.xml)", MEMBER, "no .msg, .srv, .action or .idl file"),
+        (
+            "rosidl_generate_interfaces(demo msg/X.msg DEPENDENCIES nowhere)",
+            MEMBER,
+            "depends on 'nowhere', which was not found",
+        ),
+        ("rosidl_generate_interfaces(demo msg/X.msg)", "", "<member_of_group>rosidl_interface_packages"),
+        (
+            "add_library(demo INTERFACE)\nrosidl_generate_interfaces(demo msg/X.msg)",
+            MEMBER,
+            "give the library or program another name",
+        ),
+        ("ament_package()\nrosidl_generate_interfaces(demo msg/X.msg)", MEMBER, "must be called before"),
+        ("rosidl_get_typesupport_target(x none y)", MEMBER, "'none', which is no target"),
+        ("rosidl_target_interfaces(a b c)", MEMBER, "needs 'a', which is no target"),
+        ("rosidl_generate_interfaces(demo action/A.action)", MEMBER, "<depend>action_msgs</depend>"),
+    ],
+)
+def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, manifest: str, complaint: str) -> None:
+    files = {"msg/X.msg": "", "action/A.action": "---\n---\n"}
+    outcome = ament(f"{GENERATORS}{commands}", manifest=manifest, files=files).configure()
+    assert outcome.code != 0
+    assert complaint in outcome.flat
+
+
+def test_a_package_that_finds_only_the_generators_has_all_of_ament(rosidl: Ament) -> None:
+    demo = rosidl("", manifest=MEMBER, files={"msg/X.msg": "uint8 a\n"})
+    (demo.source / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.5...3.25)\nproject(demo NONE)\n"
+        f"{GENERATORS}rosidl_generate_interfaces(demo msg/X.msg)\nament_package()\n",
+        encoding="utf-8",
+    )
+    demo.install()
+
+
+def test_a_mistake_in_a_definition_fails_the_build_and_says_where(rosidl: Ament) -> None:
+    demo = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(demo msg/X.msg)\nament_package()",
+        manifest=MEMBER,
+        files={"msg/X.msg": "uint7 a\n"},
+    )
+    assert demo.configure().code == 0
+    outcome = demo.try_to_make()
+    assert outcome.code != 0
+    assert "msg/X.msg:1:1: error:" in outcome.text
+
+
+def test_without_forge_the_reason_is_clear(rosidl: Ament) -> None:
+    demo = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(demo msg/X.msg)\nament_package()",
+        manifest=MEMBER,
+        files={"msg/X.msg": "uint8 a\n"},
+    )
+    outcome = demo.configure("-DFORGE_COMMAND=", "-DFORGE_EXECUTABLE=FORGE_EXECUTABLE-NOTFOUND")
+    if outcome.code == 0:
+        pytest.skip("an installed forge is on PATH")
+    assert "put 'forge' on PATH" in outcome.flat

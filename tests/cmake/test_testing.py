@@ -1,0 +1,275 @@
+"""Tests and linters: a missing tool never stops CMake, and every test leaves a result."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from .conftest import EMBEDDED
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .conftest import Ament, Project
+
+pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
+
+RUNNER = EMBEDDED / "ament_cmake/cmake/ament/run_test.py"
+LINT_DEPENDS = "<test_depend>ament_lint_auto</test_depend><test_depend>ament_lint_common</test_depend>"
+LINT_AUTO = "find_package(ament_lint_auto REQUIRED)\nament_lint_auto_find_test_dependencies()\n"
+
+
+def registered(project: Project) -> dict[str, dict[str, object]]:
+    """Return the registered tests with their properties."""
+    argv = ["ctest", "--test-dir", str(project.build), "--show-only=json-v1"]
+    listed = json.loads(subprocess.run(argv, capture_output=True, text=True, check=True).stdout)
+    return {
+        test["name"]: {entry["name"]: entry["value"] for entry in test.get("properties", [])}
+        for test in listed["tests"]
+    }
+
+
+def run(result: Path, *words: str) -> tuple[int, str]:
+    """Run the wrapper; return its exit code and what the result file tells."""
+    done = subprocess.run(
+        [sys.executable, str(RUNNER), str(result), "--package-name", "demo", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    suite = next(ET.parse(result).iter("testsuite"))  # noqa: S314  (written a moment ago)
+    told = (
+        "failed" if suite.get("failures") != "0" else "skipped" if suite.get("skipped") == "1" else "passed"
+    )
+    return done.returncode, told
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (["--command", "true"], 0, "failed"),
+        (["--generate-result-on-success", "--command", "true"], 0, "passed"),
+        (["--generate-result-on-success", "--command", "false"], 1, "failed"),
+        (["--skip-return-code", "3", "--command", "sh", "-c", "exit 3"], 3, "skipped"),
+        (["--skip-test", "--command", "false"], 0, "skipped"),
+        (["--command", "no-such-program"], 1, "failed"),
+    ],
+)
+def test_there_is_a_result_however_a_command_ends(
+    tmp_path: Path, words: list[str], code: int, told: str
+) -> None:
+    result = tmp_path / "deep" / "one.xml"
+    result.parent.mkdir()
+    result.write_text("<testsuite tests='1' failures='0'/>", encoding="utf-8")  # of an earlier run
+    if told == "failed" and code == 0:
+        code = 1  # a result that tells of failures fails the test
+    assert run(result, *words) == (code, told)
+
+
+def test_a_results_failures_fail_the_test_and_classes_get_the_packages_name(tmp_path: Path) -> None:
+    result = tmp_path / "one.gtest.xml"
+    text = '<testsuites><testsuite failures=\\"1\\"><testcase classname=\\"A\\"/></testsuite></testsuites>'
+    code, told = run(result, "--command", "sh", "-c", f'echo "{text}" > {result}')
+    assert (code, told) == (1, "failed")
+    assert 'classname="demo.A"' in result.read_text(encoding="utf-8")
+
+
+def test_variables_are_set_and_appended(tmp_path: Path) -> None:
+    script = 'test "$A" = "1;2" && test "$B" = "" && test "$C" = "x:y"'
+    words = ["--env", "A=1", "2", "B=", "C=x", "--append-env", "C=y", "--generate-result-on-success"]
+    assert run(tmp_path / "r.xml", *words, "--command", "sh", "-c", script) == (0, "passed")
+
+
+def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> None:
+    demo = ament(
+        "ament_add_test(one COMMAND true ENV A= B=$<CONFIG> TIMEOUT 5 GENERATE_RESULT_FOR_RETURN_CODE_ZERO)\n"
+        "ament_add_test(two COMMAND false SKIP_TEST)\nament_add_test_label(two a b)\n"
+        "ament_add_test(three COMMAND env APPEND_LIBRARY_DIRS /x OUTPUT_FILE ${CMAKE_BINARY_DIR}/out.txt"
+        " GENERATE_RESULT_FOR_RETURN_CODE_ZERO)\nament_package()"
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    demo.make()
+    tests = registered(demo)
+    assert tests["one"]["TIMEOUT"] == 5.0
+    assert tests["two"]["LABELS"] == ["a", "b"]
+    outcome = demo.test()
+    assert outcome.code == 0, outcome.text
+    assert "two (Skipped)" in outcome.text
+    assert (demo.build / "test_results/demo/one.xml").is_file()
+    assert ":/x\n" in (demo.build / "out.txt").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("commands", "complaint"),
+    [
+        ("ament_add_test(one)", "needs the COMMAND of the test 'one'"),
+        ("ament_add_test(one COMMAND x TIMEOUT 0)", "must be more than 0 seconds"),
+        ("ament_add_test(one COMMAND_ x)", "does not understand 'COMMAND_' 'x'"),
+        ("ament_add_pytest_test(one none.py)", "none.py', which does not exist"),
+        ("find_package(ament_cmake_gtest)\nament_add_gtest(one)", "the test 'one' has no source files"),
+    ],
+)
+def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
+    outcome = ament(commands).configure()
+    assert outcome.code != 0
+    assert complaint in outcome.flat
+
+
+GTEST = """
+find_package(ament_cmake_gtest REQUIRED)
+find_package(ament_cmake_gmock REQUIRED)
+find_package(ament_cmake_google_benchmark REQUIRED)
+set(CMAKE_DISABLE_FIND_PACKAGE_GTest ON)
+set(CMAKE_DISABLE_FIND_PACKAGE_benchmark ON)
+set(gtest_SOURCES "")
+ament_add_gtest(one one.cpp ENV A=1 APPEND_LIBRARY_DIRS /x)
+target_link_libraries(one m)
+target_include_directories(one PRIVATE include)
+set_tests_properties(one PROPERTIES TIMEOUT 7)
+ament_add_gtest_executable(two one.cpp)
+ament_add_gtest_test(two TEST_NAME two_again)
+ament_add_gtest_test(not_there)
+ament_add_gmock(three one.cpp)
+ament_add_google_benchmark(four one.cpp)
+ament_package()
+"""
+
+
+@pytest.mark.needs("g++")
+def test_without_google_test_targets_exist_and_tests_are_skipped(ament: Ament) -> None:
+    demo = ament(GTEST, files={"one.cpp": "#include <gtest/gtest.h>\n"})
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert outcome.text.count("'gtest' was not found: tests that need it are skipped") == 1
+    demo.make()
+    tests = registered(demo)
+    assert tests["one"]["TIMEOUT"] == 7.0
+    assert tests.keys() == {"one", "two_again", "three", "four"}
+    ran = demo.test()
+    assert ran.code == 0, ran.text
+    assert ran.text.count("***Skipped") == 4
+
+
+FAKE_GTEST = """
+add_library(gtest INTERFACE)
+target_include_directories(gtest INTERFACE "${CMAKE_CURRENT_SOURCE_DIR}")
+add_library(gtest_main STATIC gtest_main.cpp)
+"""
+
+
+@pytest.mark.needs("g++")
+def test_google_test_is_built_from_sources_where_they_are(ament: Ament) -> None:
+    demo = ament(
+        "find_package(ament_cmake_gtest REQUIRED)\nament_add_gtest(one one.cpp TIMEOUT 9)\n"
+        "target_link_libraries(one m)\nament_find_gtest()\n"
+        'message(STATUS "libraries=${GTEST_BOTH_LIBRARIES}")',
+        files={
+            "one.cpp": "#include <fake.h>\n",
+            "fake/CMakeLists.txt": FAKE_GTEST,
+            "fake/fake.h": "",
+            "fake/gtest_main.cpp": "#include <cstdio>\n#include <cstring>\nint main(int, char ** argv) {\n"
+            "std::FILE * f = std::fopen(std::strchr(argv[1], ':') + 1, \"w\");\n"
+            'std::fputs("<testsuites><testsuite failures=\\"0\\"/></testsuites>", f); std::fclose(f); }\n',
+        },
+    )
+    demo = replace(demo, variables={"GTEST_DIR": str(demo.source / "fake")})
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert outcome.said("libraries") == "gtest_main;gtest"
+    demo.make()
+    assert demo.test().code == 0
+    assert registered(demo)["one"]["LABELS"] == ["gtest"]
+
+
+def test_pytest_runs_and_leaves_a_result(ament: Ament) -> None:
+    demo = ament(
+        "find_package(ament_cmake_pytest REQUIRED)\n"
+        "ament_add_pytest_test(one test_one.py ENV A=1 WERROR ON)\nament_package()",
+        files={"test_one.py": "import os\n\ndef test_it():\n    assert os.environ['A'] == '1'\n"},
+    )
+    assert demo.configure().code == 0
+    outcome = demo.test()
+    assert outcome.code == 0, outcome.text
+    assert 'classname="demo.' in (demo.build / "test_results/demo/one.xunit.xml").read_text(encoding="utf-8")
+
+
+def test_without_pytest_there_is_a_warning_and_no_test(ament: Ament) -> None:
+    demo = ament(
+        "ament_add_pytest_test(one test_one.py PYTHON_EXECUTABLE /bin/false)\nament_add_nose_test(two x)",
+        files={"test_one.py": ""},
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert "'one' is left out: '/bin/false' has no pytest" in outcome.flat
+    assert registered(demo) == {}
+
+
+def test_missing_linters_are_left_out_in_one_line(ament: Ament) -> None:
+    demo = ament(f"{LINT_AUTO}ament_package()", manifest=LINT_DEPENDS, files={"x.py": "", "y.hpp": ""})
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert outcome.text.count("Linters that are not installed") == 1
+    assert registered(demo) == {}
+
+
+def test_an_explicit_linter_is_a_skipped_test(ament: Ament) -> None:
+    demo = ament(
+        "find_package(ament_cmake_cppcheck REQUIRED)\nfind_package(ament_cmake_pep257 REQUIRED)\n"
+        "ament_cppcheck(LANGUAGE c++ INCLUDE_DIRS a b)\n"
+        "set_tests_properties(cppcheck PROPERTIES TIMEOUT 400)\n"
+        "ament_pep257(TESTNAME docs EXCLUDE x)\nament_package()"
+    )
+    assert demo.configure().code == 0
+    assert registered(demo)["cppcheck"]["TIMEOUT"] == 400.0
+    assert demo.test().text.count("***Skipped") == 2
+
+
+@pytest.fixture
+def linters(tmp_path: Path) -> Path:
+    """Return a folder with linters that write what they were told."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for tool in ("copyright", "cppcheck", "flake8", "uncrustify", "lint_cmake", "xmllint"):
+        program = folder / f"ament_{tool}"
+        program.write_text(
+            '#!/bin/sh\necho "$0 $@"\necho \'<testsuite failures="0"/>\' > "$2"\n', encoding="utf-8"
+        )
+        program.chmod(0o755)
+    return folder
+
+
+def test_linters_run_late_where_there_is_work_and_may_be_turned_off(ament: Ament, linters: Path) -> None:
+    demo = ament(
+        "set(ament_cmake_copyright_FOUND TRUE)\n"
+        f"{LINT_AUTO}"
+        "if(TEST xmllint)\nmessage(FATAL_ERROR early)\nendif()\n"
+        "list(APPEND AMENT_LINT_AUTO_EXCLUDE ament_cmake_uncrustify)\n"
+        "set(ament_cmake_cppcheck_ADDITIONAL_INCLUDE_DIRS inc)\n"
+        "ament_package()\n"
+        'message(STATUS "found=${demo_FOUND_TEST_DEPENDS}")\n'
+        "if(TEST cppcheck)\nset_tests_properties(cppcheck PROPERTIES TIMEOUT 9)\nendif()",
+        manifest=LINT_DEPENDS,
+        files={"src/y.hpp": ""},
+    )
+    demo = replace(demo, variables={"PATH": f"{linters}:/usr/local/bin:/usr/bin:/bin"})
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert outcome.said("found") == "ament_lint_auto;ament_lint_common"
+    tests = registered(demo)
+    assert tests.keys() == {"cppcheck", "lint_cmake", "xmllint"}
+    assert tests["cppcheck"]["LABELS"] == ["cppcheck", "linter"]
+    assert demo.test().code == 0
+    assert "--include_dirs inc" in (demo.build / "ament_cppcheck/cppcheck.txt").read_text(encoding="utf-8")
+
+
+def test_without_testing_nothing_is_registered(ament: Ament) -> None:
+    demo = ament(f"if(BUILD_TESTING)\n{LINT_AUTO}endif()\nament_package()", manifest=LINT_DEPENDS)
+    assert demo.configure("-DBUILD_TESTING=OFF").code == 0
+    assert not (demo.build / "CTestTestfile.cmake").is_file()
