@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from forge.journal import Journal
     from forge.layout import Layout
     from forge.model import BuildPlan, Event, Snapshot, Task
-    from forge.workspace import Loaded
 
 TABLE = "forge_files.json"
 
@@ -34,11 +33,11 @@ TABLE = "forge_files.json"
 class Records:
     """What was built, what is being built, and what the rest may count on."""
 
-    def __init__(self, loaded: Loaded, layout: Layout, interpreter: Interpreter, journal: Journal) -> None:
-        """Begin with what the journal remembers."""
+    def __init__(self, root: Path, layout: Layout, interpreter: Interpreter, journal: Journal) -> None:
+        """Begin with what the journal remembers of the workspace at `root`."""
         self.journal = journal
         self.table = FileTable(layout.build / TABLE)
-        self._root = loaded.workspace.root
+        self._root = root
         self._layout = layout
         self._interpreter = interpreter
         self._outlook: Outlook | None = None
@@ -136,6 +135,6 @@ class Records:
                 remove_file(Path(path), self._layout.install)
 
 
-def open_records(loaded: Loaded, layout: Layout, interpreter: Interpreter) -> Records:
+def open_records(root: Path, layout: Layout, interpreter: Interpreter) -> Records:
     """Return the records below the build folder."""
-    return Records(loaded, layout, interpreter, open_journal(layout.build))
+    return Records(root, layout, interpreter, open_journal(layout.build))

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     refuse_what_cannot_work(loaded, names)
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
     begin_workspace(layout)
-    with closing(open_records(loaded, layout, interpreter)) as records:
+    with closing(open_records(root, layout, interpreter)) as records:
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
         plan, outlook = make_plan(
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
