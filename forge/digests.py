@@ -13,13 +13,13 @@ import json
 import os
 import stat
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.files import replace_file
+from forge.model import Mark
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
 VERSION = 1
@@ -45,14 +45,6 @@ _LITTER_BEGINNINGS = (".#", "#")
 _LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE"})
 
 
-@dataclass(frozen=True, slots=True)
-class Mark:
-    """A set of files at one moment: `stamp` of their stats ('' when not to be trusted), `digest` of all."""
-
-    stamp: str = ""
-    digest: str = ""
-
-
 class FileTable:
     """Content digests of single files by their stats; a cache that may be lost at any time."""
 
@@ -61,6 +53,8 @@ class FileTable:
         self._path = path
         self._known: dict[str, tuple[str, str]] | None = None
         self._changed = False
+        self.news: dict[str, str | None] = {}
+        """Files whose content was read: what it had been before, None when that was not known."""
 
     def digest(self, path: str, status: os.stat_result) -> str:
         """Return the content digest of a file whose stat is `status`; raises OSError as open does."""
@@ -71,10 +65,18 @@ class FileTable:
             return entry[1]
         with open(path, "rb") as stream:  # noqa: PTH123  (thousands of files: no Path for each)
             found = hashlib.blake2b(stream.read(), digest_size=16).hexdigest()
-        if not _racy(status):
-            known[path] = (said, found)
-            self._changed = True
+        known[path] = ("" if _racy(status) else said, found)
+        self._changed = True
+        before = entry[1] if entry is not None else None
+        if before != found:
+            self.news.setdefault(path, before)
         return found
+
+    def changed(self, path: str) -> bool:
+        """Tell if a regular file says something else than when it was last asked for; a link never does."""
+        status = os.lstat(path)
+        before = self._load().get(path, ("", ""))[1]
+        return stat.S_ISREG(status.st_mode) and self.digest(path, status) != before
 
     def save(self) -> None:
         """Write the table if it learned anything."""
@@ -102,6 +104,26 @@ def mark_files(paths: Iterable[str], table: FileTable, known: Mark | None = None
     """Return what the given files look like now, in the given order; a missing one shows as missing."""
     entries = [(path, _status(path)) for path in paths]
     return _mark(entries, 0, table, known, trusting=True)
+
+
+def stamp_files(paths: Iterable[str]) -> str:
+    """Return the stamp of the stats of the given files; nothing is read."""
+    stamp = hashlib.blake2b(digest_size=16)
+    for path in paths:
+        status = _status(path)
+        stamp.update(f"{path}\0{_said(status) if status else ''}\n".encode(errors="surrogateescape"))
+    return stamp.hexdigest()
+
+
+def contents_of(paths: Iterable[str], table: FileTable) -> dict[str, str]:
+    """Return what each file says; equal files say the same."""
+    return {path: _content(path, _status(path), table) for path in paths}
+
+
+def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
+    """Return one digest of some of the files that `contents_of` read."""
+    said = "\n".join(f"{path}\0{contents[path]}" for path in paths)
+    return hashlib.blake2b(said.encode(errors="surrogateescape"), digest_size=16).hexdigest()
 
 
 def source_files(root: str) -> Iterator[str]:
@@ -139,9 +161,11 @@ def _mark(
     if known is not None and said and known.stamp == said:
         return known
     digest = hashlib.blake2b(digest_size=16)
+    names = hashlib.blake2b(digest_size=16)
     for path, status in entries:
+        names.update(f"{path[cut:]}\n".encode(errors="surrogateescape"))
         digest.update(f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape"))
-    return Mark(said, digest.hexdigest())
+    return Mark(said, digest.hexdigest(), names.hexdigest())
 
 
 def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:

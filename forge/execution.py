@@ -9,19 +9,23 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from forge.model import Aborted, Finished, Started
+from forge.model import Aborted, Finished, Fresh, Started
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.model import BuildPlan, Event
+    from forge.model import BuildPlan, Event, Task
     from forge.runner import Runner
     from forge.schedule import Board
 
 
-def execute(plan: BuildPlan, runner: Runner, board: Board) -> Iterator[Event]:
+def execute(
+    plan: BuildPlan, runner: Runner, board: Board, settle: Callable[[Task], Task | None]
+) -> Iterator[Event]:
     """Carry out the plan and yield each event, in the thread of the caller.
 
+    `settle` is asked about each task once all that it needs has ended: it returns the task as it is to
+    run, or None when it need not.
     An exception in a worker is raised here. An interrupt (Ctrl-C, SIGTERM) ends all programs, yields
     the rest of the events, and raises KeyboardInterrupt at the end; a second one kills.
     """
@@ -30,10 +34,7 @@ def execute(plan: BuildPlan, runner: Runner, board: Board) -> Iterator[Event]:
     interrupts = 0
     with _interrupts_into(inbox.put), ThreadPoolExecutor(max(1, len(plan.tasks))) as pool:
         while True:
-            for event in board.advance():
-                if isinstance(event, Started):
-                    pool.submit(_work, runner, plan, event.task, inbox.put)
-                yield event
+            yield from _start(plan, board, settle, lambda task: pool.submit(_work, runner, task, inbox.put))
             if not board.running:
                 break
             received = inbox.get()
@@ -56,13 +57,34 @@ def execute(plan: BuildPlan, runner: Runner, board: Board) -> Iterator[Event]:
         raise KeyboardInterrupt
 
 
-def _work(runner: Runner, plan: BuildPlan, task: str, put: Callable[[Event | BaseException], None]) -> None:
+def _start(
+    plan: BuildPlan,
+    board: Board,
+    settle: Callable[[Task], Task | None],
+    submit: Callable[[Task], object],
+) -> Iterator[Event]:
+    """Yield all that happens now; a task that turns out to be fresh makes others ready at once."""
+    while events := board.advance():
+        for event in events:
+            task = settle(plan.tasks[event.task]) if isinstance(event, Started) else None
+            if task is not None:
+                submit(task)
+                yield Started(task.name, task.parts)
+            elif isinstance(event, Started):
+                fresh = Fresh(event.task)
+                board.note(fresh)
+                yield fresh
+            else:
+                yield event
+
+
+def _work(runner: Runner, task: Task, put: Callable[[Event | BaseException], None]) -> None:
     """Run one task in a worker; whatever escapes reaches the loop, and the task ends in any case."""
     try:
-        runner.run(plan.tasks[task], put)
+        runner.run(task, put)
     except BaseException as error:  # noqa: BLE001  (handed to the loop, which raises it)
         put(error)
-        put(Aborted(task, 0.0))
+        put(Aborted(task.name, 0.0))
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from pathlib import Path
@@ -14,7 +15,7 @@ from forge.errors import Place, Problem, WorkspaceError
 from forge.files import replace_file, write_if_changed
 from forge.hooks import package_hooks
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
-from forge.sourcing import build_environment, package_edits, packages_in_order
+from forge.sourcing import package_edits, packages_in_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,11 +24,11 @@ if TYPE_CHECKING:
     from forge.layout import Layout
     from forge.model import Package
 
-__all__ = ["begin_workspace", "build_environment", "finish_workspace", "install_package", "uninstall_markers"]
-
 STATE = ".forge.json"
 
 _SETUP_EXTENSIONS = ("bash", "dsv", "sh", "zsh")
+MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
+"""Where CMake, ament and forge itself list, in the build folder, what they installed."""
 _BUILDERS = ("colcon", "forge")
 
 
@@ -79,6 +80,37 @@ def install_package(
         text = scripts.package_setup(shell, prefix, Installed(package.name, "", edits))
         write_if_changed(share / f"package.{shell}", text)
     write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
+
+
+def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
+    """Return the absolute paths, sorted, of all that the package's last build put into its prefix."""
+    prefix = layout.prefix(package.name)
+    found: set[str] = set()
+    for name in MANIFESTS:
+        with contextlib.suppress(OSError):
+            text = (layout.build_dir(package.name) / name).read_text(
+                encoding="utf-8", errors="surrogateescape"
+            )
+            found.update(os.path.normpath(line) for line in text.splitlines() if line)
+    share = prefix / "share" / package.name
+    own = [share / f"package.{extension}" for extension in ("dsv", *scripts.SHELLS)]
+    own += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
+    if package.build_type == "ament_python":
+        own += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
+    found.update(str(path) for path in own if os.path.lexists(path))
+    return tuple(sorted(found))
+
+
+def remove_file(path: Path, root: Path) -> None:
+    """Remove a file and the folders that this leaves empty, up to but not including `root`."""
+    path.unlink(missing_ok=True)
+    for folder in path.parents:
+        if folder == root:
+            break
+        try:
+            folder.rmdir()
+        except OSError:
+            break
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:
@@ -172,7 +204,7 @@ def _own_files(name: str, layout: Layout) -> Iterator[str]:
             below = os.path.relpath(folder, prefix)
             yield from (file if below == "." else f"{below}/{file}" for file in files)
         return
-    for listed in ("install_manifest.txt", "symlink_install_manifest.txt"):
+    for listed in MANIFESTS:
         path = layout.build_dir(name) / listed
         if path.is_file():
             lines = path.read_text(encoding="utf-8", errors="surrogateescape").splitlines()

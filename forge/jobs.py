@@ -1,23 +1,28 @@
-"""What surrounds the steps of a task: the environment they see, and what follows a success."""
+"""What surrounds the steps of a task: what is cleared before, what they see, what is recorded after."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from forge import installation
+from forge.digests import source_files
 from forge.model import RUN_KINDS
 from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from forge.interpreter import Interpreter
     from forge.layout import Layout
-    from forge.model import Task
+    from forge.model import Record, Task
     from forge.provision import Provision
+    from forge.records import Records
 
 
 def job_runner(
@@ -25,6 +30,7 @@ def job_runner(
     layout: Layout,
     interpreter: Interpreter,
     variables: Mapping[str, str],
+    records: Records,
 ) -> ProcessRunner:
     """Return a runner whose tasks see their needs' environment on top of `variables`."""
 
@@ -37,14 +43,43 @@ def job_runner(
 
     def begin(task: Task) -> None:
         installation.uninstall_markers(task.name, layout)
+        _clear(task)
+        began = records.began(task.name)
+        if began is not None:
+            _wake(records.source(task), began)
 
-    def install(task: Task) -> None:
+    def install(task: Task) -> Record:
         needs = set(task.package.manifest.names(RUN_KINDS))
         # A name that an embedded package answers to is recorded with the package it stands for.
         needs |= {need for need in provision.needs[task.name] if provision.packages[need].embedded}
         installation.install_package(task.package, layout, tuple(sorted(needs)), interpreter)
+        return records.make(task)
 
     return ProcessRunner(environment, begin, install)
+
+
+def _clear(task: Task) -> None:
+    """Remove what the tools of the task would wrongly build on."""
+    for path in task.clean:
+        for found in path.parent.glob(path.name) if path.parent.is_dir() else ():
+            if found.is_dir() and not found.is_symlink():
+                shutil.rmtree(found)
+            else:
+                found.unlink()
+
+
+def _wake(source: Path, began: float) -> None:
+    """Give a new time to files that changed since the last build but carry an older one.
+
+    ninja and make compare times only, and a file copied with its times, or switched by a tool that keeps
+    them, would never be compiled. The change of the inode's own time cannot be forged.
+    """
+    mark = int(began * 1e9)
+    for path in source_files(str(source)):
+        status = os.lstat(path)
+        if status.st_ctime_ns > mark >= status.st_mtime_ns:
+            now = time.time_ns()
+            os.utime(path, ns=(now, now), follow_symlinks=False)
 
 
 def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:

@@ -1,106 +1,192 @@
 """What was built from what: an append-only file of JSON lines below the build folder.
 
-The first line names the version of the format. A later line about a package replaces an earlier one;
-a line that cannot be read, or a file of another version, counts as nothing: the package is built again.
+The first line names the version of the format. A line {"externals": [...]} adds to the table of files
+outside the workspace that later lines number; a line {"package": ...} replaces what earlier lines said
+of that package. A package that began and did not end has an incomplete record, which makes no package
+fresh. A line that cannot be read, or a file of another version, counts as nothing: the package is built
+again, with a note.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
+import time
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 from forge.files import replace_file
-from forge.model import Aborted, Finished, Started
+from forge.model import Aborted, Finished, Mark, Parts, Record, Started
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
-    from typing import TextIO
+    from typing import Any, TextIO
 
     from forge.model import BuildPlan, Event
 
 FILE = "forge_journal.jsonl"
-_HEADER = {"forge_journal": 1}
+_HEADER = {"forge_journal": 2}
 
 
 class Journal:
     """The records of one build folder; owned by the loop of the command."""
 
-    def __init__(self, path: Path, digests: Mapping[str, str], lines: int) -> None:
-        """Begin with what was read; `open_journal` does that."""
+    def __init__(self, path: Path) -> None:
+        """Begin empty; `open_journal` reads what there is."""
         self.path = path
-        self.digests = dict(digests)
-        self._lines = lines
+        self.records: dict[str, Record] = {}
+        self.damaged = False
+        self.stamp = ""
+        """The stamp of all external files when every record agreed with them, else empty."""
+        self._externals: dict[str, int] = {}
+        self._lines = 0
         self._stream: TextIO | None = None
 
     def record(self, event: Event, plan: BuildPlan) -> None:
-        """Note that a package began, which forgets its last build, or ended well."""
+        """Note that a package began, which makes its last record incomplete, or how it ended."""
         match event:
-            case Started(task):
-                self.digests.pop(task, None)
-                self._append({"package": task})
-            case Finished(task, code) if code == 0:
-                digest = plan.tasks[task].digest
-                self.digests[task] = digest
-                self._append({"package": task, "digest": digest, "seconds": round(event.seconds, 3)})
-                self._write_result(plan, task, "0")
-            case Finished(task, code):
-                self._write_result(plan, task, str(code))
-            case Aborted(task):
-                self._write_result(plan, task, "SIGINT")
+            case Started(name, parts):
+                before = self.records.get(name) or Record(parts)
+                self.remember(name, replace(before, parts=parts, complete=False, began=time.time()))
+            case Finished(name, code):
+                if event.record is not None:
+                    self.remember(name, replace(event.record, began=self.records[name].began))
+                _write_result(plan, name, str(code))
+            case Aborted(name):
+                _write_result(plan, name, "SIGINT")
             case _:
                 pass
+
+    @property
+    def externals(self) -> list[str]:
+        """All external files that records number, and some that none does any more."""
+        return list(self._externals)
+
+    def agree(self, stamp: str) -> None:
+        """Note the stamp of all external files at a moment when every record agrees with them."""
+        if stamp != self.stamp:
+            self.stamp = stamp
+            self._append({"stamp": stamp})
+
+    def remember(self, name: str, record: Record) -> None:
+        """Replace what is known of a package."""
+        self.records[name] = record
+        new = [path for path in dict.fromkeys(record.externals) if path not in self._externals]
+        if new:
+            self._append({"externals": new})
+            self._number(new)
+        self._append(self._written(name, record))
+
+    def forget(self, name: str) -> None:
+        """Forget a package."""
+        if self.records.pop(name, None):
+            self._append({"package": name})
 
     def close(self) -> None:
         """Close the file, rewritten short when it had grown long."""
         if self._stream:
             self._stream.close()
             self._stream = None
-        if self._lines > 4 * len(self.digests) + 100:
-            lines = [_HEADER, *({"package": p, "digest": d} for p, d in sorted(self.digests.items()))]
+        if self._lines > 3 * len(self.records) + 100:
+            used = sorted({path for record in self.records.values() for path in record.externals})
+            self._externals.clear()
+            self._number(used)
+            lines: list[Mapping[str, object]] = [_HEADER, {"externals": used}]
+            lines += [self._written(name, record) for name, record in sorted(self.records.items())]
             replace_file(self.path, "".join(json.dumps(line) + "\n" for line in lines).encode())
+            self._lines = len(lines)
+            self.stamp = ""
+
+    def read(self, text: str) -> None:
+        """Take in the lines of a journal."""
+        lines = text.splitlines()
+        if not lines or _parsed(lines[0]) != _HEADER:
+            self.damaged = bool(lines)
+            return
+        self._lines = len(lines)
+        table: list[str] = []
+        for line in lines[1:]:
+            entry = _parsed(line)
+            try:
+                if "stamp" in entry:
+                    self.stamp = entry["stamp"]
+                elif "externals" in entry and "package" not in entry:
+                    table += entry["externals"]
+                elif "parts" in entry:
+                    self.records[entry["package"]] = _record(entry, table)
+                else:
+                    self.records.pop(entry["package"], None)
+            except (LookupError, TypeError, ValueError):
+                self.damaged = True
+        self._number(table)
+
+    def _number(self, paths: list[str]) -> None:
+        for path in paths:
+            self._externals.setdefault(path, len(self._externals))
+
+    def _written(self, name: str, record: Record) -> Mapping[str, object]:
+        said = asdict(record)
+        said["externals"] = [self._externals[path] for path in record.externals]
+        return {"package": name, **said}
 
     def _append(self, line: Mapping[str, object]) -> None:
         if self._stream is None:
             new = not self._lines
             self._stream = self.path.open("w" if new else "a", encoding="utf-8")
-            if new:
-                self._stream.write(json.dumps(_HEADER) + "\n")
+            # A torn last line must not swallow the next one.
+            self._stream.write(json.dumps(_HEADER) + "\n" if new else "\n")
         self._stream.write(json.dumps(line) + "\n")
         self._stream.flush()
         self._lines += 1
 
-    def _write_result(self, plan: BuildPlan, task: str, result: str) -> None:
-        """Leave colcon's own note of how a package ended, which its selection options read."""
-        folder = plan.tasks[task].build_dir
-        if folder.is_dir():
-            (folder / "colcon_build.rc").write_text(result + "\n", encoding="utf-8")
-
 
 def open_journal(build: Path) -> Journal:
     """Return the journal of a build folder; an unreadable one is an empty one."""
-    path = build / FILE
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    if not lines or _parsed(lines[0]) != _HEADER:
-        return Journal(path, {}, 0)
-    digests: dict[str, str] = {}
-    for line in lines[1:]:
-        entry = _parsed(line)
-        name, digest = entry.get("package"), entry.get("digest")
-        if isinstance(name, str):
-            digests.pop(name, None)
-            if isinstance(digest, str):
-                digests[name] = digest
-    return Journal(path, digests, len(lines))
+    journal = Journal(build / FILE)
+    with contextlib.suppress(OSError):
+        journal.read(journal.path.read_text(encoding="utf-8", errors="surrogateescape"))
+    return journal
 
 
-def _parsed(line: str) -> dict[str, object]:
-    """Return the object on a line; a torn or foreign line is an empty one."""
+def _record(entry: Mapping[str, Any], table: list[str]) -> Record:
+    """Return the record that a line holds; raises LookupError, TypeError or ValueError for nonsense."""
+    parts = entry["parts"]
+    return Record(
+        parts=Parts(
+            forge=parts["forge"],
+            options=tuple(parts["options"]),
+            tools=_pairs(parts["tools"]),
+            environment=_pairs(parts["environment"]),
+            sources=parts["sources"],
+            needs=_pairs(parts["needs"]),
+        ),
+        complete=entry["complete"] is True,
+        sources=Mark(**entry["sources"]),
+        installed=Mark(**entry["installed"]),
+        files=tuple(entry["files"]),
+        externals=tuple(table[number] for number in entry["externals"]),
+        external=entry["external"],
+        seconds=float(entry["seconds"]),
+        began=float(entry["began"]),
+    )
+
+
+def _pairs(said: list[list[str]]) -> tuple[tuple[str, str], ...]:
+    return tuple((name, value) for name, value in said)
+
+
+def _parsed(line: str) -> dict[str, Any]:
+    """Return the object on a line; a blank, torn or foreign line is one about no package."""
     try:
-        value = json.loads(line)
+        value = json.loads(line) if line else {}
     except ValueError:
-        return {}
-    return value if isinstance(value, dict) else {}
+        value = None
+    return value if isinstance(value, dict) and value else {"package": None}
+
+
+def _write_result(plan: BuildPlan, name: str, result: str) -> None:
+    """Leave colcon's own note of how a package ended, which its selection options read."""
+    folder = plan.tasks[name].build_dir
+    if folder.is_dir():
+        (folder / "colcon_build.rc").write_text(result + "\n", encoding="utf-8")

@@ -142,18 +142,75 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Snapshot:
-    """What is on disk today, and what the journal says of yesterday.
+class Mark:
+    """A set of files at one moment, as three digests.
 
-    `records` and `sources` are digests by package: of its last complete build, and of its sources
-    now (embedded packages only). `configured` is (generator, record) of each build folder that CMake
-    knows. `installed` are the packages whose prefix says they are complete.
+    `stamp` is of their stats ('' when these cannot be trusted), `digest` of names, modes and contents,
+    `names` of the names alone.
     """
 
-    records: Mapping[str, str] = field(default_factory=dict)
-    sources: Mapping[str, str] = field(default_factory=dict)
+    stamp: str = ""
+    digest: str = ""
+    names: str = ""
+
+
+Pairs = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a package is made from, in words and digests; equal parts make an equal package.
+
+    `options` are the words of its steps, `tools` the identities of programs by name, `environment` the
+    variables that builds may read, `sources` a digest. `needs` has for each direct dependency a digest of
+    what it gives: its installed files and those of all below it.
+    """
+
+    forge: str = ""
+    options: tuple[str, ...] = ()
+    tools: Pairs = ()
+    environment: Pairs = ()
+    sources: str = ""
+    needs: Pairs = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What the journal remembers of a package's last build.
+
+    `complete` is False from the moment it began until it ended well. `files` are what it installed, as
+    absolute paths; `externals` the files outside the workspace that its build read, and `external` the
+    digest of their contents. Times are seconds since the epoch.
+    """
+
+    parts: Parts
+    complete: bool = False
+    sources: Mark = Mark()
+    installed: Mark = Mark()
+    files: tuple[str, ...] = ()
+    externals: tuple[str, ...] = ()
+    external: str = ""
+    seconds: float = 0.0
+    began: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What is on disk today, beside the records of yesterday.
+
+    `sources` and `installed` are marks of today, the latter of the files that the record lists. `moved`
+    names an external input that changed, by package. `configured` is (generator, record) of each build
+    folder that CMake knows. `present` are the packages whose prefix says they are complete. `news` are
+    source files that changed, by package, for explanations.
+    """
+
+    records: Mapping[str, Record] = field(default_factory=dict)
+    sources: Mapping[str, Mark] = field(default_factory=dict)
+    installed: Mapping[str, Mark] = field(default_factory=dict)
+    moved: Mapping[str, str] = field(default_factory=dict)
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    installed: frozenset[str] = frozenset()
+    present: frozenset[str] = frozenset()
+    news: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,10 +236,16 @@ class Task:
     build_dir: Path
     needs: tuple[str, ...]
     steps: tuple[Step, ...]
-    digest: str
     reason: str
+    parts: Parts = Parts()
+    """Complete but for `needs` when the task is conditional."""
+    sources: Mark = Mark()
     files: tuple[tuple[Path, str], ...] = ()
     """What the steps read and forge writes before them, when it changed."""
+    conditional: bool = False
+    """It runs only if a package that is built before it comes out different."""
+    clean: tuple[Path, ...] = ()
+    """Files and folders of an earlier build that are removed first, since the tools cannot be told."""
 
     @property
     def embedded(self) -> bool:
@@ -200,7 +263,15 @@ class BuildPlan:
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """A task began."""
+    """A task began; `parts` is what it is made from, dependencies included."""
+
+    task: str
+    parts: Parts = Parts()
+
+
+@dataclass(frozen=True, slots=True)
+class Fresh:
+    """A conditional task turned out to need nothing."""
 
     task: str
 
@@ -234,12 +305,13 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A task ended; `step` is the one that failed, when `code` is not 0."""
+    """A task ended; `step` is the one that failed when `code` is not 0, else `record` says what was made."""
 
     task: str
     code: int
     seconds: float
     step: Step | None = None
+    record: Record | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,4 +330,4 @@ class Skipped:
     because: str
 
 
-Event = Started | StepStarted | StepFinished | Output | Finished | Aborted | Skipped
+Event = Fresh | Started | StepStarted | StepFinished | Output | Finished | Aborted | Skipped

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from forge import __version__
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.freshness import Outlook, must_begin_anew, why_at_all, why_different
 from forge.graph import closures, ordered_names
-from forge.model import BuildPlan, Task
+from forge.model import BuildPlan, Parts, Task
 from forge.names import did_you_mean
 from forge.recipes import RECIPES
+from forge.recipes.cmake import leftovers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from forge.model import Package, Selection, Snapshot
+    from forge.model import Package, Pairs, Record, Selection, Snapshot
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
 
@@ -36,70 +36,126 @@ def wanted_names(
     )
 
 
-def make_plan(names: Sequence[str], provision: Provision, snapshot: Snapshot, kitchen: Kitchen) -> BuildPlan:
-    """Return the tasks for `names`, which are in topological order, and those that are fresh.
+def make_plan(
+    names: Sequence[str],
+    provision: Provision,
+    snapshot: Snapshot,
+    kitchen: Kitchen,
+    standing: Standing,
+) -> tuple[BuildPlan, Outlook]:
+    """Return the tasks for `names`, which are in topological order, and what the rest gives.
 
-    An embedded package is fresh when nothing that went into it changed; others run every time.
-    Raises WorkspaceError for build types that nobody knows and for needs that are not installed.
+    A package of `names` without a task is fresh. Raises WorkspaceError for build types that nobody knows
+    and for needs that are not installed.
     """
     ordered = ordered_names(provision.needs)
     below = closures(provision.needs, ordered)
-    position = {name: index for index, name in enumerate(ordered)}
     raise_if_any(
         (*_unknown_types(names, provision), *_not_installed(names, provision, below, snapshot)),
         WorkspaceError,
     )
     kitchen = replace(kitchen, configured=snapshot.configured)
+    outlook = Outlook(provision.needs, {name: mark.digest for name, mark in snapshot.installed.items()})
+    position = {name: index for index, name in enumerate(ordered)}
     tasks: dict[str, Task] = {}
-    fresh: list[str] = []
-    digests: dict[str, str] = {}
     for name in names:
         needs = tuple(sorted(below[name], key=position.__getitem__))
-        task = _task(provision.packages[name], needs, snapshot, kitchen)
-        digests[name] = _digest(task, [digests.get(need, "") for need in needs], snapshot, kitchen)
-        task = replace(task, digest=digests[name])
-        if task.embedded and name in snapshot.installed and snapshot.records.get(name) == task.digest:
-            fresh.append(name)
-        else:
-            tasks[name] = task
-    return BuildPlan(tasks, tuple(fresh))
+        package = provision.packages[name]
+        given = outlook.needs_of(name, needs)
+        parts = _parts(package, given or (), snapshot, kitchen, standing)
+        reason = _reason(parts, given, snapshot, forced=standing.forced(name), name=name)
+        if reason is not None or given is None:
+            outlook.expect(name)
+            task = _task(package, needs, parts, snapshot, kitchen)
+            tasks[name] = task if reason is None else replace(task, reason=reason, conditional=False)
+    return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), outlook
 
 
-def _task(package: Package, needs: tuple[str, ...], snapshot: Snapshot, kitchen: Kitchen) -> Task:
-    recipe = RECIPES[package.build_type](package, kitchen)
-    if not package.embedded:
-        reason = "its sources are watched by its own build tool"
-    elif package.name in snapshot.records:
-        reason = "forge, an option or a package below it changed"
-    else:
-        reason = "it was not built here yet"
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """What holds for every package of a build: forge, tools, environment; and whom --force means."""
+
+    forge: str
+    tools: Pairs
+    environment: Pairs
+    force: bool = False
+    selected: frozenset[str] = frozenset()
+
+    def forced(self, name: str) -> bool:
+        """Tell if the user wants the package built though it may be fresh."""
+        return self.force and name in self.selected
+
+
+def settled(task: Task, outlook: Outlook, record: Record | None) -> Task | None:
+    """Return the task complete with what its needs give now, or None when that makes it fresh.
+
+    To be asked once all that the task needs has ended.
+    """
+    given = outlook.needs_of(task.name, task.needs)
+    task = replace(task, parts=replace(task.parts, needs=given or ()))
+    if task.conditional and record is not None and why_different(task.parts, record.parts) is None:
+        return None
+    return task
+
+
+def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen, standing: Standing) -> Parts:
+    return Parts(
+        forge=standing.forge,
+        options=RECIPES[package.build_type].options(package, kitchen),
+        tools=standing.tools,
+        environment=standing.environment,
+        sources=snapshot.sources[package.name].digest,
+        needs=given,
+    )
+
+
+def _reason(parts: Parts, given: Pairs | None, snapshot: Snapshot, *, forced: bool, name: str) -> str | None:
+    """Return why the package must be built, or None when that depends on pending ones, or is not so."""
+    record = snapshot.records.get(name)
+    reason = why_at_all(name, record, snapshot)
+    if reason is not None or record is None:
+        return reason
+    if given is None:
+        parts = replace(parts, needs=record.parts.needs)
+    different = why_different(parts, record.parts, snapshot.news.get(name, ()))
+    return different or ("asked for by --force" if forced else None)
+
+
+def _task(
+    package: Package,
+    needs: tuple[str, ...],
+    parts: Parts,
+    snapshot: Snapshot,
+    kitchen: Kitchen,
+) -> Task:
+    """Return the task as it is when everything depends on what its needs come out as."""
+    name = package.name
+    record = snapshot.records.get(name)
+    build = kitchen.layout.build_dir(name)
+    anew = must_begin_anew(parts, record, moved=name in snapshot.moved)
+    again = record is not None and (
+        record.sources.names != snapshot.sources[name].names or record.parts.needs != parts.needs
+    )
+    if anew:
+        kitchen = replace(kitchen, configured={n: s for n, s in kitchen.configured.items() if n != name})
+    if again:
+        kitchen = replace(kitchen, reconfigure=frozenset({name}))
+    recipe = RECIPES[package.build_type].recipe(package, kitchen)
+    other_options = record is not None and record.parts.options != parts.options
     return Task(
-        name=package.name,
+        name=name,
         package=package,
-        prefix=kitchen.layout.prefix(package.name),
-        build_dir=kitchen.layout.build_dir(package.name),
+        prefix=kitchen.layout.prefix(name),
+        build_dir=build,
         needs=needs,
         steps=recipe.steps,
-        digest="",
-        reason=reason,
+        reason="a package that it needs is built before it and may come out different",
+        parts=parts,
+        sources=snapshot.sources[name],
         files=recipe.files,
+        conditional=True,
+        clean=(build,) if anew else leftovers(build) if other_options else (),
     )
-
-
-def _digest(task: Task, below: Iterable[str], snapshot: Snapshot, kitchen: Kitchen) -> str:
-    """Return a digest of all that an embedded package is made from."""
-    said = (
-        __version__,
-        snapshot.sources.get(task.name, ""),
-        str(task.prefix),
-        str(kitchen.layout.merged),
-        str(kitchen.python),
-        str(kitchen.cmake),
-        *kitchen.cmake_args,
-        *(text for _, text in task.files),
-        *below,
-    )
-    return hashlib.sha256("\0".join(said).encode()).hexdigest()
 
 
 def _unknown_types(names: Iterable[str], provision: Provision) -> Iterable[Problem]:
@@ -120,7 +176,7 @@ def _not_installed(
     snapshot: Snapshot,
 ) -> Iterable[Problem]:
     """Yield the selected packages whose needs are neither installed nor about to be."""
-    available = snapshot.installed | frozenset(names)
+    available = snapshot.present | frozenset(names)
     for name in names:
         absent = sorted(need for need in below[name] if need not in available and need in provision.packages)
         if absent:

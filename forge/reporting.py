@@ -5,17 +5,18 @@ Progress goes to stdout and failures to stderr, where colcon's readers expect th
 
 from __future__ import annotations
 
-import shlex
 import sys
 from typing import TYPE_CHECKING
 
 from forge.diagnosis import FirstError, first_error
-from forge.model import Aborted, Finished, Output, Skipped, Started, StepFinished, StepStarted
+from forge.model import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
+from forge.runner import ENVIRONMENT, step_line
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from forge.model import BuildPlan, Event
+    from forge.model import BuildPlan, Event, Package
 
 HANDLERS = {
     "console_start_end": True,
@@ -44,9 +45,12 @@ _LONGEST_TAIL = 20_000
 class Report:
     """What a build has to say; owned by the loop of the command."""
 
-    def __init__(self, plan: BuildPlan, handlers: dict[str, bool], logs: Path | None) -> None:
+    def __init__(
+        self, plan: BuildPlan, packages: Mapping[str, Package], handlers: dict[str, bool], logs: Path | None
+    ) -> None:
         """Begin with nothing to say; `logs` is the folder that failures point at."""
-        self._plan = plan
+        self._packages = packages
+        self._tasks = plan.tasks
         self._on = handlers
         self._logs = logs
         self._output: dict[str, list[tuple[bytes, bool]]] = {}
@@ -55,6 +59,7 @@ class Report:
         self._failed: dict[str, FirstError | None] = {}
         self._aborted: list[str] = []
         self._skipped: list[str] = []
+        self._fresh = list(plan.fresh)
 
     @property
     def exit_code(self) -> int:
@@ -82,6 +87,8 @@ class Report:
                 self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
             case Skipped(task):
                 self._skipped.append(task)
+            case Fresh(task):
+                self._fresh.append(task)
             case StepStarted() | StepFinished():
                 pass
 
@@ -89,8 +96,10 @@ class Report:
         """Print the closing lines; embedded packages are counted apart."""
         if not self._on["summary"]:
             return
-        own = [name for name in self._finished if not self._plan.tasks[name].embedded]
-        _out(f"\nSummary: {_count(own)} finished [{duration(seconds)}]")
+        own = [name for name in self._finished if not self._embedded(name)]
+        fresh = [name for name in self._fresh if not self._embedded(name)]
+        unchanged = f", {_count(fresh)} unchanged" if fresh else ""
+        _out(f"\nSummary: {_count(own)} finished{unchanged} [{duration(seconds)}]")
         brought = len(self._finished) - len(own)
         if brought:
             _out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
@@ -109,7 +118,10 @@ class Report:
             _out(line)
 
     def _label(self, task: str) -> str:
-        return f"{task} (embedded)" if self._plan.tasks[task].embedded else task
+        return f"{task} (embedded)" if self._embedded(task) else task
+
+    def _embedded(self, name: str) -> bool:
+        return self._packages[name].embedded
 
     def _take(self, task: str, line: bytes, *, stderr: bool) -> None:
         kept = self._output.setdefault(task, [])
@@ -119,7 +131,7 @@ class Report:
             del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
         if stderr:
             self._stderr.add(task)
-        if self._on["console_direct"] and not self._plan.tasks[task].embedded:
+        if self._on["console_direct"] and not self._embedded(task):
             _write(line, stderr=stderr)
 
     def _close(self, task: str) -> None:
@@ -152,7 +164,7 @@ class Report:
         if self._logs:
             lines.append(f"  log: {self._logs / task / 'stdout_stderr.log'}")
         if event.step:
-            lines.append(f"  repeat: cd {shlex.quote(str(event.step.cwd))} && {shlex.join(event.step.argv)}")
+            lines.append(f"  repeat: {step_line(event.step, self._tasks[task].build_dir / ENVIRONMENT)}")
         _write(("\n".join(lines) + "\n").encode(), stderr=True)
 
 

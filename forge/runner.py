@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import selectors
+import shlex
 import signal
 import subprocess
 import threading
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from forge.files import write_if_changed
@@ -16,13 +18,25 @@ from forge.model import Aborted, Finished, Output, StepFinished, StepStarted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
-    from forge.model import Event, Step, Task
+    from forge.model import Event, Record, Step, Task
 
 GRACE_SECONDS = 5.0
 """How long an interrupted program may take to end before it is told again, and harder."""
 
+ENVIRONMENT = "handover/environment.sh"
+LAST_COMMAND = "handover/last_command"
+"""In the build folder of a package: what its programs see, and the line that repeats its last step."""
+
 _NOT_STARTED = 127
+
+
+def step_line(step: Step, environment: Path | None = None) -> str:
+    """Return a step as a line for a shell, in the environment that a file of exports describes."""
+    source = f". {shlex.quote(str(environment))} && " if environment else ""
+    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
+    return f"{source}cd {shlex.quote(str(step.cwd))} && {variables}{shlex.join(step.argv)}"
 
 
 class Runner(Protocol):
@@ -42,14 +56,14 @@ class ProcessRunner:
     """Starts each step as a process group of its own.
 
     `environment(task)` is what a task's programs see; `begin(task)` and `install(task)` are called
-    before its first step and after its last.
+    before its first step and after its last; the latter says what was made.
     """
 
     def __init__(
         self,
         environment: Callable[[Task], Mapping[str, str]],
         begin: Callable[[Task], None],
-        install: Callable[[Task], None],
+        install: Callable[[Task], Record],
     ) -> None:
         """Remember the three seams; nothing runs yet."""
         self._environment = environment
@@ -67,6 +81,8 @@ class ProcessRunner:
         for path, text in task.files:
             write_if_changed(path, text)
         environment = self._environment(task)
+        exports = [f"export {name}={shlex.quote(value)}" for name, value in _changed(environment)]
+        write_if_changed(task.build_dir / ENVIRONMENT, "\n".join(exports) + "\n", mode=0o600)
         for step in task.steps:
             if self._stopping.is_set():
                 put(Aborted(task.name, time.monotonic() - started))
@@ -78,8 +94,9 @@ class ProcessRunner:
             if code:
                 put(Finished(task.name, code, time.monotonic() - started, step))
                 return
-        self._install(task)
-        put(Finished(task.name, 0, time.monotonic() - started))
+        record = self._install(task)
+        seconds = time.monotonic() - started
+        put(Finished(task.name, 0, seconds, record=replace(record, seconds=seconds)))
 
     def finish_steps(self) -> None:
         """Let running steps end and start no further one."""
@@ -108,6 +125,8 @@ class ProcessRunner:
     ) -> int:
         if step.record:
             step.record[0].unlink(missing_ok=True)
+        line = step_line(step, task.build_dir / ENVIRONMENT)
+        write_if_changed(task.build_dir / LAST_COMMAND, line + "\n")
         variables = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, _changed(variables)))
         code = self._start(task, step, variables, put)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.graph import closures
-from forge.model import Aborted, Finished, Skipped, Started
+from forge.model import Aborted, Finished, Fresh, Skipped, Started
 
 if TYPE_CHECKING:
     from forge.model import BuildPlan, Event
@@ -60,7 +60,7 @@ class Board:
             if because is not None:
                 self._failed[name] = because
                 events.append(Skipped(name, because))
-            elif len(self._running) < self._limit and self._needs[name] <= self._done:
+            elif self._may_start(name):
                 self._running.add(name)
                 events.append(Started(name))
             else:
@@ -71,7 +71,7 @@ class Board:
     def note(self, event: Event) -> None:
         """Take note of how a task ended; other events change nothing."""
         match event:
-            case Finished(task, 0):
+            case Finished(task, 0) | Fresh(task):
                 self._running.discard(task)
                 self._done.add(task)
             case Finished(task):
@@ -88,3 +88,6 @@ class Board:
     def stop(self, because: str) -> None:
         """Start nothing any more; the first reason counts."""
         self._stopped_by = self._stopped_by or because
+
+    def _may_start(self, name: str) -> bool:
+        return len(self._running) < self._limit and self._needs[name] <= self._done

@@ -1,36 +1,64 @@
-"""What is on disk before a build: digests today, records of yesterday."""
+"""What is on disk before a build, beside the records of earlier ones."""
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 from typing import TYPE_CHECKING
 
+from forge.digests import contents_of, digest_of, mark_files, mark_tree, stamp_files
 from forge.model import Snapshot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
     from pathlib import Path
 
+    from forge.digests import FileTable
+    from forge.journal import Journal
     from forge.layout import Layout
     from forge.model import Package
 
 _GENERATOR = re.compile(rb"^CMAKE_GENERATOR:INTERNAL=(.*)$", re.MULTILINE)
 
 
-def take_snapshot(packages: Iterable[Package], layout: Layout, records: Mapping[str, str]) -> Snapshot:
-    """Look at the folders of `packages`; `records` is what the journal remembers of each."""
-    sources, configured, installed = {}, {}, set()
+def take_snapshot(
+    root: Path, packages: Iterable[Package], layout: Layout, journal: Journal, table: FileTable
+) -> Snapshot:
+    """Look at the folders of `packages`, whose paths are below `root` unless they are absolute."""
+    records = dict(journal.records)
+    sources, installed, configured, news, present = {}, {}, {}, {}, set()
     for package in packages:
-        if package.embedded:
-            sources[package.name] = _digest_of_tree(package.path)
-        if (layout.prefix(package.name) / "share" / package.name / "package.sh").is_file():
-            installed.add(package.name)
-        state = _configured(layout.build_dir(package.name))
+        name = package.name
+        record = records.get(name)
+        home = str(root / package.path)
+        table.news.clear()
+        sources[name] = mark_tree(home, table, record.sources if record else None)
+        news[name] = tuple(path[len(home) + 1 :] for path in sorted(table.news))
+        if record:
+            installed[name] = mark_files(record.files, table, record.installed)
+        if (layout.prefix(name) / "share" / name / "package.sh").is_file():
+            present.add(name)
+        state = _configured(layout.build_dir(name))
         if state:
-            configured[package.name] = state
-    return Snapshot(records, sources, configured, frozenset(installed))
+            configured[name] = state
+    return Snapshot(records, sources, installed, _moved(journal, table), configured, frozenset(present), news)
+
+
+def _moved(journal: Journal, table: FileTable) -> dict[str, str]:
+    """Return an external input that changed, by package.
+
+    Packages share most of these files, so one stamp of them all answers the usual case.
+    """
+    paths = journal.externals
+    table.news.clear()
+    if journal.stamp and stamp_files(paths) == journal.stamp:
+        return {}
+    contents = contents_of(paths, table)
+    moved: dict[str, str] = {}
+    for name, record in journal.records.items():
+        if record.complete and digest_of(record.externals, contents) != record.external:
+            changed = [path for path in record.externals if path in table.news]
+            moved[name] = changed[0] if changed else "a header outside the workspace"
+    return moved
 
 
 def _configured(build: Path) -> tuple[str, str] | None:
@@ -47,15 +75,3 @@ def _configured(build: Path) -> tuple[str, str] | None:
     except OSError:
         record = ""
     return match.group(1).decode(errors="replace"), record
-
-
-def _digest_of_tree(root: Path) -> str:
-    """Return a digest of names, sizes and times below `root`: what an upgrade of forge changes."""
-    digest = hashlib.sha256()
-    for folder, names, files in os.walk(root):
-        names[:] = sorted(name for name in names if name != "__pycache__")
-        for name in sorted(files):
-            path = f"{folder}/{name}"
-            status = os.stat(path)  # noqa: PTH116  (hundreds of files before every build)
-            digest.update(f"{path}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
-    return digest.hexdigest()

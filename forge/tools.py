@@ -16,7 +16,7 @@ from forge.errors import EnvironmentFault, Problem, raise_if_any
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from forge.model import Package
+    from forge.model import Package, Pairs
 
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 
@@ -60,6 +60,31 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     raise_if_any(problems, EnvironmentFault)
     assert cmake is not None  # noqa: S101  (else there was a problem)
     return Tools(cmake, ninja, make)
+
+
+def identities(tools: Tools | None, python: Path, variables: Mapping[str, str]) -> Pairs:
+    """Return the programs whose replacement changes what a build makes, each with what tells it apart."""
+    path = variables.get("PATH", os.defpath)
+    programs = {"python": python}
+    if tools:
+        programs |= {"cmake": tools.cmake}
+        for name, program in (("ninja", tools.ninja), ("make", tools.make)):
+            if program:
+                programs[name] = program
+        for name, variable in (("cc", "CC"), ("c++", "CXX")):
+            words = variables.get(variable, name).split()
+            found = shutil.which(words[0], path=path) if words else None
+            if found:
+                programs[name] = Path(found)
+    return tuple((name, _identity(program)) for name, program in sorted(programs.items()))
+
+
+def _identity(program: Path) -> str:
+    try:
+        status = program.stat()
+    except OSError:
+        return f"{program} is not there"
+    return f"{program.resolve()} {status.st_size} {status.st_mtime_ns}"
 
 
 def _find(program: str, variables: Mapping[str, str]) -> Path | None:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     from forge.model import Event
 
+_LEFT_OUT = frozenset({"environment", "parts", "record"})
+"""What an event carries that is long, or may be secret, and stands elsewhere."""
 STREAMS = ("stdout", "stderr", "stdout_stderr", "streams")
 
 
@@ -69,7 +71,7 @@ class Transcript:
             value = getattr(event, field.name)
             if isinstance(value, Step):
                 value = {"label": value.label, "argv": value.argv, "cwd": str(value.cwd)}
-            if field.name != "environment":
+            if field.name not in _LEFT_OUT:
                 said[field.name] = value
         return json.dumps(said).encode() + b"\n"
 

@@ -19,14 +19,15 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 
 FLOORS = {
-    4: "__main__ cli commands commands.* options workspace",
+    4: "__main__ cli commands commands.* options preparation workspace",
     3: """
-        digests discovery execution installation installed interpreter jobs journal prefixes reporting runner
-        snapshot sourcing tools transcript wheels interfaces.sources interfaces.writing
+        digests discovery execution explaining externals installation installed interpreter jobs journal
+        prefixes records reporting runner snapshot sourcing tools transcript wheels
+        interfaces.sources interfaces.writing
     """,
     2: """
-        charts conditions creation diagnosis environment graph hooks manifest planning provision recipes
-        recipes.* schedule scripts selection xml_tree interfaces interfaces.*
+        charts conditions creation diagnosis environment freshness graph hooks manifest planning provision
+        recipes recipes.* schedule scripts selection xml_tree interfaces interfaces.*
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",

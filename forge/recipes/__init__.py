@@ -8,15 +8,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.recipes import cmake, python
+from forge.recipes.kitchen import BuildType, places
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
-    from forge.model import Package
-    from forge.recipes.kitchen import Kitchen, Recipe
-
-RECIPES: Mapping[str, Callable[[Package, Kitchen], Recipe]] = {
-    "ament_cmake": cmake.ament_recipe,
-    "cmake": cmake.plain_recipe,
-    "ament_python": python.recipe,
+RECIPES: Mapping[str, BuildType] = {
+    "ament_cmake": BuildType(cmake.ament_recipe, cmake.ament_options),
+    "cmake": BuildType(cmake.plain_recipe, cmake.plain_options),
+    "ament_python": BuildType(python.recipe, places),
 }

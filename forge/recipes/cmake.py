@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.model import Step
 from forge.recipes import handover
-from forge.recipes.kitchen import Recipe
+from forge.recipes.kitchen import Recipe, places
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,11 +25,26 @@ def plain_recipe(package: Package, kitchen: Kitchen) -> Recipe:
     return _recipe(package, kitchen, kitchen.cmake_args)
 
 
+def plain_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
+    """Return the words whose change means another configure."""
+    return (*places(package, kitchen), *kitchen.cmake_args)
+
+
 def ament_recipe(package: Package, kitchen: Kitchen) -> Recipe:
     """Return the steps for an ament_cmake package; ament's own option tells it of symlinks."""
     links = "1" if _links(package, kitchen) else "0"
     arguments = (*kitchen.cmake_args, f"-DAMENT_CMAKE_SYMLINK_INSTALL={links}", *kitchen.ament_cmake_args)
     return _recipe(package, kitchen, arguments)
+
+
+def ament_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
+    """Return the words whose change means another configure."""
+    return (*plain_options(package, kitchen), *kitchen.ament_cmake_args)
+
+
+def leftovers(build: Path) -> tuple[Path, ...]:
+    """Return what makes CMake remember earlier options: without it the options given are all there are."""
+    return (build / "CMakeCache.txt", build / "CMakeFiles" / "[0-9]*")
 
 
 def handover_folder(build_dir: Path) -> Path:
@@ -46,10 +61,9 @@ def _recipe(package: Package, kitchen: Kitchen, arguments: tuple[str, ...]) -> R
         (manifest, handover.manifest_variables(package.manifest)),
     )
     configure = _configure(package, kitchen, arguments, files[0][1])
-    environment = (("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"),) if _links(package, kitchen) else ()
     cmake = str(kitchen.cmake)
     build_step = Step("build", (cmake, "--build", str(build), *_jobs(kitchen)), build)
-    install_step = Step("install", (cmake, "--install", str(build)), build, environment)
+    install_step = Step("install", (cmake, "--install", str(build)), build, _how_to_install(package, kitchen))
     return Recipe((*configure, build_step, install_step), files)
 
 
@@ -74,21 +88,34 @@ def _configure(
     # The generator is left out: the second run finds it in the cache and does not name it.
     said = (*argv[:4], *arguments, argv[-1], handed_over)
     digest = hashlib.sha256("\0".join(said).encode()).hexdigest()
-    if record == digest and not kitchen.force_configure:
+    if record == digest and not kitchen.force_configure and package.name not in kitchen.reconfigure:
         return ()
     return (Step("cmake", argv, build, record=(handover_folder(build) / RECORD, digest)),)
 
 
 def _generator(kitchen: Kitchen, arguments: tuple[str, ...], current: str) -> tuple[str, ...]:
-    """Choose Ninja for a new build folder, unless the user said otherwise."""
-    chosen = current or kitchen.environment_generator or any(a.startswith("-G") for a in arguments)
-    if chosen or kitchen.ninja is None:
+    """Choose Ninja for a new build folder and stay with what there is, unless the user says otherwise."""
+    if any(argument.startswith("-G") for argument in arguments):
+        return ()
+    if current:
+        return ("-G", current)
+    if kitchen.environment_generator or kitchen.ninja is None:
         return ()
     return ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={kitchen.ninja}")
 
 
 def _jobs(kitchen: Kitchen) -> tuple[str, ...]:
     return ("--", f"-j{kitchen.jobs}", f"-l{kitchen.jobs}") if kitchen.jobs else ()
+
+
+def _how_to_install(package: Package, kitchen: Kitchen) -> tuple[tuple[str, str], ...]:
+    """Return what `cmake --install` reads from its environment.
+
+    By itself it skips a file whose time differs by less than a second from the installed one's, though it
+    may say something else: what is built twice within a second would not be installed.
+    """
+    always = (("CMAKE_INSTALL_ALWAYS", "1"),)
+    return (*always, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY")) if _links(package, kitchen) else always
 
 
 def _links(package: Package, kitchen: Kitchen) -> bool:

@@ -6,20 +6,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from forge.layout import Layout
-    from forge.model import Step
+    from forge.model import Package, Pairs, Step
 
 
 @dataclass(frozen=True, slots=True)
 class Kitchen:
     """The tools and options that all packages of one build share.
 
-    `configured` tells of each build folder how it was last configured: (generator, record), both
-    empty when it was not. `python` is the workspace's interpreter, `site_packages` its folder for
-    modules below a prefix. `forge` is the argv that starts this program.
+    `configured` tells of each build folder how it was last configured: (generator, record), both empty
+    when it was not; `reconfigure` names packages to configure in any case. `python` is the workspace's
+    interpreter, `site_packages` its folder for modules below a prefix. `forge` is the argv that starts
+    this program, `tools` what tells the tools apart from others of their name.
     """
 
     root: Path
@@ -28,6 +29,7 @@ class Kitchen:
     site_packages: str
     forge: tuple[str, ...]
     jobs: int
+    tools: Pairs = ()
     cmake: Path | None = None
     ninja: Path | None = None
     cmake_args: tuple[str, ...] = ()
@@ -35,6 +37,7 @@ class Kitchen:
     force_configure: bool = False
     environment_generator: str | None = None
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    reconfigure: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,3 +46,27 @@ class Recipe:
 
     steps: tuple[Step, ...]
     files: tuple[tuple[Path, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class BuildType:
+    """A row of the table.
+
+    `options` are the words whose change must be noticed; a fresh package needs only these, not a recipe.
+    """
+
+    recipe: Callable[[Package, Kitchen], Recipe]
+    options: Callable[[Package, Kitchen], tuple[str, ...]]
+
+
+def places(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
+    """Return where a package comes from and goes to, and for which Python, as every build type's options."""
+    layout = kitchen.layout
+    return (
+        str(kitchen.root / package.path),
+        str(layout.build_dir(package.name)),
+        str(layout.prefix(package.name)),
+        f"{layout.word}{' links' if layout.symlink and not package.embedded else ''}",
+        str(kitchen.python),
+        kitchen.site_packages,
+    )

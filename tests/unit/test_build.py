@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
@@ -9,9 +10,10 @@ import pytest
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
-    from tests.conftest import Forge, Tree
+    from tests.conftest import Forge, Tree, Variables
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)
@@ -73,7 +75,7 @@ def test_a_failure_is_told_with_its_place_and_stops_the_rest(forge: Forge, works
     assert "Failed   <<< b" in ran.err
     assert "first error in step 'cmake':\n    CMake Error at CMakeLists.txt:2 (message):" in ran.err
     assert f"log: {workspace}/log/build_" in ran.err
-    assert f"repeat: cd {workspace}/build/b && " in ran.err
+    assert f"repeat: . {workspace}/build/b/handover/environment.sh && cd {workspace}/build/b && " in ran.err
     assert "  1 package failed: b\n" in ran.out
     assert "  1 package not processed\n" in ran.out
     assert not (workspace / "install/b/share/b/package.sh").exists()
@@ -94,10 +96,130 @@ def test_nothing_is_configured_twice_and_a_change_of_options_configures_again(
 
     forge("build", "--packages-select", "a", cwd=workspace)
     assert " -C " in steps()
-    forge("build", "--packages-select", "a", cwd=workspace)
+    forge("build", "--packages-select", "a", "--force", cwd=workspace)
     assert " -C " not in steps()
     forge("build", "--packages-select", "a", "--cmake-args", "-DX=1", "-Wno-dev", cwd=workspace)
     assert " -DX=1 -Wno-dev " in steps()
+
+
+def built(forge: Forge, root: Path, *options: str, env: Variables | None = None) -> list[str]:
+    """Build and return the packages that ran, in their order."""
+    ran = forge("build", *options, cwd=root, env=env)
+    assert ran.code == 0, ran.err
+    return [line.split()[2] for line in ran.out.splitlines() if line.startswith("Finished <<<")]
+
+
+def test_what_did_not_change_is_not_built(forge: Forge, workspace: Path) -> None:
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert built(forge, workspace) == []
+    (workspace / "src/b/package.xml").touch()
+    assert built(forge, workspace) == []
+    assert "1 packages" not in forge("build", cwd=workspace).out
+
+
+def test_a_change_stops_where_what_is_installed_stays_the_same(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    lists = workspace / "src/a/CMakeLists.txt"
+    lists.write_text(lists.read_text() + "# a remark\n")
+    assert built(forge, workspace) == ["a"]
+    lists.write_text(lists.read_text().replace('"a\\n"', '"other\\n"'))
+    assert built(forge, workspace) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (
+            lambda root: (root / "install/b/share/b/b.txt").unlink(),
+            "something that it had installed was changed",
+        ),
+        (lambda root: (root / "install/b/share/b/b.txt").write_text("x"), "something that it had installed"),
+        (lambda root: (root / "src/b/new.txt").write_text("x"), "'new.txt' changed"),
+        (
+            lambda root: (root / "src/b/CMakeLists.txt").write_text(CMAKE.format(name="b", more="#")),
+            "'CMakeLists",
+        ),
+    ],
+)
+def test_every_damage_is_noticed_and_explained(
+    forge: Forge, workspace: Path, damage: Callable[[Path], object], reason: str
+) -> None:
+    built(forge, workspace)
+    damage(workspace)
+    ran = forge("build", "--explain", cwd=workspace)
+    assert f"b: build, {reason}" in ran.out
+    assert "a: fresh\n" in ran.out
+    assert "c: maybe, a package that it needs is built before it" in ran.out
+    assert (workspace / "install/b/share/b/b.txt").read_text() == "b\n"
+    assert built(forge, workspace) == []
+
+
+def test_options_and_environment_are_noticed_but_not_being_sourced(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    assert built(forge, workspace, "--cmake-args", "-DX=1") == ["a", "b", "c"]
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert built(forge, workspace, env={"CXXFLAGS": "-O1"}) == ["a", "b", "c"]
+    built(forge, workspace)
+    own = str(workspace / "install/a")
+    sourced: Variables = {"CMAKE_PREFIX_PATH": own, "PYTHONPATH": f"{own}/lib", "AMENT_PREFIX_PATH": own}
+    assert built(forge, workspace, env=sourced) == []
+
+
+def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: Path) -> None:
+    ran = forge("build", "--dry-run", cwd=workspace)
+    assert "a: build, it was not built here yet\n" in ran.out
+    assert f"# a\ncd {workspace}/build/a && " in ran.out
+    assert not (workspace / "install/a").exists()
+
+
+def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
+    (workspace / "src/a/CMakeLists.txt").write_text('project(a NONE)\nmessage(FATAL_ERROR "here")\n')
+    forge("build", cwd=workspace)
+    line = forge("build", "--print-command", "a", cwd=workspace).out
+    again = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    assert again.returncode != 0
+    assert "here" in again.stderr
+    assert forge("build", "--print-command", "b", cwd=workspace).code == 2
+
+
+def test_what_a_package_no_longer_installs_is_removed(forge: Forge, tree: Tree) -> None:
+    more = "install(FILES one.txt two.txt DESTINATION share/a/data)"
+    root = tree({**files("a", more=more), "src/a/one.txt": "1", "src/a/two.txt": "2"})
+    built(forge, root)
+    (root / "install/a/share/a/data/mine.txt").write_text("of the user")
+    tree(files("a", more=more.replace("two.txt ", "")))
+    built(forge, root)
+    assert sorted(p.name for p in (root / "install/a/share/a/data").iterdir()) == ["mine.txt", "one.txt"]
+    tree(files("a"))
+    (root / "install/a/share/a/data/mine.txt").unlink()
+    built(forge, root)
+    assert not (root / "install/a/share/a/data").exists()
+
+
+def test_files_added_under_a_glob_are_found(forge: Forge, tree: Tree) -> None:
+    more = "file(GLOB data data/*.txt)\ninstall(FILES ${data} DESTINATION share/a)"
+    root = tree({**files("a", more=more), "src/a/data/one.txt": "1"})
+    built(forge, root)
+    (root / "src/a/data/two.txt").write_text("2")
+    built(forge, root)
+    assert (root / "install/a/share/a/two.txt").is_file()
+
+
+def test_a_failed_build_is_never_fresh(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    good = (workspace / "src/b/CMakeLists.txt").read_text()
+    (workspace / "src/b/CMakeLists.txt").write_text("message(FATAL_ERROR)")
+    assert forge("build", cwd=workspace).code == 1
+    (workspace / "src/b/CMakeLists.txt").write_text(good)
+    assert built(forge, workspace) == ["b"]
+
+
+def test_a_damaged_journal_means_building_again(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    (workspace / "build/forge_journal.jsonl").write_text("nonsense")
+    assert built(forge, workspace) == ["a", "b", "c"]
+    (workspace / "build/forge_files.json").write_text("nonsense")
+    assert built(forge, workspace) == []
 
 
 def test_an_empty_folder_is_told_what_to_do(forge: Forge, tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.digests import FileTable, Mark, mark_files, mark_tree, source_files
+from forge.digests import FileTable, mark_files, mark_tree, source_files
+from forge.model import Mark
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,8 +42,10 @@ def package(tree: Tree) -> Path:
 
 
 def test_litter_is_no_source(package: Path) -> None:
-    found = [path[len(str(package)) + 1 :] for path in source_files(str(package))]
-    assert found == ["package.xml", "src/x.cpp"]
+    assert [path[len(str(package)) + 1 :] for path in source_files(str(package))] == [
+        "package.xml",
+        "src/x.cpp",
+    ]
 
 
 def mark(package: Path, known: Mark | None = None) -> Mark:
@@ -119,8 +122,13 @@ def test_the_table_saves_reading_and_may_be_lost(package: Path) -> None:
     before = mark_tree(str(package), table)
     table.save()
     assert mark_tree(str(package), FileTable(path)).digest == before.digest
-    wrong = ('{"version": 1}', '{"version": 1, "files": {"x": 3}}', '{"version": 2, "files": {}}')
-    for broken in ("", "[]", *wrong):
+    for broken in (
+        "",
+        "[]",
+        '{"version": 1}',
+        '{"version": 1, "files": {"x": 3}}',
+        '{"version": 2, "files": {}}',
+    ):
         path.write_text(broken)
         assert mark_tree(str(package), FileTable(path)).digest == before.digest
 

@@ -18,7 +18,10 @@ from forge.model import (
     BuildPlan,
     Event,
     Finished,
+    Fresh,
     Output,
+    Parts,
+    Record,
     Skipped,
     Started,
     Step,
@@ -40,7 +43,7 @@ def task(tmp_path: Path, name: str, *programs: str, needs: Sequence[str] = ()) -
     steps = tuple(
         Step(f"step {i}", (sys.executable, "-c", code), tmp_path) for i, code in enumerate(programs)
     )
-    return Task(name, package(name), tmp_path, tmp_path / name, tuple(needs), steps, "", "")
+    return Task(name, package(name), tmp_path, tmp_path / name, tuple(needs), steps, "")
 
 
 def plan_of(*tasks: Task) -> BuildPlan:
@@ -50,16 +53,21 @@ def plan_of(*tasks: Task) -> BuildPlan:
 
 def real_runner(done: list[str] | None = None) -> ProcessRunner:
     """Return a runner in this process's environment; `done` takes the names of installed tasks."""
-    return ProcessRunner(
-        lambda _: os.environ, lambda _: None, lambda t: (done if done is not None else []).append(t.name)
-    )
+
+    def install(done_task: Task) -> Record:
+        if done is not None:
+            done.append(done_task.name)
+        return Record(Parts())
+
+    return ProcessRunner(lambda _: os.environ, lambda _: None, install)
 
 
 def run(
     plan: BuildPlan, runner: ProcessRunner | None = None, *, limit: int = 0, go_on: bool = False
 ) -> list[Event]:
     """Execute and return all events."""
-    return list(execute(plan, runner or real_runner(), Board(plan, limit, continue_on_error=go_on)))
+    board = Board(plan, limit, continue_on_error=go_on)
+    return list(execute(plan, runner or real_runner(), board, lambda one: one))
 
 
 def ends(events: Sequence[Event]) -> dict[str, object]:
@@ -138,6 +146,18 @@ def test_going_on_skips_only_what_needs_the_failed(tmp_path: Path) -> None:
     assert ends(run(plan, go_on=True)) == {"bad": 1, "good": 0, "above": "Skipped", "top": "Skipped"}
 
 
+def test_a_task_that_turns_out_fresh_lets_others_go_on(tmp_path: Path) -> None:
+    plan = plan_of(
+        task(tmp_path, "a", "raise SystemExit(1)"),
+        task(tmp_path, "b", "raise SystemExit(1)", needs=["a"]),
+        task(tmp_path, "c", "print()", needs=["a", "b"]),
+    )
+    board = Board(plan, 1)
+    events = list(execute(plan, real_runner(), board, lambda one: one if one.name == "c" else None))
+    assert [e.task for e in events if isinstance(e, Fresh)] == ["a", "b"]
+    assert ends(events) == {"c": 0}
+
+
 def test_a_record_is_there_only_after_success(tmp_path: Path) -> None:
     record = tmp_path / "record"
     for code, expected in ((0, True), (1, False)):
@@ -156,7 +176,7 @@ def test_files_are_written_before_the_first_step(tmp_path: Path) -> None:
 
 def test_a_steps_own_variables_win(tmp_path: Path) -> None:
     step = Step("s", (sys.executable, "-c", "import os; print(os.environ['X'])"), tmp_path, (("X", "mine"),))
-    runner = ProcessRunner(lambda _: {**os.environ, "X": "theirs"}, lambda _: None, lambda _: None)
+    runner = ProcessRunner(lambda _: {**os.environ, "X": "theirs"}, lambda _: None, lambda _: Record(Parts()))
     events = run(plan_of(replace(task(tmp_path, "a"), steps=(step,))), runner)
     assert Output("a", b"mine\n", stderr=False) in events
     started = next(e for e in events if isinstance(e, StepStarted))
@@ -164,7 +184,7 @@ def test_a_steps_own_variables_win(tmp_path: Path) -> None:
 
 
 def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
-    def install(_task: Task) -> None:
+    def install(_task: Task) -> Record:
         raise OSError("disk full")
 
     runner = ProcessRunner(lambda _: os.environ, lambda _: None, install)
@@ -187,7 +207,7 @@ def interrupted(plan: BuildPlan, ready: Callable[[], bool], times: int = 1) -> l
     thread.start()
     with pytest.raises(KeyboardInterrupt):
         # extend() keeps what came before the interrupt.
-        events.extend(execute(plan, real_runner(), Board(plan, 0)))
+        events.extend(execute(plan, real_runner(), Board(plan, 0), lambda one: one))
     thread.join()
     return events
 

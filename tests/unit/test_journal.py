@@ -2,77 +2,141 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from forge.journal import FILE, Journal, open_journal
-from forge.model import Aborted, BuildPlan, Finished, Output, Started, Task
+from forge.model import Aborted, BuildPlan, Finished, Mark, Output, Parts, Record, Started, Task
 from tests.packages import package
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+TEXTS = st.text(max_size=8)
+PAIRS = st.lists(st.tuples(TEXTS, TEXTS), max_size=3).map(tuple)
+MARKS = st.builds(Mark, TEXTS, TEXTS, TEXTS)
+RECORDS = st.builds(
+    Record,
+    parts=st.builds(Parts, TEXTS, st.lists(TEXTS, max_size=3).map(tuple), PAIRS, PAIRS, TEXTS, PAIRS),
+    complete=st.booleans(),
+    sources=MARKS,
+    installed=MARKS,
+    files=st.lists(TEXTS, max_size=3).map(tuple),
+    externals=st.lists(TEXTS, max_size=3).map(tuple),
+    external=TEXTS,
+    seconds=st.floats(0, 100),
+    began=st.floats(0, 100),
+)
+ONE = Record(Parts(sources="1"), complete=True, externals=("/usr/include/x.h",))
 
-def plan_of(build: Path, **digests: str) -> BuildPlan:
-    """Return a plan with a task of each digest."""
-    for name in digests:
+
+def plan_of(build: Path, *names: str) -> BuildPlan:
+    """Return a plan of tasks without steps."""
+    for name in names:
         (build / name).mkdir(exist_ok=True)
-    return BuildPlan(
-        {n: Task(n, package(n), build, build / n, (), (), digest, "") for n, digest in digests.items()}
-    )
+    return BuildPlan({n: Task(n, package(n), build, build / n, (), (), "") for n in names})
 
 
 def build(journal: Journal, plan: BuildPlan, name: str, code: int = 0) -> None:
     """Note a build of one package."""
-    for event in (Started(name), Output(name, b"", stderr=False), Finished(name, code, 1.0)):
+    record = ONE if code == 0 else None
+    started = Started(name, ONE.parts)
+    for event in (started, Output(name, b"", stderr=False), Finished(name, code, 1.0, record=record)):
         journal.record(event, plan)
 
 
-def test_what_was_built_is_remembered(tmp_path: Path) -> None:
+def test_how_each_package_ended_is_remembered(tmp_path: Path) -> None:
     journal = open_journal(tmp_path)
-    plan = plan_of(tmp_path, a="1", b="2", c="3")
+    plan = plan_of(tmp_path, "a", "b", "c")
     build(journal, plan, "a")
     build(journal, plan, "b", code=1)
     journal.record(Started("c"), plan)
     journal.record(Aborted("c", 0.1), plan)
     journal.close()
-    assert open_journal(tmp_path).digests == {"a": "1"}
+    again = open_journal(tmp_path)
+    assert again.records == journal.records
+    assert {name: record.complete for name, record in again.records.items()} == {
+        "a": True,
+        "b": False,
+        "c": False,
+    }
+    assert again.externals == ["/usr/include/x.h"]
     assert (tmp_path / "a" / "colcon_build.rc").read_text() == "0\n"
     assert (tmp_path / "b" / "colcon_build.rc").read_text() == "1\n"
     assert (tmp_path / "c" / "colcon_build.rc").read_text() == "SIGINT\n"
 
 
-def test_a_build_that_began_and_did_not_end_is_forgotten(tmp_path: Path) -> None:
-    plan = plan_of(tmp_path, a="1")
+def test_a_build_that_began_and_did_not_end_is_incomplete(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, "a")
     journal = open_journal(tmp_path)
     build(journal, plan, "a")
     journal.record(Started("a"), plan)
-    assert open_journal(tmp_path).digests == {}  # as if the power had failed before close()
+    # As if the power had failed before close().
+    assert not open_journal(tmp_path).records["a"].complete
     journal.close()
 
 
-def test_torn_and_foreign_lines_count_as_nothing(tmp_path: Path) -> None:
+@given(st.dictionaries(TEXTS, RECORDS, max_size=4))
+def test_what_is_remembered_is_read_again(
+    tmp_path_factory: pytest.TempPathFactory, records: dict[str, Record]
+) -> None:
+    folder = tmp_path_factory.mktemp("journal")
+    journal = open_journal(folder)
+    for name, record in records.items():
+        journal.remember(name, replace(record, complete=False))
+        journal.remember(name, record)
+    journal.close()
+    assert open_journal(folder).records == records
+
+
+@pytest.mark.parametrize(
+    "line", ["[]", "3", '{"package": "b"', '{"package": "b", "parts": 3}', '{"externals": 3}']
+)
+def test_torn_and_foreign_lines_count_as_nothing(tmp_path: Path, line: str) -> None:
     journal = open_journal(tmp_path)
-    build(journal, plan_of(tmp_path, a="1", b="2"), "a")
+    journal.remember("a", ONE)
     journal.close()
     path = tmp_path / FILE
-    path.write_bytes(path.read_bytes() + b'\xff\n[]\n{"package": 1}\n{"package": "b", "dig')
-    assert open_journal(tmp_path).digests == {"a": "1"}
+    path.write_bytes(path.read_bytes() + b"\xff\n" + line.encode())
+    again = open_journal(tmp_path)
+    assert again.records == {"a": ONE}
+    again.remember("b", ONE)
+    again.close()
+    assert open_journal(tmp_path).records == {"a": ONE, "b": ONE}
 
 
 def test_another_version_counts_as_nothing_and_is_replaced(tmp_path: Path) -> None:
-    (tmp_path / FILE).write_text('{"forge_journal": 999}\n{"package": "a", "digest": "1"}\n')
+    (tmp_path / FILE).write_text('{"forge_journal": 999}\n{"package": "a"}\n')
     journal = open_journal(tmp_path)
-    assert journal.digests == {}
-    build(journal, plan_of(tmp_path, b="2"), "b")
+    assert journal.damaged
+    assert journal.records == {}
+    journal.remember("b", ONE)
     journal.close()
-    assert open_journal(tmp_path).digests == {"b": "2"}
+    assert open_journal(tmp_path).records == {"b": ONE}
 
 
 def test_a_long_journal_is_written_short(tmp_path: Path) -> None:
-    plan = plan_of(tmp_path, a="1")
     journal = open_journal(tmp_path)
-    for _ in range(60):
-        build(journal, plan, "a")
+    for number in range(120):
+        journal.remember("a", replace(ONE, externals=(f"/usr/include/{number}.h",)))
+    journal.agree("stamp")
+    last = journal.records["a"]
     journal.close()
+    assert len((tmp_path / FILE).read_text().splitlines()) == 3
+    again = open_journal(tmp_path)
+    assert again.records == {"a": last}
+    assert again.externals == ["/usr/include/119.h"]
+    assert again.stamp == ""
+
+
+def test_the_stamp_of_all_externals_is_kept(tmp_path: Path) -> None:
+    journal = open_journal(tmp_path)
+    journal.agree("stamp")
+    journal.agree("stamp")
+    journal.close()
+    assert open_journal(tmp_path).stamp == "stamp"
     assert len((tmp_path / FILE).read_text().splitlines()) == 2
-    assert open_journal(tmp_path).digests == {"a": "1"}

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from forge.errors import WorkspaceError
+from forge.freshness import Outlook
 from forge.graph import ordered_names
 from forge.layout import Layout
-from forge.model import BuildPlan, Package, Selection, Snapshot
-from forge.planning import make_plan, wanted_names
+from forge.model import BuildPlan, Mark, Package, Record, Selection, Snapshot
+from forge.planning import Standing, make_plan, settled, wanted_names
 from forge.provision import Provision
 from forge.recipes.cmake import jobs_given
 from forge.recipes.kitchen import Kitchen
@@ -26,7 +27,10 @@ KITCHEN = Kitchen(
     cmake=Path("/usr/bin/cmake"),
     ninja=Path("/usr/bin/ninja"),
 )
-COMPLETE = Snapshot(installed=frozenset({"e", "a", "b"}))
+SOURCES = {name: Mark("stamp", f"sources of {name}", "names") for name in ("e", "a", "b", "p")}
+INSTALLED = {name: Mark("stamp", f"files of {name}") for name in ("e", "a", "b", "p")}
+COMPLETE = Snapshot(present=frozenset({"e", "a", "b"}), sources=SOURCES)
+STANDING = Standing("forge 1", (("cmake", "3"),), (("CXX", "g++"),))
 
 
 def provision(*packages: Package) -> Provision:
@@ -44,9 +48,23 @@ PROVISION = provision(
 )
 
 
-def plan(*names: str, snapshot: Snapshot = COMPLETE, kitchen: Kitchen = KITCHEN) -> BuildPlan:
+def plan(
+    *names: str, snapshot: Snapshot = COMPLETE, kitchen: Kitchen = KITCHEN, standing: Standing = STANDING
+) -> BuildPlan:
     """Plan the names in the provision above."""
-    return make_plan(names, PROVISION, snapshot, kitchen)
+    return make_plan(names, PROVISION, snapshot, kitchen, standing)[0]
+
+
+def built(*names: str) -> Snapshot:
+    """Return the snapshot after a complete build of the names."""
+    records: dict[str, Record] = {}
+    outlook = Outlook(PROVISION.needs, {n: INSTALLED[n].digest for n in names})
+    for name, task in plan(*names).tasks.items():
+        parts = replace(task.parts, needs=outlook.needs_of(name, task.needs) or ())
+        records[name] = Record(parts, complete=True, sources=SOURCES[name], installed=INSTALLED[name])
+    return replace(
+        COMPLETE, records=records, installed={n: INSTALLED[n] for n in names}, present=frozenset(names)
+    )
 
 
 def test_a_cycle_is_named_by_its_shortest_way() -> None:
@@ -64,22 +82,106 @@ def test_tasks_know_all_they_need_lowest_first() -> None:
     assert plan("e", "a", "b", "p").tasks["p"].needs == ("e", "a", "b")
 
 
-def test_an_embedded_package_is_fresh_until_something_below_or_around_it_changes() -> None:
-    first = plan("e", "a")
-    records = {name: task.digest for name, task in first.tasks.items()}
-    again = replace(COMPLETE, records=records)
-    assert plan("e", "a", snapshot=again).fresh == ("e",)
-    assert list(plan("e", "a", snapshot=again).tasks) == ["a"]
-    assert not plan("e", snapshot=replace(again, sources={"e": "changed"})).fresh
-    assert not plan("e", snapshot=replace(again, installed=frozenset())).fresh
-    assert not plan("e", snapshot=again, kitchen=replace(KITCHEN, cmake_args=("-DX=1",))).fresh
-    moved = replace(LAYOUT, merged=True)
-    assert not plan("e", snapshot=again, kitchen=replace(KITCHEN, layout=moved)).fresh
+def test_after_a_complete_build_everything_is_fresh() -> None:
+    after = built("e", "a", "b", "p")
+    assert plan("e", "a", "b", "p", snapshot=after) == BuildPlan({}, ("e", "a", "b", "p"))
+
+
+def reasons(snapshot: Snapshot, kitchen: Kitchen = KITCHEN, standing: Standing = STANDING) -> dict[str, str]:
+    """Return why each of e and a is not fresh."""
+    found = plan("e", "a", snapshot=snapshot, kitchen=kitchen, standing=standing).tasks
+    return {name: ("maybe " if task.conditional else "") + task.reason for name, task in found.items()}
+
+
+AFTER = built("e", "a")
+MAYBE = "maybe a package that it needs is built before it and may come out different"
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "reason"),
+    [
+        (replace(AFTER, records={"a": AFTER.records["a"]}), "it was not built here yet"),
+        (
+            replace(AFTER, records={**AFTER.records, "e": replace(AFTER.records["e"], complete=False)}),
+            "its last build did not end well",
+        ),
+        (
+            replace(AFTER, installed={**INSTALLED, "e": Mark("", "other")}),
+            "something that it had installed was changed or removed",
+        ),
+        (replace(AFTER, present=frozenset({"a"})), "something that it had installed was changed or removed"),
+        (replace(AFTER, moved={"e": "/usr/include/x.h"}), "'/usr/include/x.h', which it includes, changed"),
+        (
+            replace(AFTER, sources={**SOURCES, "e": Mark("", "other")}, news={"e": ("x.cpp", "y.cpp")}),
+            "'x.cpp' and 1 more changed",
+        ),
+        (
+            replace(AFTER, sources={**SOURCES, "e": Mark("", "other")}),
+            "files were added to it, removed or renamed",
+        ),
+    ],
+)
+def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: Snapshot, reason: str) -> None:
+    assert reasons(snapshot) == {"e": reason, "a": MAYBE}
+
+
+@pytest.mark.parametrize(
+    ("kitchen", "standing", "reason"),
+    [
+        (replace(KITCHEN, cmake_args=("-DX=1",)), STANDING, "the option '-DX=1' is new"),
+        (replace(KITCHEN, layout=replace(LAYOUT, merged=True)), STANDING, "the option '/ws/install' is new"),
+        (KITCHEN, replace(STANDING, forge="forge 2"), "forge itself changed"),
+        (KITCHEN, replace(STANDING, tools=(("cmake", "4"),)), "the tool 'cmake' changed"),
+        (KITCHEN, replace(STANDING, environment=()), "the environment variable 'CXX' changed"),
+        (KITCHEN, replace(STANDING, force=True, selected=frozenset({"e", "a"})), "asked for by --force"),
+    ],
+)
+def test_what_holds_for_all_is_a_reason_for_all(kitchen: Kitchen, standing: Standing, reason: str) -> None:
+    assert reasons(AFTER, kitchen, standing) == {"e": reason, "a": reason}
+
+
+def test_an_option_less_and_options_in_another_order() -> None:
+    after = replace(
+        AFTER,
+        records={
+            name: replace(record, parts=replace(record.parts, options=(*record.parts.options, "-DX=1")))
+            for name, record in AFTER.records.items()
+        },
+    )
+    assert set(reasons(after).values()) == {"the option '-DX=1' is gone"}
+    turned = {
+        name: replace(record, parts=replace(record.parts, options=record.parts.options[::-1]))
+        for name, record in AFTER.records.items()
+    }
+    assert set(reasons(replace(AFTER, records=turned)).values()) == {"the order of its options changed"}
+
+
+def test_a_conditional_task_is_settled_by_what_its_needs_came_out_as() -> None:
+    changed = replace(AFTER, sources={**SOURCES, "e": Mark("", "other")})
+    made, outlook = make_plan(("e", "a"), PROVISION, changed, KITCHEN, STANDING)
+    outlook.settle("e", INSTALLED["e"].digest)
+    assert settled(made.tasks["a"], outlook, AFTER.records["a"]) is None
+    outlook = make_plan(("e", "a"), PROVISION, changed, KITCHEN, STANDING)[1]
+    outlook.settle("e", "other files")
+    task = settled(made.tasks["a"], outlook, AFTER.records["a"])
+    assert task is not None
+    assert task.parts.needs != AFTER.records["a"].parts.needs
+
+
+def test_what_the_tools_cannot_notice_is_cleared_away() -> None:
+    other = replace(STANDING, tools=(("cmake", "4"),))
+    assert plan("a", snapshot=AFTER, standing=other).tasks["a"].clean == (LAYOUT.build_dir("a"),)
+    options = plan("a", snapshot=AFTER, kitchen=replace(KITCHEN, cmake_args=("-DX=1",))).tasks["a"].clean
+    assert [path.name for path in options] == ["CMakeCache.txt", "[0-9]*"]
+    assert (
+        plan("a", snapshot=replace(AFTER, sources={**SOURCES, "a": Mark("", "x", "names")})).tasks["a"].clean
+        == ()
+    )
 
 
 def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
     with pytest.raises(WorkspaceError) as error:
-        plan("b", "p", snapshot=Snapshot())
+        plan("b", "p", snapshot=Snapshot(sources=SOURCES))
     assert [problem.message for problem in error.value.problems] == [
         "'b' needs 'a', 'e', which are not built yet",
         "'p' needs 'a', 'e', which are not built yet",
@@ -88,7 +190,7 @@ def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
 
 def test_a_build_type_that_nobody_knows() -> None:
     with pytest.raises(WorkspaceError) as error:
-        make_plan(("a",), provision(package("a", build_type="ament_cmak")), Snapshot(), KITCHEN)
+        make_plan(("a",), provision(package("a", build_type="ament_cmak")), Snapshot(), KITCHEN, STANDING)
     assert error.value.problems[0].hint == "did you mean 'ament_cmake'?"
 
 
@@ -107,6 +209,16 @@ def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> No
         "-DCMAKE_INSTALL_PREFIX=/ws/install/a",
     )
     assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a", "--", "-j4", "-l4")
+
+
+def test_new_files_and_other_needs_configure_again() -> None:
+    record = plan("a").tasks["a"].steps[0].record
+    assert record is not None
+    configured = replace(AFTER, configured={"a": ("Ninja", record[1])})
+    other = replace(configured, sources={**SOURCES, "a": Mark("", "other", "other names")})
+    same = replace(configured, sources={**SOURCES, "a": Mark("", "other", "names")})
+    assert labels(same) == ["build", "install"]
+    assert labels(other) == ["cmake", "build", "install"]
 
 
 def labels(snapshot: Snapshot, kitchen: Kitchen = KITCHEN) -> list[str]:
@@ -144,14 +256,15 @@ def test_the_users_generator_wins_over_ninja(kitchen: Kitchen) -> None:
 
 def test_an_existing_folder_keeps_its_generator() -> None:
     snapshot = replace(COMPLETE, configured={"a": ("Unix Makefiles", "")})
-    assert "-G" not in plan("a", snapshot=snapshot).tasks["a"].steps[0].argv
+    argv = plan("a", snapshot=snapshot).tasks["a"].steps[0].argv
+    assert argv[argv.index("-G") + 1] == "Unix Makefiles"
 
 
 def test_links_are_for_the_workspaces_packages_only() -> None:
     linked = plan("e", "a", "p", kitchen=replace(KITCHEN, layout=replace(LAYOUT, symlink=True))).tasks
-    assert linked["a"].steps[2].env == (("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"),)
+    assert ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY") in linked["a"].steps[2].env
     assert "-DAMENT_CMAKE_SYMLINK_INSTALL=1" in linked["a"].steps[0].argv
-    assert linked["e"].steps[2].env == ()
+    assert linked["e"].steps[2].env == (("CMAKE_INSTALL_ALWAYS", "1"),)
     assert "--link" in linked["p"].steps[0].argv
 
 

@@ -8,17 +8,32 @@ from pathlib import Path
 import pytest
 
 from forge.diagnosis import first_error
-from forge.model import Aborted, BuildPlan, Event, Finished, Output, Skipped, Started, Step, StepStarted, Task
+from forge.model import (
+    Aborted,
+    BuildPlan,
+    Event,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    Step,
+    StepStarted,
+    Task,
+)
 from forge.reporting import HANDLERS, Report, duration
 from tests.packages import package
 
 STEP = Step("build", ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/build/my pkg"))
 
 
-def plan_of(*names: str, embedded: str = "") -> BuildPlan:
-    """Return a plan of tasks without steps; one of them may be embedded."""
-    table = {n: replace(package(n), embedded=n == embedded) for n in names}
-    return BuildPlan({n: Task(n, p, Path(), Path(), (), (), "", "") for n, p in table.items()})
+def report_on(
+    *names: str, handlers: dict[str, bool] = HANDLERS, logs: Path | None = None, fresh: tuple[str, ...] = ()
+) -> Report:
+    """Return a report on tasks without steps; the one called e is embedded."""
+    table = {n: replace(package(n), embedded=n == "e") for n in (*names, *fresh)}
+    tasks = {n: Task(n, table[n], Path(), Path("/ws/build") / n, (), (), "") for n in names}
+    return Report(BuildPlan(tasks, fresh), table, handlers, logs)
 
 
 def shown(
@@ -33,7 +48,7 @@ def shown(
 
 
 def test_a_good_build_reads_like_colcons(capfd: pytest.CaptureFixture[str]) -> None:
-    report = Report(plan_of("a", "e", embedded="e"), HANDLERS, None)
+    report = report_on("a", "e")
     out, err = shown(
         capfd,
         report,
@@ -54,8 +69,13 @@ def test_a_good_build_reads_like_colcons(capfd: pytest.CaptureFixture[str]) -> N
     assert report.exit_code == 0
 
 
+def test_a_build_of_fresh_packages_says_so_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    out, _ = shown(capfd, report_on("b", fresh=("a", "e")), Fresh("b"))
+    assert out == "\nSummary: 0 packages finished, 2 packages unchanged [1.00s]\n"
+
+
 def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture[str]) -> None:
-    report = Report(plan_of("a", "b", "c"), HANDLERS, Path("/ws/log/build_x"))
+    report = report_on("a", "b", "c", logs=Path("/ws/log/build_x"))
     out, err = shown(
         capfd,
         report,
@@ -76,7 +96,8 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
         "    x.cpp:3:5: error: nope\n"
         "        3 | nope\n"
         "  log: /ws/log/build_x/a/stdout_stderr.log\n"
-        "  repeat: cd '/ws/build/my pkg' && cmake --build '/ws/build/my pkg'\n"
+        "  repeat: . /ws/build/a/handover/environment.sh && "
+        "cd '/ws/build/my pkg' && cmake --build '/ws/build/my pkg'\n"
     )
     assert out.endswith(
         "Aborted  <<< b [0.70s]\n"
@@ -88,7 +109,7 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
 
 
 def test_a_wrong_interface_definition_is_the_users_to_mend(capfd: pytest.CaptureFixture[str]) -> None:
-    report = Report(plan_of("a"), HANDLERS, None)
+    report = report_on("a")
     line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
     shown(capfd, report, Output("a", line, stderr=False), Finished("a", 1, 0.1, STEP))
     assert report.exit_code == 2
@@ -97,16 +118,16 @@ def test_a_wrong_interface_definition_is_the_users_to_mend(capfd: pytest.Capture
 def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
     line = Output("a", b"\xff line\n", stderr=False)
     quiet = {**HANDLERS, "console_start_end": False, "summary": False}
-    direct = Report(plan_of("a"), {**quiet, "console_direct": True}, None)
+    direct = report_on("a", handlers={**quiet, "console_direct": True})
     for event in (Started("a"), line, Finished("a", 0, 0.1)):
         direct.show(event)
-    cohesive = Report(plan_of("a"), {**quiet, "console_cohesion": True}, None)
+    cohesive = report_on("a", handlers={**quiet, "console_cohesion": True})
     out, _ = shown(capfd, cohesive, Started("a"), line, Finished("a", 0, 0.1))
     assert out == "\ufffd line\n--- output: a\n\ufffd line\n---\n"
 
 
 def test_a_flood_of_output_keeps_its_beginning_and_its_end(capfd: pytest.CaptureFixture[str]) -> None:
-    report = Report(plan_of("a"), {**HANDLERS, "console_cohesion": True}, None)
+    report = report_on("a", handlers={**HANDLERS, "console_cohesion": True})
     for number in range(100_000):
         report.show(Output("a", f"{number}\n".encode(), stderr=False))
     out, _ = shown(capfd, report, Finished("a", 0, 0.1))

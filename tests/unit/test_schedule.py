@@ -19,7 +19,7 @@ def plan_of(graph: dict[str, frozenset[str]]) -> BuildPlan:
     somewhere = Path("somewhere")
     return BuildPlan(
         {
-            name: Task(name, package(name), somewhere, somewhere, tuple(sorted(below[name])), (), "", "")
+            name: Task(name, package(name), somewhere, somewhere, tuple(sorted(below[name])), (), "")
             for name in ordered
         }
     )

@@ -1,11 +1,20 @@
 """What is on disk before a build."""
 
-from dataclasses import replace
+from __future__ import annotations
 
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
+from forge.journal import open_journal
 from forge.layout import Layout
+from forge.model import Parts, Record
 from forge.snapshot import take_snapshot
-from tests.conftest import Tree
 from tests.packages import package
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
 
 CACHE = "# a cache\nCMAKE_GENERATOR:INTERNAL=Ninja\nX:STRING=1\n"
 
@@ -19,17 +28,53 @@ def test_what_is_there_is_seen(tree: Tree) -> None:
             "build/b/CMakeCache.txt": CACHE,
             "build/c/CMakeCache.txt": CACHE,
             "build/c/Makefile": "",
+            "build/d/CMakeCache.txt": "",
             "install/a/share/a/package.sh": "",
-            "forge/e/package.xml": "one",
+            **{f"src/{name}/package.xml": name for name in "abcd"},
         }
     )
+    time.sleep(0.03)
     layout = Layout(root / "build", root / "install", None)
-    embedded = replace(package("e"), embedded=True, path=root / "forge" / "e")
-    packages = [package("a"), package("b"), package("c"), package("d"), embedded]
-    snapshot = take_snapshot(packages, layout, {"a": "record"})
-    assert snapshot.installed == {"a"}
-    assert snapshot.records == {"a": "record"}
-    assert snapshot.configured == {"a": ("Ninja", "digest"), "b": ("Ninja", ""), "c": ("Ninja", "")}
-    assert set(snapshot.sources) == {"e"}
-    (root / "forge" / "e" / "package.xml").write_text("other")
-    assert take_snapshot(packages, layout, {}).sources != snapshot.sources
+    table = FileTable(root / "table")
+    journal = open_journal(root / "build")
+    files = (str(root / "install/a/share/a/package.sh"),)
+    journal.remember("a", Record(Parts(), complete=True, installed=mark_files(files, table), files=files))
+    packages = [package(name) for name in "abcd"]
+    snapshot = take_snapshot(root, packages, layout, journal, table)
+    assert snapshot.present == {"a"}
+    assert snapshot.configured == {
+        "a": ("Ninja", "digest"),
+        "b": ("Ninja", ""),
+        "c": ("Ninja", ""),
+        "d": ("", ""),
+    }
+    assert snapshot.installed["a"] == journal.records["a"].installed
+    assert snapshot.news == dict.fromkeys("abcd", ("package.xml",))
+    (root / "src/b/package.xml").write_text("other")
+    again = take_snapshot(root, packages, layout, journal, table)
+    assert again.sources["a"] == snapshot.sources["a"]
+    assert again.sources["b"].digest != snapshot.sources["b"].digest
+    assert again.news["b"] == ("package.xml",)
+    journal.close()
+
+
+def test_a_changed_header_outside_moves_those_that_read_it(tree: Tree) -> None:
+    root = tree({"usr/x.h": "1", "usr/y.h": "1", "src/a/package.xml": "", "src/b/package.xml": ""})
+    table = FileTable(root / "table")
+    journal = open_journal(root)
+    for name, header in (("a", "x.h"), ("b", "y.h")):
+        externals = (str(root / "usr" / header),)
+        digest = digest_of(externals, contents_of(externals, table))
+        journal.remember(name, Record(Parts(), complete=True, externals=externals, external=digest))
+    journal.agree(stamp_files(journal.externals))
+    layout = Layout(root / "build", root / "install", None)
+    packages = [package("a"), package("b")]
+    assert take_snapshot(root, packages, layout, journal, table).moved == {}
+    (root / "usr/x.h").write_text("2")
+    assert take_snapshot(root, packages, layout, journal, table).moved == {"a": str(root / "usr/x.h")}
+    (root / "usr/x.h").write_text("1")
+    assert take_snapshot(root, packages, layout, journal, FileTable(root / "other")).moved == {}
+    journal.remember("b", replace(journal.records["b"], complete=False))
+    (root / "usr/y.h").unlink()
+    assert take_snapshot(root, packages, layout, journal, table).moved == {}
+    journal.close()

@@ -1,0 +1,136 @@
+"""What a build takes before it can be planned: a clean environment, tools, options; and what stops it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge import __version__
+from forge.digests import source_files, stamp_files
+from forge.discovery import ROS_DEFAULTS
+from forge.errors import Problem, WorkspaceError, raise_if_any
+from forge.freshness import environment_that_counts
+from forge.installation import recorded_underlays
+from forge.interpreter import find_interpreter, require_modules
+from forge.planning import Standing
+from forge.prefixes import find_underlays
+from forge.provision import missing_problems
+from forge.recipes.cmake import jobs_given
+from forge.recipes.kitchen import Kitchen
+from forge.sourcing import workspace_environment
+from forge.tools import find_tools, identities
+from forge.workspace import warn
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Mapping, Sequence
+
+    from forge.interpreter import Interpreter
+    from forge.layout import Layout
+    from forge.workspace import Loaded
+
+INTERFACE_GROUP = "rosidl_interface_packages"
+
+
+def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment of a build: the surroundings, ROS defaults, and the recorded underlays.
+
+    Whoever sourced this workspace before building it gets the same build as who did not: its own
+    entries are left out. An underlay of an earlier build counts though this shell has not sourced it.
+    """
+    variables = {**ROS_DEFAULTS, "COLCON": "1", **without_own(surroundings, layout.install)}
+    sourced = find_underlays(variables, layout.install).chain
+    forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced]
+    return workspace_environment([root for root in forgotten if root.is_dir()], variables)
+
+
+def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
+    """Return the variables without path entries below `install`, and without those left empty by that."""
+    own = str(install)
+    cleaned = dict(variables)
+    for name, value in variables.items():
+        if own in value:
+            entries = value.split(os.pathsep)
+            kept = [entry for entry in entries if entry != own and not entry.startswith(own + os.sep)]
+            if kept:
+                cleaned[name] = os.pathsep.join(kept)
+            else:
+                del cleaned[name]
+    return cleaned
+
+
+def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str]) -> None:
+    """Raise WorkspaceError with everything that would make the build fail anyway."""
+    errors, warnings = missing_problems(loaded.provision, names)
+    problems = [*loaded.workspace.problems, *errors]
+    if not loaded.workspace.packages and not problems:
+        hint = "go to the folder that has 'src' in it, or make a package: forge pkg create my_package"
+        problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
+    warn(warnings)
+    raise_if_any(problems, WorkspaceError)
+
+
+def prepare(
+    options: argparse.Namespace,
+    loaded: Loaded,
+    names: Sequence[str],
+    layout: Layout,
+    variables: Mapping[str, str],
+) -> tuple[Kitchen, Interpreter]:
+    """Return the tools and options that all packages share; raises EnvironmentFault for what is missing."""
+    packages = [loaded.packages[name] for name in names]
+    tools = find_tools(packages, variables)
+    interpreter = find_interpreter(options.python, variables)
+    if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
+        require_modules(interpreter, ("numpy",))
+    kitchen = Kitchen(
+        root=loaded.workspace.root,
+        layout=layout,
+        python=interpreter.path,
+        site_packages=interpreter.site_packages,
+        forge=(sys.executable, "-m", "forge"),
+        jobs=0 if jobs_given(variables.get("MAKEFLAGS", "")) else processors(),
+        tools=identities(tools, interpreter.path, variables),
+        cmake=tools.cmake if tools else None,
+        ninja=tools.ninja if tools else None,
+        cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
+        ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
+        force_configure=options.cmake_force_configure,
+        environment_generator=variables.get("CMAKE_GENERATOR"),
+    )
+    return kitchen, interpreter
+
+
+def standing(
+    options: argparse.Namespace,
+    loaded: Loaded,
+    kitchen: Kitchen,
+    variables: Mapping[str, str],
+) -> Standing:
+    """Return what holds for every package: forge, tools, environment, and whom --force means."""
+    return Standing(
+        forge=_forge(),
+        tools=kitchen.tools,
+        environment=environment_that_counts(variables),
+        force=options.force,
+        selected=frozenset(loaded.selection.names),
+    )
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _forge() -> str:
+    """Return what tells this forge apart: its version, and the stats of its code and templates.
+
+    An upgrade changes both; a checkout that is worked on changes the latter alone.
+    """
+    home = Path(__file__).parent
+    folders = [home, home.parent / "templates"] if not (home / "_templates").is_dir() else [home]
+    files = [path for folder in folders for path in source_files(str(folder))]
+    own = [path for path in files if f"{os.sep}embedded{os.sep}" not in path]
+    return f"{__version__} {stamp_files(own)}"

@@ -1,0 +1,140 @@
+"""The records of a workspace while it is built: journal, file table and outlook, kept in step.
+
+Owned by the loop of the command; workers only ask for the record of what they have just made.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
+from forge.externals import external_inputs
+from forge.installation import STATE, finish_workspace, installed_files, remove_file
+from forge.journal import open_journal
+from forge.model import Finished, Fresh, Record
+from forge.planning import settled
+from forge.prefixes import find_underlays
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.freshness import Outlook
+    from forge.interpreter import Interpreter
+    from forge.journal import Journal
+    from forge.layout import Layout
+    from forge.model import BuildPlan, Event, Snapshot, Task
+
+TABLE = "forge_files.json"
+
+
+class Records:
+    """What was built, what is being built, and what the rest may count on."""
+
+    def __init__(self, root: Path, layout: Layout, interpreter: Interpreter, journal: Journal) -> None:
+        """Begin with what the journal remembers of the workspace at `root`."""
+        self.journal = journal
+        self.table = FileTable(layout.build / TABLE)
+        self._root = root
+        self._layout = layout
+        self._interpreter = interpreter
+        self._outlook: Outlook | None = None
+        self._stale: set[str] = set()
+        self._ran = False
+
+    def confirm(self, plan: BuildPlan, snapshot: Snapshot, outlook: Outlook) -> None:
+        """Take note of what the plan found fresh: new stamps, so that next time they are equal."""
+        self._outlook = outlook
+        self._stale = set(snapshot.moved)
+        for name in plan.fresh:
+            record = self.journal.records[name]
+            now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
+            if now != record:
+                self.journal.remember(name, now)
+
+    def settle(self, task: Task) -> Task | None:
+        """Return the task as it is to run, or None when what it needs came out as before."""
+        assert self._outlook is not None  # noqa: S101  (confirm() comes first)
+        return settled(task, self._outlook, self.journal.records.get(task.name))
+
+    def take(self, event: Event, plan: BuildPlan) -> None:
+        """Take note of an event."""
+        assert self._outlook is not None  # noqa: S101  (confirm() comes first)
+        self.journal.record(event, plan)
+        match event:
+            case Fresh(name):
+                self._outlook.settle(name)
+            case Finished(name):
+                self._ran = True
+                if event.record is not None:
+                    self._outlook.settle(name, event.record.installed.digest)
+                    self._stale.discard(name)
+            case _:
+                pass
+
+    def began(self, name: str) -> float | None:
+        """Return when the last build of a package began, if there was one."""
+        record = self.journal.records.get(name)
+        return record.began if record else None
+
+    def source(self, task: Task) -> Path:
+        """Return the absolute folder of a task's package."""
+        return self._root / task.package.path
+
+    def make(self, task: Task) -> Record:
+        """Return the record of a task that ended well, once what only its last build installed is gone."""
+        files = installed_files(task.package, self._layout)
+        self._date(files)
+        before = self.journal.records.get(task.name)
+        if before is not None:
+            self._remove_stale(task.name, set(before.files) - set(files))
+        inside = (self.source(task), self._layout.build, self._layout.install)
+        externals = external_inputs(task.build_dir, inside)
+        return Record(
+            parts=task.parts,
+            complete=True,
+            sources=task.sources,
+            installed=mark_files(files, self.table),
+            files=files,
+            externals=externals,
+            external=digest_of(externals, contents_of(externals, self.table)),
+        )
+
+    def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
+        """Write the workspace's scripts if anything may have changed, and what the next build reads first."""
+        install = self._layout.install
+        if self._ran or plan.tasks or not (install / STATE).is_file():
+            chain = find_underlays(variables, install).chain
+            finish_workspace(self._layout, chain, self._interpreter.path)
+        if not self._stale:
+            self.journal.agree(stamp_files(self.journal.externals))
+
+    def close(self) -> None:
+        """Write what is still to be written."""
+        self.journal.close()
+        self.table.save()
+
+    def _date(self, files: tuple[str, ...]) -> None:
+        """Give installed files whose content changed the present time.
+
+        CMake copies times cut to the second, so a header that changed soon after something was compiled
+        with it would look older than the object, and nobody would compile that again.
+        """
+        for path in files:
+            if self.table.changed(path):
+                os.utime(path)
+
+    def _remove_stale(self, name: str, paths: set[str]) -> None:
+        """Remove files that this package no longer installs, unless another package does."""
+        others = (record for other, record in list(self.journal.records.items()) if other != name)
+        kept = {path for record in others for path in record.files if path in paths}
+        for path in sorted(paths - kept, reverse=True):
+            if Path(path).is_relative_to(self._layout.install):
+                remove_file(Path(path), self._layout.install)
+
+
+def open_records(root: Path, layout: Layout, interpreter: Interpreter) -> Records:
+    """Return the records below the build folder."""
+    return Records(root, layout, interpreter, open_journal(layout.build))
