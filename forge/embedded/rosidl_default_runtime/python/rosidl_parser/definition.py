@@ -43,7 +43,9 @@ class AbstractType:
 
     def __eq__(self, other: object) -> bool:
         """Tell if the other describes the same type."""
-        return type(self) is type(other) and self._parts() == other._parts()  # type: ignore[attr-defined]
+        return (
+            isinstance(other, AbstractType) and type(self) is type(other) and self._parts() == other._parts()
+        )
 
     def __hash__(self) -> int:
         """Return the same number for the same type."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -14,9 +15,8 @@ _FULL_NAME = 3
 
 def get_interface_packages() -> dict[str, str]:
     """Return the prefix of each installed package that has interfaces."""
-    from ament_index_python import get_resources  # noqa: PLC0415  (conversions work without an index)
-
-    return get_resources(_INDEX)
+    found: dict[str, str] = _index().get_resources(_INDEX)
+    return found
 
 
 def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
@@ -24,13 +24,13 @@ def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
 
     Halves of services are left out. Raises LookupError for a package that is not installed.
     """
-    from ament_index_python import get_resource, has_resource  # noqa: PLC0415
-
+    index = _index()
     found = {}
     for package in tuple(package_names) or sorted(get_interface_packages()):
-        if not has_resource("packages", package):
+        if not index.has_resource("packages", package):
             raise LookupError(f"Unknown package '{package}'")
-        entries = get_resource(_INDEX, package)[0].splitlines() if has_resource(_INDEX, package) else []
+        registered = index.has_resource(_INDEX, package)
+        entries = index.get_resource(_INDEX, package)[0].splitlines() if registered else []
         found[package] = sorted({entry.rpartition(".")[0] for entry in entries if "_" not in entry})
     return found
 
@@ -55,10 +55,8 @@ def get_interface_path(interface_name: str) -> str:
 
     Raises ValueError when the name is not 'package/kind/Name', LookupError when it is not installed.
     """
-    from ament_index_python import has_resource  # noqa: PLC0415
-
     parts = _parts(interface_name)
-    prefix = has_resource("packages", parts[0])
+    prefix = _index().has_resource("packages", parts[0])
     if not prefix:
         raise LookupError(f"Unknown package '{parts[0]}'")
     path = Path(prefix, "share", *parts)
@@ -67,6 +65,11 @@ def get_interface_path(interface_name: str) -> str:
         if candidate.is_file():
             return str(candidate)
     raise LookupError(f"Could not find the interface '{candidates[-1]}'")
+
+
+def _index() -> Any:  # noqa: ANN401  (a module of another package)
+    """Return what reads the index of installed packages; conversions work where it is not."""
+    return import_module("ament_index_python")
 
 
 def _of_kind(kind: str, package_names: Iterable[str]) -> dict[str, list[str]]:
