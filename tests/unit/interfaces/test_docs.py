@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 NAME = TypeName("demo", "msg", "Thing")
-EMPTY = Catalog("demo", {}, {}, ())
+EMPTY = Catalog("demo", {}, {}, {})
 GENERATE = ("interface", "generate", "--package", "p", "--output", "out")
 METADATA = "Metadata-Version: 2.1\nName: third\nVersion: 1.0\n"
 
 
 def page(message: Message) -> str:
     """Return the page of a package with one message."""
-    (file,) = docs.files(Catalog("demo", {message.name: message}, {message.name: message}, ()))
+    (file,) = docs.files(Catalog("demo", {message.name: message}, {message.name: message}, {}))
     assert file.path == "demo.md"
     return file.text
 
