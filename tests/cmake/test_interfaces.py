@@ -73,12 +73,15 @@ def test_everything_lands_where_ros_has_it(motion: Project) -> None:
     motion.install()
     files = motion.files()
     assert {file for file in files if file.startswith("include/")} == {
+        "include/motion/motion/msg/rosidl_generator_c__visibility_control.h",
         "include/motion/motion/msg/rosidl_generator_cpp__visibility_control.hpp",
         *(
             f"include/motion/motion/{path}"
             for kind, name in (("msg", "http_status"), ("srv", "move"), ("action", "walk"))
             for path in (
+                f"{kind}/{name}.h",
                 f"{kind}/{name}.hpp",
+                *(f"{kind}/detail/{name}__{part}.h" for part in ("struct", "functions", "type_support")),
                 *(
                     f"{kind}/detail/{name}__{part}.hpp"
                     for part in ("struct", "builder", "traits", "type_support")
@@ -128,6 +131,37 @@ def test_users_link_what_they_like(rosidl: Ament, motion: Project) -> None:
     assert outcome.said("interfaces") == "msg/HTTPStatus.msg;srv/Move.srv;action/Walk.action"
     assert outcome.said("kind") == "motion::motion__rosidl_generator_cpp"
     user.make()
+
+
+@pytest.mark.needs("gcc")
+def test_programs_in_c_link_the_targets_for_c(rosidl: Ament, motion: Project) -> None:
+    """In the project that defines the interfaces, and in one that uses them; no C++ is needed."""
+    motion.install()
+    user = rosidl(
+        "enable_language(C)\nset(CMAKE_C_STANDARD 99)\nset(CMAKE_C_EXTENSIONS OFF)\n"
+        f"{GENERATORS}find_package(motion REQUIRED)\n"
+        "rosidl_generate_interfaces(more msg/Path.msg DEPENDENCIES motion)\n"
+        "rosidl_get_typesupport_target(own more rosidl_typesupport_c)\n"
+        "add_executable(inside main.c)\ntarget_link_libraries(inside ${own})\n"
+        "add_executable(by_target other.c)\n"
+        "target_link_libraries(by_target motion::motion__rosidl_generator_c)\n"
+        "add_executable(by_ament other.c)\nament_target_dependencies(by_ament motion)\nament_package()",
+        name="user",
+        manifest=MEMBER,
+        files={
+            "msg/Path.msg": "motion/HTTPStatus[] statuses\n",
+            "main.c": '#include "user/msg/path.h"\n'
+            "int main(void) { user__msg__Path path; return !user__msg__Path__init(&path); }\n",
+            "other.c": '#include "motion/action/walk.h"\n'
+            "typedef motion__action__Walk_Goal Goal;\n"
+            "int main(void) { Goal goal; return !motion__action__Walk_Goal__init(&goal); }\n",
+        },
+    )
+    outcome = user.configure("-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror")
+    assert outcome.code == 0, outcome.text
+    user.make("-j2")
+    for program in ("inside", "by_target", "by_ament"):
+        assert subprocess.run([user.build / program], check=False).returncode == 0
 
 
 def test_python_imports_what_was_installed(motion: Project) -> None:

@@ -4,7 +4,8 @@
 function(_rosidl_generate target tuples packages)
   _rosidl_output_folder(output "${target}")
   set(words
-    --package ${PROJECT_NAME} --output "${output}" --lang python --lang cpp --lang idl --lang json --no-runtime
+    --package ${PROJECT_NAME} --output "${output}" --no-runtime
+    --lang python --lang cpp --lang c --lang idl --lang json
     --stamp "${output}/stamp" --depfile "${output}/stamp.d")
   foreach(package IN LISTS packages)
     get_filename_component(share "${${package}_DIR}/.." ABSOLUTE)
@@ -59,7 +60,7 @@ function(_rosidl_add_targets target packages)
     if(kind MATCHES "_(cpp|c)$")
       set(language ${CMAKE_MATCH_1})
       target_include_directories(${library} INTERFACE
-        "$<BUILD_INTERFACE:${output}/cpp>" "$<INSTALL_INTERFACE:include/${PROJECT_NAME}>")
+        "$<BUILD_INTERFACE:${output}/${language}>" "$<INSTALL_INTERFACE:include/${PROJECT_NAME}>")
       foreach(package IN LISTS packages)
         target_link_libraries(${library} INTERFACE ${${package}_TARGETS__${kind}})
       endforeach()
@@ -118,16 +119,22 @@ endfunction()
 
 # _rosidl_headers(<variable> <output folder> <tuple>...): the headers that generation writes.
 function(_rosidl_headers variable output)
-  set(folder "${output}/cpp/${PROJECT_NAME}")
-  set(headers "${folder}/msg/rosidl_generator_cpp__visibility_control.hpp")
+  set(in_cpp "${output}/cpp/${PROJECT_NAME}")
+  set(in_c "${output}/c/${PROJECT_NAME}")
+  set(headers
+    "${in_cpp}/msg/rosidl_generator_cpp__visibility_control.hpp"
+    "${in_c}/msg/rosidl_generator_c__visibility_control.h")
   _rosidl_names(names ${ARGN})
   foreach(name IN LISTS names)
     get_filename_component(namespace "${name}" DIRECTORY)
     get_filename_component(stem "${name}" NAME)
     string_camel_case_to_lower_case_underscore("${stem}" stem)
-    list(APPEND headers "${folder}/${namespace}/${stem}.hpp")
+    list(APPEND headers "${in_cpp}/${namespace}/${stem}.hpp" "${in_c}/${namespace}/${stem}.h")
     foreach(part IN ITEMS struct builder traits type_support)
-      list(APPEND headers "${folder}/${namespace}/detail/${stem}__${part}.hpp")
+      list(APPEND headers "${in_cpp}/${namespace}/detail/${stem}__${part}.hpp")
+    endforeach()
+    foreach(part IN ITEMS struct functions type_support)
+      list(APPEND headers "${in_c}/${namespace}/detail/${stem}__${part}.h")
     endforeach()
   endforeach()
   set(${variable} "${headers}" PARENT_SCOPE)

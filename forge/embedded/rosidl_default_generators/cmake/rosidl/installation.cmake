@@ -3,7 +3,10 @@
 # _rosidl_install(<target> <tuples>): code, definitions, targets.
 function(_rosidl_install target tuples)
   _rosidl_output_folder(output "${target}")
-  install(DIRECTORY "${output}/cpp/${PROJECT_NAME}/" DESTINATION "include/${PROJECT_NAME}/${PROJECT_NAME}")
+  foreach(language IN ITEMS cpp c)
+    install(DIRECTORY "${output}/${language}/${PROJECT_NAME}/"
+      DESTINATION "include/${PROJECT_NAME}/${PROJECT_NAME}")
+  endforeach()
   foreach(language IN ITEMS idl json)
     install(DIRECTORY "${output}/${language}/${PROJECT_NAME}/" DESTINATION "share/${PROJECT_NAME}")
   endforeach()
