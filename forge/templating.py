@@ -24,7 +24,7 @@ def environment() -> jinja2.Environment:
     import jinja2  # noqa: PLC0415  (30 ms that only writers of text should pay)
 
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_folder()),
+        loader=jinja2.FileSystemLoader(folder()),
         undefined=jinja2.StrictUndefined,
         autoescape=False,  # noqa: S701  (no HTML is written from these; views finish every string)
         keep_trailing_newline=True,
@@ -34,8 +34,8 @@ def environment() -> jinja2.Environment:
     )
 
 
-def _folder() -> Path:
-    """Return the templates of the wheel, else of the checkout."""
+def folder() -> Path:
+    """Return where the templates are: in the wheel, else in the checkout."""
     here = Path(__file__).parent
     packed = here / "_templates"
     return packed if packed.is_dir() else here.parent / "templates"

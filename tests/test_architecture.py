@@ -23,7 +23,7 @@ FLOORS = {
     3: """
         digests discovery execution explaining externals installation installed interpreter jobs journal
         prefixes records reporting runner snapshot sourcing tools transcript wheels
-        interfaces.sources interfaces.writing
+        interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
         charts conditions creation diagnosis environment freshness graph hooks manifest planning provision

@@ -16,7 +16,7 @@ from forge.interfaces.model import Array, File, Primitive, Sequence, Text, eleme
 from forge.templating import render
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Message
 
@@ -45,13 +45,27 @@ class StructView:
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the headers of every interface; paths are relative to the include folder."""
+    yield from package_files(catalog)
+    for interface in catalog.interfaces.values():
+        yield from _headers_of(interface)
+
+
+def package_files(catalog: Catalog) -> Iterator[File]:
+    """Yield the header that all interfaces of a package share."""
     path = _visibility_path(catalog.package)
     yield File(path, render("c/visibility_control.h.j2", guard=guard(path), package=catalog.package))
-    for interface in catalog.interfaces.values():
-        yield _main(interface)
-        yield _struct(interface)
-        yield _functions(interface)
-        yield _type_support(interface)
+
+
+def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the headers of one interface."""
+    return _headers_of
+
+
+def _headers_of(interface: Interface) -> Iterator[File]:
+    yield _main(interface)
+    yield _struct(interface)
+    yield _functions(interface)
+    yield _type_support(interface)
 
 
 def _main(interface: Interface) -> File:

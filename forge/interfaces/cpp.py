@@ -14,7 +14,7 @@ from forge.interfaces.model import Action, File, Sequence, messages_of
 from forge.templating import render
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from forge.interfaces.model import Catalog, Interface, Message, TypeName
 
@@ -143,16 +143,30 @@ class Headers:
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the headers of every interface; paths are relative to the include folder."""
+    yield from package_files(catalog)
+    for interface in catalog.interfaces.values():
+        yield from _headers_of(interface)
+
+
+def package_files(catalog: Catalog) -> Iterator[File]:
+    """Yield the header that all interfaces of a package share."""
     path = _visibility_path(catalog.package)
     text = render("cpp/visibility_control.hpp.j2", guard=guard(path), package=catalog.package)
     yield File(path, text)
-    for interface in catalog.interfaces.values():
-        headers = Headers(interface)
-        yield headers.main()
-        yield headers.struct()
-        yield headers.builder()
-        yield headers.traits()
-        yield headers.type_support()
+
+
+def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the headers of one interface."""
+    return _headers_of
+
+
+def _headers_of(interface: Interface) -> Iterator[File]:
+    headers = Headers(interface)
+    yield headers.main()
+    yield headers.struct()
+    yield headers.builder()
+    yield headers.traits()
+    yield headers.type_support()
 
 
 def _visibility_path(package: str) -> str:

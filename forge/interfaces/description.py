@@ -9,18 +9,34 @@ from forge.interfaces.hashing import Hasher
 from forge.interfaces.model import File
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from forge.interfaces.hashing import Description
-    from forge.interfaces.model import Catalog, TypeName
+    from forge.interfaces.model import Catalog, Interface, TypeName
 
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield 'PACKAGE/KIND/Name.json' for each interface."""
+    files_of = interface_files(catalog)
+    for interface in catalog.interfaces.values():
+        yield from files_of(interface)
+
+
+def package_files(_: Catalog) -> Iterator[File]:
+    """Yield nothing: no file is about a whole package."""
+    return iter(())
+
+
+def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the file of one interface."""
     hasher = Hasher(catalog)
-    for name in catalog.interfaces:
+
+    def files_of(interface: Interface) -> Iterator[File]:
+        name = interface.name
         text = json.dumps(describe(hasher, name), indent=2) + "\n"
         yield File(f"{name.package}/{name.kind}/{name.name}.json", text)
+
+    return files_of
 
 
 def describe(hasher: Hasher, name: TypeName) -> Description:

@@ -21,7 +21,7 @@ from forge.interfaces.model import (
 from forge.templating import render
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from forge.interfaces.model import Catalog, Element, Field, Interface, Type, Value
 
@@ -63,9 +63,24 @@ class _Structure:
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield 'PACKAGE/KIND/Name.idl' for each interface."""
-    for (name, interface), source in zip(catalog.interfaces.items(), catalog.sources, strict=False):
-        text = idl_text(interface, f"{name.package}/{source.relative}")
+    for interface in catalog.interfaces.values():
+        yield from interface_files(catalog)(interface)
+
+
+def package_files(_: Catalog) -> Iterator[File]:
+    """Yield nothing: no file is about a whole package."""
+    return iter(())
+
+
+def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the file of one interface."""
+
+    def files_of(interface: Interface) -> Iterator[File]:
+        name = interface.name
+        text = idl_text(interface, f"{name.package}/{catalog.sources[name].relative}")
         yield File(f"{name.package}/{name.kind}/{name.name}.idl", text)
+
+    return files_of
 
 
 def idl_text(interface: Interface, origin: str) -> str:

@@ -186,13 +186,13 @@ class Catalog:
     """All interfaces of one package, resolved, in the order of their names.
 
     `known` holds every message that these refer to, however deep, other packages' included.
-    `sources` are the files read: those of `interfaces`, in their order, then those of other packages.
+    `sources` are the files read, those of other packages included, by the interface each defines.
     """
 
     package: str
     interfaces: Mapping[TypeName, Interface]
     known: Mapping[TypeName, Message]
-    sources: tuple[Source, ...]
+    sources: Mapping[TypeName, Source]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from forge.names import snake_case
 from forge.templating import render
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from forge.interfaces.model import Catalog, Interface, Message
 
@@ -58,13 +58,23 @@ class _ActionView:
 
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the Python package of the catalog's interfaces, to be put where Python finds packages."""
+    yield from package_files(catalog)
+    for interface in catalog.interfaces.values():
+        yield from _interface(interface)
+
+
+def package_files(catalog: Catalog) -> Iterator[File]:
+    """Yield what makes folders of modules a package."""
     yield File(f"{catalog.package}/__init__.py", "")
     yield File(f"{catalog.package}/py.typed", "")
     for kind in sorted({name.kind for name in catalog.interfaces}):
         names = [name for name in catalog.interfaces if name.kind == kind]
         yield from _namespace(catalog.package, kind, names)
-    for interface in catalog.interfaces.values():
-        yield from _interface(interface)
+
+
+def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the module of one interface and its stub."""
+    return _interface
 
 
 def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:

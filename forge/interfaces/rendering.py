@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
 from forge.interfaces.targets import find_target
 
 if TYPE_CHECKING:
-    from forge.interfaces.model import Catalog
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from forge.interfaces.model import Catalog, TypeName
 
 TARGETS = {
     "python": "forge.interfaces.python_package",
@@ -19,7 +24,34 @@ TARGETS = {
     "json": "forge.interfaces.description",
     "docs": "forge.interfaces.docs",
 }
-"""Each target's module; it has `files(catalog) -> Iterator[File]`, paths relative to the target's folder."""
+"""Each target's module; it has `files(catalog) -> Iterator[File]`, paths relative to the target's folder.
+
+Where it has `package_files(catalog)` and `interface_files(catalog) -> Callable[[Interface], Iterator[File]]`
+as well, an interface is rendered only if its text, or that of one below it, has changed.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """The files of one interface, or of a package as a whole, in one language; rendered when asked for.
+
+    `digest` stands for all that they are made from; without one nobody can tell.
+    """
+
+    language: str
+    subject: str
+    digest: str | None
+    make: Callable[[], Iterable[File]]
+
+    @property
+    def key(self) -> str:
+        """Return what tells this part from the others of a run."""
+        return f"{self.language} {self.subject}"
+
+    def files(self) -> Iterator[File]:
+        """Yield the files, below a folder of the language's name."""
+        for file in self.make():
+            yield File(f"{self.language}/{file.path}", file.text)
 
 
 def render(catalog: Catalog, target: str) -> tuple[File, ...]:
@@ -28,6 +60,21 @@ def render(catalog: Catalog, target: str) -> tuple[File, ...]:
     A target that is not of the table may be another distribution's (forge.interfaces.targets).
     Raises ForgeError when there is no such target, or when it cannot be used.
     """
+    return tuple(file for part in parts(catalog, target, {}) for file in part.files())
+
+
+def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Iterator[Part]:
+    """Yield the parts of what a target makes of a catalog; `digests` are those of its interfaces, if known.
+
+    Raises ForgeError as `render` does.
+    """
     # A target is imported by name, so that one that is not asked for costs nothing.
     view = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
-    return tuple(File(f"{target}/{file.path}", file.text) for file in view.files(catalog))
+    # What another distribution's target is made of nobody knows.
+    whole = fingerprint_of_all(catalog, digests) if digests and target in TARGETS else None
+    of_package, of_interfaces = getattr(view, "package_files", None), getattr(view, "interface_files", None)
+    yield Part(target, catalog.package, whole, partial(of_package or view.files, catalog))
+    if of_package and of_interfaces:
+        files_of = of_interfaces(catalog)
+        for name, interface in catalog.interfaces.items():
+            yield Part(target, str(name), digests.get(name), partial(files_of, interface))

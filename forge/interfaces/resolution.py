@@ -51,8 +51,8 @@ def resolve(package: str, parsed: Iterable[Parsed], known: Known) -> Catalog:
     problems += _cycles(messages)
     raise_if_any(problems, InterfaceError)
     interfaces = {name: unique[name].interface for name in sorted(unique)}
-    sources = [unique[name].source for name in interfaces] + list(search.sources.values())
-    return Catalog(package, interfaces, messages, tuple(sources))
+    sources = {name: unique[name].source for name in interfaces} | search.sources
+    return Catalog(package, interfaces, messages, sources)
 
 
 def undeclared(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
@@ -135,7 +135,7 @@ def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:
             package,
             {name: found[name].interface for name in names},
             messages,
-            tuple(found[name].source for name in names),
+            {name: found[name].source for name in names},
         )
         for package, names in packages.items()
     )

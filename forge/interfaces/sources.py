@@ -58,7 +58,7 @@ def read_source(package: str, base: Path, relative: str) -> Source:
 
 
 def read_runtime(language: str) -> Iterator[File]:
-    """Yield the run-time files that generated code of a language needs, below the language's folder."""
+    """Yield the run-time files that generated code of a language needs."""
     if language not in _RUNTIMES:
         return
     place, pattern = _RUNTIMES[language]
@@ -66,7 +66,7 @@ def read_runtime(language: str) -> Iterator[File]:
     for path in sorted(folder.rglob(pattern)):
         if path.is_file() and "__pycache__" not in path.parts:
             relative = path.relative_to(folder).as_posix()
-            yield File(f"{language}/{relative}", path.read_text(encoding="utf-8"))
+            yield File(relative, path.read_text(encoding="utf-8"))
 
 
 @dataclass(slots=True)

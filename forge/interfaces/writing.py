@@ -2,70 +2,65 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Place, Problem
 from forge.files import write_if_changed
-from forge.interfaces.model import TypeName
+from forge.interfaces.records import Made, Record, mark_of, read_records, write_record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
+    from pathlib import Path
 
-    from forge.interfaces.model import File
-
-_RECORDS = ".forge"
-_VERSION = 2
+    from forge.interfaces.rendering import Part
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
-    """What one package's run left in a folder: its files, and the types of others among them."""
+class Written:
+    """What a run did: the files that were new or had changed, of how many."""
 
-    files: tuple[str, ...] = ()
-    needs: tuple[TypeName, ...] = ()
-    folders: Mapping[str, Path] = field(default_factory=dict)
-    """Where the definitions of needed packages were."""
+    changed: tuple[Path, ...]
+    total: int
 
 
-def read_records(out: Path) -> dict[str, Record]:
-    """Return the records of all packages that were generated into a folder; broken ones count as none."""
-    return {path.stem: _read(path) for path in sorted((out / _RECORDS).glob("*.json"))}
+def write(parts: Iterable[Part], out: Path, package: str, record: Record | None = None) -> Written:
+    """Write the parts of a package's run below `out`; one that is there, made from the same, is left alone.
 
-
-def write(
-    files: Iterable[File],
-    out: Path,
-    package: str,
-    needs: Iterable[TypeName] = (),
-    folders: Mapping[str, Path] | None = None,
-) -> tuple[Path, ...]:
-    """Write the files of a package's run below `out`; return those that were new or had changed.
-
-    `needs` and `folders` are for the record: types of other packages, and where their definitions are.
-    Files of an earlier run of the same package are removed, unless this one or another package
-    still makes them, or their language (the first folder of a path) is not of this run.
+    `record` says what else to remember of the run. Files of an earlier run of the same package are
+    removed, unless this one or another package still makes them, or their language is not of this run.
     Raises EnvironmentFault when the folder cannot be written to.
     """
-    texts = {file.path: file.text for file in files}
-    languages = {_language(path) for path in texts}
     records = read_records(out)
-    before = records.pop(package, Record()).files
-    others = [path for path in before if _language(path) not in languages]
-    kept = {*others, *(path for record in records.values() for path in record.files)}
+    before = records.pop(package, Record())
+    changed: list[Path] = []
+    made: dict[str, Made] = {}
     try:
-        written = tuple(out / path for path, text in texts.items() if write_if_changed(out / path, text))
-        for path in before:
-            if path not in texts and path not in kept:
-                (out / path).unlink(missing_ok=True)
-        record = Record(tuple({*texts, *others}), tuple(needs), folders or {})
-        write_if_changed(out / _RECORDS / f"{package}.json", _text(record))
+        for part in parts:
+            made[part.key] = before.fresh(part.key, part.digest, out) or _make(part, out, changed)
+        languages = {_language(key) for key in made}
+        total = sum(len(each.marks) for each in made.values())
+        made |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
+        new = Record(made, *((record.needs, record.folders) if record else ()))
+        kept = {*new.files, *(path for each in records.values() for path in each.files)}
+        for path in set(before.files) - kept:
+            (out / path).unlink(missing_ok=True)
+        write_record(out, package, new)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise EnvironmentFault(Problem(f"cannot write: {reason}", Place(error.filename or out))) from error
-    return written
+    return Written(tuple(changed), total)
+
+
+def _make(part: Part, out: Path, changed: list[Path]) -> Made:
+    """Render a part and write what is not there already, to be found in `changed`."""
+    marks = {}
+    for file in part.files():
+        path = out / file.path
+        if write_if_changed(path, file.text):
+            changed.append(path)
+        marks[file.path] = mark_of(out, file.path)
+    return Made(part.digest, marks)
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
@@ -80,32 +75,8 @@ def write_stamp(path: Path) -> None:
     path.touch()
 
 
-def _read(path: Path) -> Record:
-    try:
-        written = json.loads(path.read_text(encoding="utf-8"))
-        if written["version"] != _VERSION:
-            return Record()
-        return Record(
-            tuple(written["files"]),
-            tuple(TypeName(*name.split("/")) for name in written["needs"]),
-            {name: Path(folder) for name, folder in written["folders"].items()},
-        )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return Record()
-
-
-def _language(path: str) -> str:
-    return path.partition("/")[0]
-
-
-def _text(record: Record) -> str:
-    content = {
-        "version": _VERSION,
-        "needs": sorted(map(str, record.needs)),
-        "folders": {name: str(folder) for name, folder in sorted(record.folders.items())},
-        "files": sorted(record.files),
-    }
-    return json.dumps(content, indent=1) + "\n"
+def _language(key: str) -> str:
+    return key.partition(" ")[0]
 
 
 def _for_make(path: Path) -> str:

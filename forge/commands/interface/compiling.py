@@ -5,26 +5,27 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import prefixes
 from forge.errors import ForgeError, InterfaceError, Problem, raise_if_any
 from forge.interfaces.declarations import LOWER_NAME
+from forge.interfaces.fingerprints import fingerprints
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.parsing import parse_all
-from forge.interfaces.rendering import render
+from forge.interfaces.records import Record, generator_digest, read_records
+from forge.interfaces.rendering import Part, parts
 from forge.interfaces.resolution import messages_below, referred, resolve, undeclared
 from forge.interfaces.showing import parse_type_name
 from forge.interfaces.sources import EMBEDDED, Library, read_folder, read_runtime, read_source
-from forge.interfaces.writing import read_records, write, write_depfile, write_stamp
+from forge.interfaces.writing import write, write_depfile, write_stamp
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
-
-    from forge.interfaces.model import File
 
     Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (argparse has no public name)
 
@@ -108,22 +109,32 @@ def _generate(options: argparse.Namespace) -> int:
     catalog = _catalog(options, options.source, library)
     if options.no_runtime:
         raise_if_any(undeclared(catalog, dict(options.includes)), InterfaceError)
-    languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
+    needed = () if options.no_runtime else referred(catalog, library)
     others = () if options.no_runtime else _others(catalog, options)
-    files = [file for language in languages for each in (catalog, *others) for file in render(each, language)]
-    if not options.no_runtime:
-        files += [file for language in languages for file in read_runtime(language)]
-    own = () if options.no_runtime else referred(catalog, library)
-    needs = [name for each in own for name in each.interfaces]
-    written = write(files, options.output, catalog.package, needs, _folders(own, library))
+    record = Record(
+        needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
+    )
+    written = write(_parts((catalog, *others), options), options.output, catalog.package, record)
     if options.depfile:
-        sources = [source.path for each in (catalog, *others) for source in each.sources]
+        sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
         write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
     if options.stamp:
         write_stamp(options.stamp)
     else:
-        print(f"{len(written)} of {_files(files)} written to '{options.output}'")
+        print(f"{len(written.changed)} of {_files(written.total)} written to '{options.output}'")
     return 0
+
+
+def _parts(catalogs: tuple[Catalog, ...], options: argparse.Namespace) -> list[Part]:
+    """Return what there is to render, with digests by which an earlier run's result is known to be good."""
+    languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
+    digests = fingerprints(catalogs, generator_digest())
+    found = [part for language in languages for each in catalogs for part in parts(each, language, digests)]
+    if not options.no_runtime:
+        found += [
+            Part(language, "run-time files", None, partial(read_runtime, language)) for language in languages
+        ]
+    return found
 
 
 def _hash(options: argparse.Namespace) -> int:
@@ -200,7 +211,7 @@ def _hash_of(name: TypeName, library: Library) -> str:
     parsed = library.find(base)
     if parsed:
         catalog = Catalog(
-            base.package, {base: parsed.interface}, messages_below(parsed, library), (parsed.source,)
+            base.package, {base: parsed.interface}, messages_below(parsed, library), {base: parsed.source}
         )
         found = hashes(catalog).get(name)
         if found:
@@ -209,5 +220,5 @@ def _hash_of(name: TypeName, library: Library) -> str:
     raise InterfaceError(Problem(f"there is no type '{name}'", hint=hint))
 
 
-def _files(files: list[File]) -> str:
-    return "1 file" if len(files) == 1 else f"{len(files)} files"
+def _files(count: int) -> str:
+    return "1 file" if count == 1 else f"{count} files"

@@ -38,7 +38,7 @@ POINT = Named(TypeName("geometry_msgs", "msg", "Point"))
 
 def texts(*messages: Message) -> dict[str, str]:
     """Return the headers of a package 'demo' by path."""
-    catalog = Catalog("demo", {message.name: message for message in messages}, {}, ())
+    catalog = Catalog("demo", {message.name: message for message in messages}, {}, {})
     return {file.path: file.text for file in cpp.files(catalog)}
 
 

@@ -200,7 +200,7 @@ def odd_packages() -> Iterator[Catalog]:
             Message(TypeName(package, "srv", "Ask_Request"), (Field("one", own),)),
             Message(TypeName(package, "srv", "Ask_Response")),
         )
-        yield Catalog(package, {i.name: i for i in (inner, outer, service)}, {}, ())
+        yield Catalog(package, {i.name: i for i in (inner, outer, service)}, {}, {})
 
 
 def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str | Path) -> None:

@@ -247,5 +247,5 @@ def test_a_member_may_be_called_like_its_class() -> None:
         inner: Message(inner, (Field("x", Primitive("int8")),)),
         outer: Message(outer, (Field("Inner", Named(inner)),)),
     }
-    text = {file.path: file.text for file in python.files(Catalog("idl", messages, messages, ()))}
+    text = {file.path: file.text for file in python.files(Catalog("idl", messages, messages, {}))}
     assert "from idl.msg._inner import Inner as _idl_msg_Inner" in text["idl/msg/_outer.py"]

@@ -88,7 +88,7 @@ def test_comments_and_units_document_fields_and_constants() -> None:
         (Constant("TOP", Primitive("int8"), 9, ("no more",)),),
         ("A speed.", "", "Of anything."),
     )
-    files = {file.path: file.text for file in python.files(Catalog("documented", {name: message}, {}, ()))}
+    files = {file.path: file.text for file in python.files(Catalog("documented", {name: message}, {}, {}))}
     class_ = ast.parse(files["documented/msg/_speed.pyi"]).body[-1]
     assert isinstance(class_, ast.ClassDef)
     assert ast.get_docstring(class_) == "A speed.\n\nOf anything."

@@ -73,7 +73,7 @@ def test_a_catalog_holds_all_that_its_messages_refer_to() -> None:
         "tour/msg/A",
         "tour/msg/B",
     ]
-    assert [source.relative for source in found.sources] == [
+    assert [source.relative for source in found.sources.values()] == [
         "msg/A.msg",
         "msg/B.msg",
         "msg/Header.msg",

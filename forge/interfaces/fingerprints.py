@@ -1,0 +1,56 @@
+"""On what the generated code of an interface depends, as a digest: its text and all that it refers to."""
+
+from __future__ import annotations
+
+import hashlib
+from graphlib import TopologicalSorter
+from typing import TYPE_CHECKING
+
+from forge.interfaces.model import Named, element_of, messages_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from forge.interfaces.model import Catalog, Interface, Source, TypeName
+
+
+def fingerprints(catalogs: Iterable[Catalog], generator: str) -> dict[TypeName, str]:
+    """Return a digest for each interface of some catalogs and for each message below them.
+
+    Two runs give an interface the same digest only if every text that its code is made from is the same,
+    and `generator`, which stands for what makes it.
+    """
+    interfaces: dict[TypeName, Interface] = {}
+    sources: dict[TypeName, Source] = {}
+    for catalog in catalogs:
+        sources.update(catalog.sources)
+        interfaces.update({name: catalog.known[name] for name in catalog.sources if name in catalog.known})
+        interfaces.update(catalog.interfaces)
+    needs = dict(_needs(interfaces))
+    digests: dict[TypeName, str] = {}
+    for name in TopologicalSorter(needs).static_order():
+        below = [digests[need] for need in sorted(needs.get(name, ()))]
+        digests[name] = _digest(generator, _text(sources.get(name)), *below)
+    return digests
+
+
+def fingerprint_of_all(catalog: Catalog, digests: Mapping[TypeName, str]) -> str:
+    """Return a digest of everything in a catalog, the names of its interfaces included."""
+    return _digest(*(f"{name} {digests[name]}" for name in catalog.interfaces))
+
+
+def _needs(interfaces: Mapping[TypeName, Interface]) -> Iterator[tuple[TypeName, set[TypeName]]]:
+    """Yield, for each interface, those that its members are messages of."""
+    owners = {message.name: name for name, each in interfaces.items() for message in messages_of(each)}
+    for name, interface in interfaces.items():
+        elements = (element_of(field.type) for message in messages_of(interface) for field in message.fields)
+        names = (element.name for element in elements if isinstance(element, Named))
+        yield name, {owners.get(need, need) for need in names} - {name}
+
+
+def _text(source: Source | None) -> str:
+    return f"{source.relative}\0{source.text}" if source else ""
+
+
+def _digest(*texts: str) -> str:
+    return hashlib.sha256("\0".join(texts).encode("utf-8", "surrogatepass")).hexdigest()[:32]

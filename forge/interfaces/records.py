@@ -1,0 +1,112 @@
+"""What earlier runs left in an output folder, and what they made it from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge import __version__
+from forge.files import write_if_changed
+from forge.interfaces.model import TypeName
+from forge.templating import folder as templates
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+_FOLDER = ".forge"
+_VERSION = 3
+
+Mark = tuple[int, int]
+"""A file's size and time of change: when both are as they were, nobody has touched it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """The files of one part of a run, and the digest of what they were made from."""
+
+    digest: str | None
+    marks: Mapping[str, Mark | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What one package's run left in a folder: its files by part, and the types of others among them."""
+
+    parts: Mapping[str, Made] = field(default_factory=dict)
+    needs: tuple[TypeName, ...] = ()
+    folders: Mapping[str, Path] = field(default_factory=dict)
+    """Where the definitions of needed packages were."""
+
+    @property
+    def files(self) -> Iterator[str]:
+        """Yield the paths of all files."""
+        for part in self.parts.values():
+            yield from part.marks
+
+    def fresh(self, part: str, digest: str | None, out: Path) -> Made | None:
+        """Return what is recorded of a part, if it was made from the same and is all there, untouched."""
+        made = self.parts.get(part)
+        if made is None or digest is None or made.digest != digest:
+            return None
+        return made if all(mark and mark_of(out, path) == mark for path, mark in made.marks.items()) else None
+
+
+def mark_of(out: Path, path: str) -> Mark | None:
+    """Return the mark of a file, or None when it is not there."""
+    try:
+        status = os.stat(f"{out}/{path}")  # noqa: PTH116  (thousands of them: Path takes three times as long)
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def read_records(out: Path) -> dict[str, Record]:
+    """Return the records of all packages that were generated into a folder; broken ones count as none."""
+    return {path.stem: _read(path) for path in sorted((out / _FOLDER).glob("*.json"))}
+
+
+def write_record(out: Path, package: str, record: Record) -> None:
+    """Keep the record of a package's run; raises OSError."""
+    content = {
+        "version": _VERSION,
+        "needs": sorted(map(str, record.needs)),
+        "folders": {name: str(folder) for name, folder in sorted(record.folders.items())},
+        "parts": {key: [made.digest, made.marks] for key, made in sorted(record.parts.items())},
+    }
+    write_if_changed(out / _FOLDER / f"{package}.json", json.dumps(content) + "\n")
+
+
+@cache
+def generator_digest() -> str:
+    """Return what tells this forge from others: its version, and the state of its code and templates."""
+    digest = hashlib.sha256(__version__.encode())
+    for root in (Path(__file__).parent, templates()):
+        for folder, below, names in os.walk(root):
+            below.sort()
+            for name in sorted(names):
+                if not name.endswith(".pyc"):
+                    path = os.path.relpath(f"{folder}/{name}", root)
+                    digest.update(f"{path} {mark_of(root, path)}".encode())
+    return digest.hexdigest()[:32]
+
+
+def _read(path: Path) -> Record:
+    try:
+        written = json.loads(path.read_text(encoding="utf-8"))
+        if written["version"] != _VERSION:
+            return Record()
+        return Record(
+            {
+                key: Made(digest, {name: tuple(mark) if mark else None for name, mark in marks.items()})
+                for key, (digest, marks) in written["parts"].items()
+            },
+            tuple(TypeName(*name.split("/")) for name in written["needs"]),
+            {name: Path(folder) for name, folder in written["folders"].items()},
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return Record()
