@@ -58,6 +58,11 @@ _CPP_KEYWORDS = """
     using virtual void volatile wchar_t while xor xor_eq
 """
 CPP_KEYWORDS = frozenset(_CPP_KEYWORDS.split())
+_KEYWORDS = {
+    "Python": frozenset(keyword.kwlist),
+    "C++": CPP_KEYWORDS,
+    "C": frozenset({"restrict"}),  # the one that neither of the others has
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,9 +245,7 @@ def _check_field(name: str, offset: int, _: Type) -> None:
 
 def check_keyword(name: str, offset: int, what: str) -> None:
     """Raise Fault when generated code could not contain the name of this `what`."""
-    tongues = [
-        tongue for tongue, words in (("Python", keyword.kwlist), ("C++", CPP_KEYWORDS)) if name in words
-    ]
+    tongues = [tongue for tongue, words in _KEYWORDS.items() if name in words]
     if tongues:
         raise Fault(
             f"a {what} cannot be called '{name}', a keyword of {' and '.join(tongues)}",

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from forge.errors import InterfaceError
 from forge.interfaces import c
 from forge.interfaces.c_text import declare, number, units
 from forge.interfaces.headers import detail_path
@@ -21,6 +23,7 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
+    Source,
     Text,
     Type,
     TypeName,
@@ -205,6 +208,13 @@ def test_bounds_are_enumerators() -> None:
 )
 def test_a_number_is_written_exactly(type_: Primitive, value: Value, text: str) -> None:
     assert number(value, type_) == text
+
+
+def test_a_field_cannot_be_called_by_a_keyword_of_c() -> None:
+    """All others are keywords of C++ as well."""
+    source = Source("demo", "msg/A.msg", Path("A.msg"), "int8 restrict")
+    with pytest.raises(InterfaceError, match="a field cannot be called 'restrict', a keyword of C"):
+        parse_all([source])
 
 
 def test_math_is_included_only_for_what_it_names() -> None:
