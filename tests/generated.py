@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from forge.files import write_if_changed
-from forge.interfaces import python
+from forge.interfaces import python, python_package
 from forge.interfaces.model import Catalog, Source
 from forge.interfaces.parsing import parse_all
 from forge.interfaces.resolution import referred, resolve
@@ -56,7 +56,14 @@ def embedded_catalog(package: str) -> Catalog:
 def generate(folder: Path, catalog: Catalog) -> None:
     """Write the catalog's Python and that of what it refers to in other packages."""
     for each in (catalog, *referred(catalog, Library())):
-        for file in python.files(each):
+        for file in python_package.files(each):
+            write_if_changed(folder / file.path, file.text)
+
+
+def generate_embedded(folder: Path) -> None:
+    """Write the Python of all interfaces that forge brings along."""
+    for package in Library().packages():
+        for file in python_package.files(embedded_catalog(package)):
             write_if_changed(folder / file.path, file.text)
 
 
@@ -84,7 +91,7 @@ def run_python(folder: Path, code: str, *options: str) -> str:
 
 def classes_of(message: Message) -> dict[str, Any]:
     """Return what the generated module of a message defines, executed where it stands."""
-    catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, ())
+    catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, {})
     text = next(file.text for file in python.files(catalog) if "/_" in file.path.replace("__init__", ""))
     names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
     exec(compile(text, str(message.name), "exec"), names)  # noqa: S102  (that it can be is the point)

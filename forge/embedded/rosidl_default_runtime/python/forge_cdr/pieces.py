@@ -1,0 +1,208 @@
+"""What generated writers and readers share: tables of Structs, and values that no Struct can move.
+
+All of it is for little endian, on machines that are. Padding depends on where a Struct begins, so each
+function that makes one takes that offset; it counts from behind the header, which itself is at -4.
+Where only the message tells the offset, there is a Struct for each of its eight remainders, and
+`table[o & 7]` is the one to use: `o` counts all bytes of a message, the header's four included.
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from functools import cache
+from struct import Struct
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+
+HEADER: Final = 0x100
+"""The header of classic CDR in little endian, as a uint32 of that order: 00 01 00 00."""
+
+HEADER_BYTES: Final = b"\0\1\0\0"
+LITTLE_ENDIAN: Final = 0x100
+"""The part of a header that says so, as a uint16; its other half holds options that nobody reads."""
+
+REMEMBERED: Final = 512
+"""Longer strings have their Struct made anew each time, so that no input can fill the memory."""
+
+_SIZES: Final = {code: struct.calcsize(f"<{code}") for code in "xc?bBhHiIqQfd"}
+_HIGHEST_UNIT: Final = "\uffff"
+_HIGHEST_CHAR: Final = 127
+
+
+class Refused(ValueError):  # noqa: N818  (it says what happened; users never see it)
+    """The fast way does not take this; the exact one knows better or says why not."""
+
+
+@cache
+def fixed(codes: str, start: int) -> Struct:
+    """Return the Struct of a run that begins at an offset of that remainder; see `layout`."""
+    return Struct(f"<{layout(codes, start)[0]}")
+
+
+@cache
+def phased(codes: str) -> tuple[Struct, ...]:
+    """Return the Structs of a run by the remainder of where it begins."""
+    return tuple(fixed(codes, o - 4) for o in range(8))
+
+
+class Texts(dict[int, Struct]):
+    """By the length of a string, the Structs that move it together with its neighbours."""
+
+    def __init__(self, before: str, after: str, start: int, *, reading: bool) -> None:
+        """Take the codes of the runs on both sides, and where the first of them begins."""
+        super().__init__()
+        text, end = layout(before, start)
+        self._before = text
+        self._after = after
+        self._end = end
+        self._reading = reading
+
+    def __missing__(self, length: int) -> Struct:
+        """Make the Struct of one length; a reader's includes the NUL, a writer's does not."""
+        if self._reading:
+            end = self._end + length
+            text = f"{length - 1}sB" if length else "0s0s"
+        else:
+            end = self._end + length + 1
+            text = f"{length + 1}s"  # the NUL comes by itself: Struct fills up with zeros
+        made = Struct(f"<{self._before}{text}{layout(self._after, end)[0]}")
+        if length < REMEMBERED:
+            self[length] = made
+        return made
+
+
+@cache
+def texts(before: str, after: str, start: int) -> Texts:
+    """Return the table of Structs to write a string with."""
+    return Texts(before, after, start, reading=False)
+
+
+@cache
+def phased_texts(before: str, after: str) -> tuple[Texts, ...]:
+    """Return such tables by the remainder of where the run before begins."""
+    return tuple(texts(before, after, o - 4) for o in range(8))
+
+
+@cache
+def read_texts(after: str, start: int) -> Texts:
+    """Return the table of Structs to read a string with: the text, its last byte, the run behind it."""
+    return Texts("", after, start, reading=True)
+
+
+@cache
+def phased_read_texts(after: str) -> tuple[Texts, ...]:
+    """Return such tables by the remainder of where the string begins."""
+    return tuple(read_texts(after, o - 4) for o in range(8))
+
+
+def paddings(alignment: int) -> tuple[bytes, ...]:
+    """Return the padding before a value of that alignment by the remainder of the offset."""
+    return tuple(bytes(-(o - 4) % alignment) for o in range(8))
+
+
+def layout(codes: str, start: int) -> tuple[str, int]:
+    """Return a run with its padding as the struct module spells it, and the offset behind it.
+
+    Codes are the struct module's letters, one for a value; '9d' stands for nine doubles as bytes.
+    """
+    offset, words = start, []
+    for code in codes.split():
+        size = _SIZES[code[-1]]
+        padding = -offset % size
+        if padding:
+            words.append(f"{padding}x")
+        count = int(code[:-1] or 1)
+        words.append(code if len(code) == 1 else f"{count * size}s")
+        offset += padding + count * size
+    return "".join(words), offset
+
+
+def unterminated(text: bytes, last: int) -> bytes:
+    """Return the text of a string whose last byte is no NUL but one more of its own."""
+    return text + bytes((last,))
+
+
+def to_flags(values: Iterable[object]) -> bytes:
+    """Return a byte for each boolean."""
+    return bytes(map(bool, values))
+
+
+def from_flags(values: bytes) -> list[bool]:
+    """Return a boolean for each byte."""
+    return list(map(bool, values))
+
+
+def to_octets(values: Collection[bytes]) -> bytes:
+    """Return the octets side by side; refuses others than bytes of length 1."""
+    if any(map((1).__ne__, map(len, values))):
+        raise Refused
+    return b"".join(values)
+
+
+def from_octets(values: bytes) -> list[bytes]:
+    """Return each byte by itself."""
+    return [values[i : i + 1] for i in range(len(values))]
+
+
+def to_chars(values: Iterable[str]) -> bytes:
+    """Return a byte for each character of IDL's char."""
+    made = bytes(map(ord, values))
+    if made and max(made) > _HIGHEST_CHAR:
+        raise Refused
+    return made
+
+
+def from_chars(values: bytes) -> list[str]:
+    """Return a character for each byte."""
+    return list(values.decode("ascii"))
+
+
+def to_wchars(values: Iterable[str]) -> bytes:
+    """Return four bytes for each character of IDL's wchar."""
+    made = array("I", map(ord, values))
+    if made and max(made) > ord(_HIGHEST_UNIT):
+        raise Refused
+    return made.tobytes()
+
+
+def from_wchars(values: bytes) -> list[str]:
+    """Return a character for each four bytes."""
+    return list(map(wchar, memoryview(values).cast("I")))
+
+
+def to_wide(text: str) -> bytes:
+    """Return the UTF-16 code units of a text in four bytes each; raises UnicodeEncodeError."""
+    if text.isascii() or max(text) <= _HIGHEST_UNIT:
+        return text.encode("utf-32-le")
+    return array("I", memoryview(text.encode("utf-16-le")).cast("H").tolist()).tobytes()
+
+
+def from_wide(units: bytes | memoryview) -> str:
+    """Return the text of UTF-16 code units of four bytes each; raises ValueError where they are none."""
+    try:
+        text = str(units, "utf-32-le")
+    except UnicodeDecodeError:  # pairs of units, or no text at all
+        values = memoryview(units).cast("I").tolist()
+        if max(values) > ord(_HIGHEST_UNIT):
+            raise
+        return str(array("H", values), "utf-16-le")
+    if not text.isascii() and max(text) > _HIGHEST_UNIT:
+        raise Refused
+    return text
+
+
+def char(code: int) -> str:
+    """Return the character of IDL's char; refuses codes that it does not have."""
+    if code > _HIGHEST_CHAR:
+        raise Refused
+    return chr(code)
+
+
+def wchar(unit: int) -> str:
+    """Return the character of a code unit."""
+    if unit > ord(_HIGHEST_UNIT):
+        raise Refused
+    return chr(unit)
