@@ -130,7 +130,10 @@ def test_installed_interfaces_are_found_by_name(installed: Path) -> None:
 @pytest.mark.needs("bash", "cmake")
 def test_type_checkers_find_stubs_beside_installed_modules(installed: Path) -> None:
     (package,) = (installed / "install/rover").glob("lib/python3*/site-packages/rover")
-    modules = {path.relative_to(package).with_suffix("") for path in package.glob("*/*.py")}
-    stubs = {path.relative_to(package).with_suffix("") for path in package.glob("*/*.pyi")}
-    assert stubs == modules
+    modules, stubs = (
+        {path.relative_to(package).with_suffix("") for path in package.glob(f"*/*.{ending}")}
+        for ending in ("py", "pyi")
+    )
+    # Only forge_cdr loads the modules that know a type's bytes.
+    assert stubs == {path for path in modules if not path.name.endswith("__cdr")}
     assert (package / "py.typed").is_file()
