@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge import installation
@@ -13,6 +14,7 @@ from forge.digests import source_files
 from forge.model import RUN_KINDS
 from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
+from forge.tools import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,39 +25,50 @@ if TYPE_CHECKING:
     from forge.model import Record, Task
     from forge.provision import Provision
     from forge.records import Records
+    from forge.toolchain import Toolchain
 
 
-def job_runner(
-    provision: Provision,
-    layout: Layout,
-    interpreter: Interpreter,
-    variables: Mapping[str, str],
-    records: Records,
-) -> ProcessRunner:
-    """Return a runner whose tasks see their needs' environment on top of `variables`."""
+@dataclass(frozen=True, slots=True)
+class Jobs:
+    """What the tasks of one build share; `variables` is the environment that their needs' comes on top of."""
 
-    def environment(task: Task) -> Mapping[str, str]:
-        below = [(need, layout.prefix(need)) for need in task.needs]
-        found = build_environment(below, variables)
+    provision: Provision
+    layout: Layout
+    interpreter: Interpreter
+    variables: Mapping[str, str]
+    records: Records
+
+    def runner(self, toolchain: Toolchain | None) -> ProcessRunner:
+        """Return a runner; `toolchain` spares new packages the examination of the compilers."""
+
+        def begin(task: Task) -> None:
+            self._begin(task)
+            if toolchain is not None and task.package.build_type in CMAKE_TYPES:
+                toolchain.seed(self.records.source(task), task.build_dir, self.variables)
+
+        return ProcessRunner(self._environment, begin, self._install)
+
+    def _environment(self, task: Task) -> Mapping[str, str]:
+        below = [(need, self.layout.prefix(need)) for need in task.needs]
+        found = build_environment(below, self.variables)
         found["FORGE_COMMAND"] = f"{sys.executable};-m;forge"
-        found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, variables)
-        return {name: value for name, value in found.items() if value or name in variables}
+        found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
+        return {name: value for name, value in found.items() if value or name in self.variables}
 
-    def begin(task: Task) -> None:
-        installation.uninstall_markers(task.name, layout)
+    def _begin(self, task: Task) -> None:
+        installation.uninstall_markers(task.name, self.layout)
         _clear(task)
-        began = records.began(task.name)
+        began = self.records.began(task.name)
         if began is not None:
-            _wake(records.source(task), began)
+            _wake(self.records.source(task), began)
 
-    def install(task: Task) -> Record:
+    def _install(self, task: Task) -> Record:
         needs = set(task.package.manifest.names(RUN_KINDS))
         # A name that an embedded package answers to is recorded with the package it stands for.
-        needs |= {need for need in provision.needs[task.name] if provision.packages[need].embedded}
-        installation.install_package(task.package, layout, tuple(sorted(needs)), interpreter)
-        return records.make(task)
-
-    return ProcessRunner(environment, begin, install)
+        packages = self.provision.packages
+        needs |= {need for need in self.provision.needs[task.name] if packages[need].embedded}
+        installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
+        return self.records.make(task)
 
 
 def _clear(task: Task) -> None:

@@ -17,9 +17,10 @@ from forge.interpreter import find_interpreter, require_modules
 from forge.planning import Standing
 from forge.prefixes import find_underlays
 from forge.provision import missing_problems
-from forge.recipes.cmake import jobs_given
+from forge.recipes.cmake import common_arguments, jobs_given
 from forge.recipes.kitchen import Kitchen
 from forge.sourcing import workspace_environment
+from forge.toolchain import Toolchain
 from forge.tools import find_tools, identities
 from forge.workspace import warn
 
@@ -101,6 +102,13 @@ def prepare(
         environment_generator=variables.get("CMAKE_GENERATOR"),
     )
     return kitchen, interpreter
+
+
+def toolchain_of(kitchen: Kitchen) -> Toolchain | None:
+    """Return what spares new packages the examination of the compilers; None without CMake."""
+    if kitchen.cmake is None:
+        return None
+    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), kitchen.tools)
 
 
 def standing(

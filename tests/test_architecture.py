@@ -22,7 +22,7 @@ FLOORS = {
     4: "__main__ cli commands commands.* options preparation workspace",
     3: """
         digests discovery execution explaining externals installation installed interpreter jobs journal
-        prefixes records reporting runner snapshot sourcing tools transcript wheels
+        prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
         interfaces.records interfaces.sources interfaces.writing
     """,
     2: """

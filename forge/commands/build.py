@@ -14,10 +14,17 @@ from forge.errors import Problem, SelectionError, raise_if_any
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
-from forge.jobs import job_runner
+from forge.jobs import Jobs
 from forge.names import did_you_mean
 from forge.planning import make_plan, wanted_names
-from forge.preparation import build_variables, prepare, processors, refuse_what_cannot_work, standing
+from forge.preparation import (
+    build_variables,
+    prepare,
+    processors,
+    refuse_what_cannot_work,
+    standing,
+    toolchain_of,
+)
 from forge.records import open_records
 from forge.reporting import HANDLERS, Report
 from forge.schedule import Board
@@ -69,7 +76,8 @@ def run(options: argparse.Namespace) -> int:
             return 0
         with closing(open_transcript(layout.logs, "build", sys.argv)) as transcript:
             report = Report(plan, loaded.packages, handlers, transcript.folder)
-            runner = job_runner(loaded.provision, layout, interpreter, variables, records)
+            jobs = Jobs(loaded.provision, layout, interpreter, variables, records)
+            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
             try:
                 for event in execute(plan, runner, _board(plan, options), records.settle):
                     records.take(event, plan)
@@ -100,6 +108,9 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
     group.add_argument(
         "--ament-cmake-args", nargs="*", default=[], metavar="ARG", help="to ament_cmake packages"
+    )
+    group.add_argument(
+        "--no-toolchain-cache", action="store_true", help="let CMake examine the compilers for every package"
     )
     group.add_argument(
         "--cmake-force-configure", action="store_true", help="configure even when nothing changed"

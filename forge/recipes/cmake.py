@@ -47,6 +47,11 @@ def leftovers(build: Path) -> tuple[Path, ...]:
     return (build / "CMakeCache.txt", build / "CMakeFiles" / "[0-9]*")
 
 
+def common_arguments(kitchen: Kitchen) -> tuple[str, ...]:
+    """Return what is said to CMake for every new build folder."""
+    return (*_generator(kitchen, kitchen.cmake_args, ""), *kitchen.cmake_args)
+
+
 def handover_folder(build_dir: Path) -> Path:
     """Return where forge puts what it hands to CMake."""
     return build_dir / "handover"

@@ -1,0 +1,115 @@
+"""The compilers' facts, found out once per build folder and handed to every new package.
+
+CMake asks a compiler for its version, its search paths and its word size in some ten small compilations
+whenever it configures a new folder: 0.2 s for each package. It keeps the answers in CMakeFiles/VERSION/ and
+in its cache, and believes them in a folder that has both. A reference project that does nothing but
+enable C and C++ is configured once for each set of options, compilers and variables; its answers are
+copied into new folders whose CMakeLists.txt cannot have wanted others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+import threading
+from typing import TYPE_CHECKING
+
+from forge.files import replace_file
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from forge.model import Pairs
+
+FOLDER = "forge_toolchain"
+
+_PROJECT = """\
+# forge asks CMake here, once for all packages, what the compilers are.
+cmake_minimum_required(VERSION 3.18)
+project(forge_toolchain C CXX)
+"""
+# What belongs to the reference project itself, or is said anew for each package.
+_OWN = re.compile(
+    r"^(forge_toolchain_.*|CMAKE_PROJECT_.*|CMAKE_HOME_DIRECTORY|CMAKE_CACHEFILE_DIR|CMAKE_INSTALL_PREFIX"
+    r"|CMAKE_FIND_PACKAGE_REDIRECTS_DIR|CMAKE_NUMBER_OF_MAKEFILES):"
+)
+_COMMENT = re.compile(r"#\[\[.*?\]\]|#[^\n]*", re.DOTALL)
+_HARMLESS = re.compile(
+    r"\s*(cmake_minimum_required\s*\([^()]*\)|set\s*\(\s*(?!CMAKE_|ENV\b)\w+[^()$]*\))", re.IGNORECASE
+)
+_BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
+
+
+class Toolchain:
+    """The answers for one build; the first package that wants them waits for the reference project."""
+
+    def __init__(self, build: Path, cmake: Path, arguments: tuple[str, ...], tools: Pairs) -> None:
+        """Tell apart by what is asked of CMake and by which programs are there; nothing runs yet."""
+        said = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in tools)))
+        self._home = build / FOLDER / hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
+        self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
+        self._lock = threading.Lock()
+        self._asked = False
+
+    def seed(self, source: Path, build: Path, variables: Mapping[str, str]) -> bool:
+        """Copy the answers into a build folder that CMake does not know yet; tell if that was done."""
+        if (build / "CMakeCache.txt").exists() or not wants_the_usual(source):
+            return False
+        with self._lock:
+            if not self._asked:
+                self._ask(variables)
+                self._asked = True
+        answers = self._answers()
+        if answers is None:
+            return False
+        (build / "CMakeFiles").mkdir(parents=True, exist_ok=True)
+        target = build / "CMakeFiles" / answers.name
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(answers, target, ignore=shutil.ignore_patterns("CompilerId*"))
+        replace_file(build / "CMakeCache.txt", self._cache())
+        return True
+
+    def _ask(self, variables: Mapping[str, str]) -> None:
+        """Configure the reference project, unless an earlier build did."""
+        if self._answers() is not None:
+            return
+        shutil.rmtree(self._home, ignore_errors=True)
+        replace_file(self._home / "CMakeLists.txt", _PROJECT.encode())
+        subprocess.run(
+            self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
+        )
+
+    def _answers(self) -> Path | None:
+        """Return the folder of answers, or None when there are none: then every package asks itself."""
+        build = self._home / "build"
+        # Written last, and only when both compilers work.
+        if not any((build / name).is_file() for name in ("build.ninja", "Makefile")):
+            return None
+        return next(build.glob("CMakeFiles/[0-9]*"), None)
+
+    def _cache(self) -> bytes:
+        """Return the reference project's cache without what is its own."""
+        text = (self._home / "build" / "CMakeCache.txt").read_text(encoding="utf-8")
+        lines = [
+            line for line in text.splitlines() if not line.startswith(("//", "#")) and not _OWN.match(line)
+        ]
+        return ("\n".join(line for line in lines if line) + "\n").encode()
+
+
+def wants_the_usual(source: Path) -> bool:
+    """Tell if nothing that stands before project() can bear on the compilers.
+
+    A package that sets a toolchain or a compiler by itself, or includes a file that might, is asked as
+    CMake always does.
+    """
+    try:
+        text = _COMMENT.sub("", (source / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        return False
+    while match := _HARMLESS.match(text):
+        text = text[match.end() :]
+    project = _BEGINS_WITH_PROJECT.match(text)
+    return project is not None and not re.search(r"\bNONE\b", project.group())
