@@ -165,12 +165,14 @@ def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list
         lines.append("from builtins import property as _property")
     if lines:
         lines.append("")
-    if "numpy" in needs:
-        lines += ["import numpy as _numpy", "from forge_rosidl import arrays as _arrays"]
+    lines += ["import numpy as _numpy"] * ("numpy" in needs)
+    lines += ["from numpy import zeros as _zeros"] * ("zeros" in needs)
+    lines += ["from forge_rosidl import arrays as _arrays"] * ("arrays" in needs)
     lines += ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
     if any(view.fields for view in views):
         lines.append("from rosidl_parser import definition as _definition")
-    return lines
+    empty = sorted(need for need in needs if need.startswith("no_"))
+    return lines + [f"from forge_rosidl.empty import {word} as _{word}" for word in empty]
 
 
 def _decorator(messages: Sequence[Message]) -> str:

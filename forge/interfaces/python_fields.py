@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isinf
 from typing import TYPE_CHECKING, Final
 
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
@@ -47,14 +48,13 @@ class FieldView:
     """A field as the template shows it; every text is finished."""
 
     name: str
-    parameter: str
     type_text: str
     slot_type: str
     build: tuple[str, ...]
     accept: tuple[str, ...]
     default: str | None
     needs: frozenset[str]
-    """Which of 'array' and 'numpy' the texts use."""
+    """What the texts use of others: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and its like."""
 
     @property
     def default_name(self) -> str:
@@ -67,74 +67,92 @@ def view_field(field: Field, scope: Scope) -> FieldView:
     default = None if field.default is None else literal(field.type, field.default)
     return FieldView(
         name=field.name,
-        parameter=f"{field.name}={_parameter(field)}",
         type_text=repr(type_text(field.type)),
         slot_type=slot_type(field.type),
         build=_build(field, scope),
         accept=_accept(field, scope.classes),
         default=default,
-        needs=_needs(field.type),
+        needs=_needs(field),
     )
 
 
-def _parameter(field: Field) -> str:
-    """Return the constructor's default: the value, or '...' where each message needs its own object."""
-    if isinstance(field.type, Array | Sequence | Named):
-        return "..."
-    return scalar(field.type, field.default) if field.default is not None else zero(field.type)
-
-
-def _needs(type_: Type) -> frozenset[str]:
-    if numeric(type_) is None:
+def _needs(field: Field) -> frozenset[str]:
+    number, own = numeric(field.type), field.default is None
+    if number is None:
         return frozenset()
-    return frozenset({"numpy"} if isinstance(type_, Array) else {"array"})
+    if isinstance(field.type, Array):
+        words = {"arrays": True, "zeros": own, "numpy": number != "double" or not own}
+    else:
+        words = {"array": not (own and _bound(field.type, "")), f"no_{number}": own}
+    return frozenset(word for word, used in words.items() if used)
 
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
-    """Return the constructor's lines for the field: a short way in, and the property's long one."""
+    """Return the constructor's lines for a field: nothing given, a short way in, the property's long one."""
     name, slot = field.name, f"{scope.own}._{field.name}"
-    checked = f"{scope.own}.{name} = {name}"
-    if isinstance(field.type, Array | Sequence | Named):
-        made = None if field.default is not None else _convert(field)
-        return (
-            f"if {name} is ...:",
-            f"    {slot} = {_own_value(field, scope)}",
-            "else:",
-            f"    {slot} = {made}" if made else f"    {checked}",
-        )
-    if not scope.direct:
-        return (checked,)
-    tests = " and ".join(_tests(field.type, name))
-    return (f"if {tests}:", f"    {slot} = {name}", "else:", f"    {checked}")
+    # A default that no message can hold is told by the property.
+    target = slot if _fits(field) else f"{scope.own}.{name}"
+    lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
+    short = None
+    if numeric(field.type) and field.default is None:
+        return (*lines, "else:", f"    {slot} = {_convert(field)}")
+    if scope.direct and not isinstance(field.type, Array | Sequence):
+        short = _short_test(field.type, scope.classes, name)
+    if short:
+        lines += [f"elif {short}:", f"    {slot} = {name}"]
+    return (*lines, "else:", f"    {scope.own}.{name} = {name}")
+
+
+def _fits(field: Field) -> bool:
+    """Tell if a default is in the range of its type; literals of float32 may not be."""
+    if field.type != Primitive("float") or not isinstance(field.default, float):
+        return True
+    return not abs(field.default) > float(FLOAT_MAX) or isinf(field.default)
+
+
+def _short_test(type_: Type, classes: Mapping[TypeName, str], word: str) -> str:
+    """Return the condition under which a single value needs no closer look."""
+    if isinstance(type_, Named):
+        return f"{word}.__class__ is {classes[type_.name]}"
+    return " and ".join(_tests(type_, word))
 
 
 def _own_value(field: Field, scope: Scope) -> str:
-    """Return the expression for a default object that no other message shares."""
-    number = numeric(field.type)
-    if field.default is not None:
-        copied = ".copy()" if number and isinstance(field.type, Array) else "[:]"
+    """Return the expression for the value of a field that was not given; no other message shares it."""
+    if isinstance(field.type, Array | Sequence) and field.default is not None:
+        copied = ".copy()" if numeric(field.type) and isinstance(field.type, Array) else "[:]"
         return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
     match field.type:
+        case Array():
+            return _zeros(field.type, scope)
+        case Sequence():
+            return f"_no_{numeric(field.type)}[:]" if numeric(field.type) else "[]"
         case Named(name):
             return f"{scope.classes[name]}()"
-        case Array(_, size) if number:
-            return f"_numpy.zeros({size}, _numpy.{DTYPES[number]})"
-        case Array(Named(name), size):
-            return f"_messages.several({scope.classes[name]}, {size})"
-        case Array(of, size):
-            return f"[{zero(of)}] * {size}"
-        case _:
-            return f"_array({TYPE_CODES[number]!r})" if number else "[]"
+        case single:
+            return zero(single) if field.default is None else scalar(single, field.default)
 
 
-def _convert(field: Field) -> str | None:
-    """Return the call that makes an array of what the constructor was given, or None."""
-    number = numeric(field.type)
-    if number is None:
-        return None
+def _zeros(type_: Array, scope: Scope) -> str:
+    match numeric(type_), type_.of:
+        case "double", _:
+            return f"_zeros({type_.size})"  # numpy's own type, which it is fastest with
+        case str(number), _:
+            return f"_zeros({type_.size}, _numpy.{DTYPES[number]})"
+        case _, Named(name):
+            return f"_messages.several({scope.classes[name]}, {type_.size})"
+        case _, of:
+            return f"[{zero(of)}] * {type_.size}"
+
+
+def _convert(field: Field) -> str:
+    """Return the call that makes an array of what the constructor was given."""
+    number = numeric(field.type) or ""
     if isinstance(field.type, Array):
         return f"_arrays.new_array({field.name!r}, {field.name}, {number!r}, {field.type.size})"
-    return f"_checks.new_numbers({field.name!r}, {field.name}, {number!r}{_bound(field.type, '')})"
+    if isinstance(field.type, Sequence) and field.type.bound is not None:
+        return f"_checks.new_numbers({field.name!r}, {field.name}, {number!r}, {field.type.bound})"
+    return f"_array({TYPE_CODES[number]!r}, {field.name})"
 
 
 def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:

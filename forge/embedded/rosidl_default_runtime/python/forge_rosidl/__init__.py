@@ -2,5 +2,6 @@
 
 messages    base classes and metaclasses of messages, services and actions
 checks      what a field accepts
-arrays      the same for fixed-size numeric arrays; the one module that imports numpy
+empty       what sequences of numbers start as
+arrays      the checks of fixed-size numeric arrays; the one module that imports numpy
 """

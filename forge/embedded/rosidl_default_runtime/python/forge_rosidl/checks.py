@@ -185,19 +185,22 @@ def elements(
     ), f"{_must(name, size, bound)} and each value of type '{kind.python.__name__}' and each {kind.range}"
 
 
-def _fits(value: object, size: int | None, bound: int | None) -> bool:
+def _fits(value: Any, size: int | None, bound: int | None) -> bool:
     """Tell if the value is a collection, no text, of a length that the field can take."""
-    return (
-        isinstance(value, Sequence | AbstractSet | UserList)
-        and not isinstance(value, str | UserString)
-        and (size is None or len(value) == size)
-        and (bound is None or len(value) <= bound)
-    )
+    # A list, as nearly always, is known without a search through abstract classes.
+    if value.__class__ is not list and not _is_collection(value):
+        return False
+    return (size is None or len(value) == size) and (bound is None or len(value) <= bound)
+
+
+def _is_collection(value: object) -> bool:
+    return isinstance(value, Sequence | AbstractSet | UserList) and not isinstance(value, str | UserString)
 
 
 def _all_of(value: Any, class_: type) -> bool:
     """Tell if all elements are of the class; there are few classes, however many elements."""
-    return all(issubclass(found, class_) for found in set(map(type, value)))
+    found = set(map(type, value))
+    return found <= {class_} or all(issubclass(each, class_) for each in found)
 
 
 def _is_raw(value: object, kind: Number) -> bool:

@@ -39,6 +39,8 @@ class Watch_Goal(_messages.Message, metaclass=Metaclass_Watch_Goal):
             _checks.refuse(_unknown)
         if first is ...:
             self._first = Reading()
+        elif first.__class__ is Reading:
+            self._first = first
         else:
             self.first = first
 
@@ -106,6 +108,8 @@ class Watch_Feedback(_messages.Message, metaclass=Metaclass_Watch_Feedback):
             _checks.refuse(_unknown)
         if latest is ...:
             self._latest = Reading()
+        elif latest.__class__ is Reading:
+            self._latest = latest
         else:
             self.latest = latest
 
@@ -153,10 +157,14 @@ class Watch_SendGoal_Request(_messages.Message, metaclass=Metaclass_Watch_SendGo
             _checks.refuse(_unknown)
         if goal_id is ...:
             self._goal_id = UUID()
+        elif goal_id.__class__ is UUID:
+            self._goal_id = goal_id
         else:
             self.goal_id = goal_id
         if goal is ...:
             self._goal = Watch_Goal()
+        elif goal.__class__ is Watch_Goal:
+            self._goal = goal
         else:
             self.goal = goal
 
@@ -206,18 +214,22 @@ class Watch_SendGoal_Response(_messages.Message, metaclass=Metaclass_Watch_SendG
     def __init__(
         self,
         *,
-        accepted=False,
+        accepted=...,
         stamp=...,
         **_unknown,
     ):
         if _unknown:
             _checks.refuse(_unknown)
-        if accepted.__class__ is bool:
+        if accepted is ...:
+            self._accepted = False
+        elif accepted.__class__ is bool:
             self._accepted = accepted
         else:
             self.accepted = accepted
         if stamp is ...:
             self._stamp = Time()
+        elif stamp.__class__ is Time:
+            self._stamp = stamp
         else:
             self.stamp = stamp
 
@@ -271,6 +283,8 @@ class Watch_GetResult_Request(_messages.Message, metaclass=Metaclass_Watch_GetRe
             _checks.refuse(_unknown)
         if goal_id is ...:
             self._goal_id = UUID()
+        elif goal_id.__class__ is UUID:
+            self._goal_id = goal_id
         else:
             self.goal_id = goal_id
 
@@ -310,18 +324,22 @@ class Watch_GetResult_Response(_messages.Message, metaclass=Metaclass_Watch_GetR
     def __init__(
         self,
         *,
-        status=0,
+        status=...,
         result=...,
         **_unknown,
     ):
         if _unknown:
             _checks.refuse(_unknown)
-        if status.__class__ is int and -128 <= status <= 127:
+        if status is ...:
+            self._status = 0
+        elif status.__class__ is int and -128 <= status <= 127:
             self._status = status
         else:
             self.status = status
         if result is ...:
             self._result = Watch_Result()
+        elif result.__class__ is Watch_Result:
+            self._result = result
         else:
             self.result = result
 
@@ -379,10 +397,14 @@ class Watch_FeedbackMessage(_messages.Message, metaclass=Metaclass_Watch_Feedbac
             _checks.refuse(_unknown)
         if goal_id is ...:
             self._goal_id = UUID()
+        elif goal_id.__class__ is UUID:
+            self._goal_id = goal_id
         else:
             self.goal_id = goal_id
         if feedback is ...:
             self._feedback = Watch_Feedback()
+        elif feedback.__class__ is Watch_Feedback:
+            self._feedback = feedback
         else:
             self.feedback = feedback
 

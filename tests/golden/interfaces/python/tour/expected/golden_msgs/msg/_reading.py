@@ -2,11 +2,12 @@
 
 from array import array as _array
 
-import numpy as _numpy
+from numpy import zeros as _zeros
 from forge_rosidl import arrays as _arrays
 from forge_rosidl import checks as _checks
 from forge_rosidl import messages as _messages
 from rosidl_parser import definition as _definition
+from forge_rosidl.empty import no_float as _no_float
 from std_msgs.msg._header import Header
 
 
@@ -61,8 +62,8 @@ class Reading(_messages.Message, metaclass=Metaclass_Reading):
         self,
         *,
         header=...,
-        kind=1,
-        value=0.0,
+        kind=...,
+        value=...,
         covariance=...,
         history=...,
         tags=...,
@@ -72,24 +73,30 @@ class Reading(_messages.Message, metaclass=Metaclass_Reading):
             _checks.refuse(_unknown)
         if header is ...:
             self._header = Header()
+        elif header.__class__ is Header:
+            self._header = header
         else:
             self.header = header
-        if kind.__class__ is int and 0 <= kind <= 255:
+        if kind is ...:
+            self._kind = 1
+        elif kind.__class__ is int and 0 <= kind <= 255:
             self._kind = kind
         else:
             self.kind = kind
-        if value.__class__ is float:
+        if value is ...:
+            self._value = 0.0
+        elif value.__class__ is float:
             self._value = value
         else:
             self.value = value
         if covariance is ...:
-            self._covariance = _numpy.zeros(4, _numpy.float64)
+            self._covariance = _zeros(4)
         else:
             self._covariance = _arrays.new_array('covariance', covariance, 'double', 4)
         if history is ...:
-            self._history = _array('f')
+            self._history = _no_float[:]
         else:
-            self._history = _checks.new_numbers('history', history, 'float')
+            self._history = _array('f', history)
         if tags is ...:
             self._tags = self.TAGS__DEFAULT[:]
         else:

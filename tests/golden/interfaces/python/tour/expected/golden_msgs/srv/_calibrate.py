@@ -27,12 +27,14 @@ class Calibrate_Request(_messages.Message, metaclass=Metaclass_Calibrate_Request
     def __init__(
         self,
         *,
-        force=False,
+        force=...,
         **_unknown,
     ):
         if _unknown:
             _checks.refuse(_unknown)
-        if force.__class__ is bool:
+        if force is ...:
+            self._force = False
+        elif force.__class__ is bool:
             self._force = force
         else:
             self.force = force
@@ -70,12 +72,14 @@ class Calibrate_Response(_messages.Message, metaclass=Metaclass_Calibrate_Respon
     def __init__(
         self,
         *,
-        success=False,
+        success=...,
         **_unknown,
     ):
         if _unknown:
             _checks.refuse(_unknown)
-        if success.__class__ is bool:
+        if success is ...:
+            self._success = False
+        elif success.__class__ is bool:
             self._success = success
         else:
             self.success = success
