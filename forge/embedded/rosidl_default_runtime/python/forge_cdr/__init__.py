@@ -34,14 +34,10 @@ _LAZY: Final = 4095
 
 _NO_LIMIT: Final = sys.maxsize
 _REFUSALS: Final = (
-    _StructError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    LookupError,
-    OverflowError,
-    BufferError,
+    *(_StructError, BufferError, OverflowError, ValueError),
+    *(AttributeError, LookupError, TypeError),
 )
+"""What the fast way fails with when it meets something else than it expects."""
 
 
 def serialize(message: object) -> bytes:

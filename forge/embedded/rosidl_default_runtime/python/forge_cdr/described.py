@@ -71,7 +71,8 @@ def _fields(class_: Any) -> Iterator[tuple[str, Any]]:
 
 def _class_of(owner: type, type_: Any) -> Any:
     """Return the class of a field; parts of an action are in its module and nowhere else."""
-    namespace = ".".join(type_.namespaces)
+    # Types that forge.interfaces.load has made are below a package of their own.
+    namespace = ".".join([*owner.__module__.split(".")[:-3], *type_.namespaces])
     found: Any = getattr(sys.modules[owner.__module__], type_.name, None)
     if found is None or found.__module__.rpartition(".")[0] != namespace:
         found = getattr(import_module(namespace), type_.name)
@@ -264,7 +265,7 @@ class _Reader(_Walk):
 
     def numbers(self, code: str, size: int) -> array[Any]:
         """Read numbers side by side."""
-        made = array(code)
+        made: array[Any] = array(code)
         if size:
             self.align(made.itemsize)
             made.frombytes(self.take(size * made.itemsize))

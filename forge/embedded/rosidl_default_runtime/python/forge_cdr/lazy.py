@@ -22,7 +22,7 @@ class Postponed(NamedTuple):
     """What a slot holds until its array is made."""
 
     view: memoryview
-    code: str
+    code: Any
 
 
 def postpone(message: Any, slot: str, view: memoryview, code: str) -> None:
@@ -47,7 +47,8 @@ class _Lazy:
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         """Copy and pickle the message as one of its own class."""
-        for slot in self.__class__.__slots__:
+        slots: tuple[str, ...] = self.__class__.__slots__
+        for slot in slots:
             getattr(self, slot)
         return self.__reduce_ex__(protocol)
 
@@ -55,8 +56,8 @@ class _Lazy:
 @cache
 def _lazy_class(class_: Any) -> Any:
     """Return the hidden class of a message class."""
-    slots = zip(class_.__slots__, class_.SLOT_TYPES, strict=True)
-    members = {slot: vars(class_)[slot] for slot, type_ in slots if _may_wait(type_)}
+    types: dict[str, Any] = dict(zip(class_.__slots__, class_.SLOT_TYPES, strict=True))
+    members = {slot: vars(class_)[slot] for slot, type_ in types.items() if _may_wait(type_)}
     names: dict[str, Any] = {slot: _property(member, members) for slot, member in members.items()}
     names |= {"__slots__": (), "__module__": class_.__module__, "__class__": property(lambda _: class_)}
     made = type(class_)(class_.__name__, (_Lazy, class_), names)
