@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 import time
@@ -51,7 +52,7 @@ class Jobs:
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = [(need, self.layout.prefix(need)) for need in task.needs]
         found = build_environment(below, self.variables)
-        found["FORGE_COMMAND"] = f"{sys.executable};-m;forge"
+        found["FORGE_COMMAND"] = shlex.join((sys.executable, "-m", "forge"))
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
         return {name: value for name, value in found.items() if value or name in self.variables}
 
