@@ -12,6 +12,7 @@ import platform
 import sys
 import tempfile
 import timeit
+from compileall import compile_dir
 from importlib import import_module
 from math import prod
 from pathlib import Path
@@ -81,6 +82,7 @@ def _generate(out: Path) -> Path:
         words = ("--package", package, "--output", str(out), "--lang", "python", str(library.folder(package)))
         if forge(("interface", "generate", *words)):
             raise SystemExit(1)
+    compile_dir(out, quiet=1)  # as after a first import, even where Python is told to write no bytecode
     return out / "python"
 
 
