@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 
 FLOORS = {
-    4: "__main__ cli commands commands.* options preparation workspace",
+    4: "__main__ cli commands commands.* options preparation worker workspace",
     3: """
         digests discovery execution explaining externals installation installed interpreter jobs journal
-        prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
+        prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels worker_client
         interfaces.records interfaces.sources interfaces.writing
     """,
     2: """

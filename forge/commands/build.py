@@ -24,6 +24,7 @@ from forge.preparation import (
     refuse_what_cannot_work,
     standing,
     toolchain_of,
+    warm_worker,
 )
 from forge.records import open_records
 from forge.reporting import HANDLERS, Report
@@ -74,9 +75,12 @@ def run(options: argparse.Namespace) -> int:
             print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
         if options.dry_run:
             return 0
-        with closing(open_transcript(layout.logs, "build", sys.argv)) as transcript:
+        with (
+            closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
+            warm_worker(plan) as found_by,
+        ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
-            jobs = Jobs(loaded.provision, layout, interpreter, variables, records)
+            jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
             runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
             try:
                 for event in execute(plan, runner, _board(plan, options), records.settle):
