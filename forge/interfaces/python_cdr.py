@@ -120,7 +120,7 @@ def _shared_imports(text: str) -> list[str]:
 
 def _constants(text: str) -> list[str]:
     """Return the lines for what functions look up without going through another module."""
-    names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"\b_{name}\b", text)]
+    names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"_{name}\b", text)]
     return [f"_{name} = _pieces.{name}" for name in names]
 
 
