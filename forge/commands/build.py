@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
-from forge.errors import Problem, SelectionError, raise_if_any
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
 from forge.jobs import Jobs
-from forge.names import did_you_mean
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
@@ -27,7 +25,7 @@ from forge.preparation import (
     warm_worker,
 )
 from forge.records import open_records
-from forge.reporting import HANDLERS, Report
+from forge.reporting import Report, handlers_of
 from forge.schedule import Board
 from forge.snapshot import take_snapshot
 from forge.transcript import open_transcript
@@ -54,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     """Build; returns 0, 1 when a package failed, 2 when an interface definition is wrong."""
     begun = time.monotonic()
     root = Path.cwd()
-    handlers = _handlers(options.event_handlers)
+    handlers = handlers_of(options.event_handlers)
     layout = shared.layout_of(options, root)
     if options.print_command:
         print(last_command(layout, options.print_command))
@@ -134,19 +132,3 @@ def _add_what_to_see(parser: Parser) -> None:
 def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
     limit = 1 if options.executor == "sequential" else options.parallel_workers
     return Board(plan, limit, continue_on_error=options.continue_on_error)
-
-
-def _handlers(words: list[str]) -> dict[str, bool]:
-    """Return which event handlers are on; raises SelectionError for one that nobody knows."""
-    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
-    raise_if_any(
-        (
-            Problem(
-                f"--event-handlers takes names with '+' or '-' at the end, not '{word}'",
-                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
-            )
-            for word in unknown
-        ),
-        SelectionError,
-    )
-    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
