@@ -226,7 +226,7 @@ class _Reader:
         if block.of.name in _CONVERSIONS:
             return f"_pieces.{_CONVERSIONS[block.of.name]}({raw})"
         dtype = self.lines.table(DTYPES[block.of.name], f"_numpy.dtype({DTYPES[block.of.name]!r})")
-        return f"_numpy.ndarray({block.type.size}, {dtype}, bytearray({raw}))"
+        return f"_ndarray(({block.type.size},), {dtype}, bytearray({raw}))"
 
     def _check_end(self, length: str) -> str:
         """Add the lines that make sure of that many bytes; return the name of the offset behind them."""
@@ -275,7 +275,8 @@ class _Reader:
         self.lines.add(
             f"if {end} - o <= limit:",
             f"    {self._slot(unit.path)} = {name} = {empty}[:]",
-            f"    {name}.frombytes(view[o:{end}])",
+            f"    if {self._counts[unit.path]}:",
+            f"        {name}.frombytes(view[o:{end}])",
             "else:",
             f"    _lazy.postpone({owner}, '_{unit.path[-1]}', view[o:{end}], {code!r})",
         )

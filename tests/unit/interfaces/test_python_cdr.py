@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, given, settings
 
 from forge.files import write_if_changed
 from forge.interfaces import python_cdr, python_package
+from forge.interfaces.loading import load
 from forge.interfaces.unfolding import LARGE
 from tests.conftest import GOLDEN, Golden
 from tests.generated import catalog_of, generate_embedded, importable, probe_catalog, run_python
@@ -420,6 +421,30 @@ def test_classes_without_generated_serializers_are_read_by_their_description(cdr
     read = cdr.deserialize(body("02000000 7800 0100 0200"), Foreign)
     assert (read._name, read._numbers.tolist()) == ("x", [1, 2])
     assert cdr.serialize(read) == body("02000000 7800 0100 0200")
+
+
+def test_classes_made_at_run_time_are_read_and_written(cdr: Any) -> None:
+    text = f"""Around[] many
+===
+MSG: mine/Around
+Large large
+std_msgs/Header header
+===
+MSG: mine/Large
+{LARGE_TEXT}
+===
+MSG: std_msgs/Header
+string only
+""".replace("===", 80 * "=")
+    types = load(text, "mine/msg/Top")
+    around = types["mine/msg/Around"](header=types["std_msgs/msg/Header"](only="here"))
+    message = types["mine/msg/Top"](many=[around, around])
+    data = cdr.serialize(message)
+    assert fast("writer", type(message))(message) == data
+    assert cdr.deserialize(data, type(message)) == message
+    described: Any = import_module("forge_cdr.described")
+    assert described.read(data, type(message)) == message
+    assert described.write(message) == data
 
 
 def test_a_service_is_not_a_message(cdr: Any) -> None:

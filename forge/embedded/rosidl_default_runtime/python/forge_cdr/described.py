@@ -72,8 +72,9 @@ def _fields(class_: Any) -> Iterator[tuple[str, Any]]:
 
 def _class_of(owner: type, type_: Any) -> Any:
     """Return the class of a field; parts of an action are in its module and nowhere else."""
-    # Types that forge.interfaces.load has made are below a package of their own.
-    namespace = ".".join([*owner.__module__.split(".")[:-3], *type_.namespaces])
+    # Classes made at run time are below a package of their own: root.package.kind._module.
+    root = owner.__module__.split(".")[:-3]
+    namespace = ".".join((*root, *type_.namespaces))
     found: Any = getattr(sys.modules[owner.__module__], type_.name, None)
     if found is None or found.__module__.rpartition(".")[0] != namespace:
         found = getattr(import_module(namespace), type_.name)

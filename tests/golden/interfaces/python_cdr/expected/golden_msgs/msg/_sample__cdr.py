@@ -13,6 +13,7 @@ from golden_msgs.msg._sample import Sample
 from std_msgs.msg._header import Header
 
 _new = object.__new__
+_ndarray = _numpy.ndarray
 _HEADER = _pieces.HEADER
 _LITTLE_ENDIAN = _pieces.LITTLE_ENDIAN
 
@@ -119,7 +120,7 @@ def reader_Sample():
         if nul:
             header_frame_id = _pieces.unterminated(header_frame_id, nul)
         header._frame_id = header_frame_id.decode()
-        message._axes = _numpy.ndarray(3, float32, bytearray(axes))
+        message._axes = _ndarray((3,), float32, bytearray(axes))
         end = o + 12 * points_size
         if end > size:
             raise _pieces.Refused
@@ -165,7 +166,8 @@ def reader_Sample():
             raise _pieces.Refused
         if end_3 - o <= limit:
             message._weights = weights = no_double[:]
-            weights.frombytes(view[o:end_3])
+            if weights_size:
+                weights.frombytes(view[o:end_3])
         else:
             _lazy.postpone(message, '_weights', view[o:end_3], 'd')
         o = end_3
