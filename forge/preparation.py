@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,9 +28,11 @@ from forge.workspace import warn
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping, Sequence
+    from contextlib import AbstractContextManager
 
     from forge.interpreter import Interpreter
     from forge.layout import Layout
+    from forge.model import BuildPlan
     from forge.workspace import Loaded
 
 INTERFACE_GROUP = "rosidl_interface_packages"
@@ -92,6 +95,7 @@ def prepare(
         python=interpreter.path,
         site_packages=interpreter.site_packages,
         forge=(sys.executable, "-m", "forge"),
+        generator=(sys.executable, "-S", "-E", str(Path(__file__).with_name("worker_client.py"))),
         jobs=0 if jobs_given(variables.get("MAKEFLAGS", "")) else processors(),
         tools=identities(tools, interpreter.path, variables),
         cmake=tools.cmake if tools else None,
@@ -109,6 +113,18 @@ def toolchain_of(kitchen: Kitchen) -> Toolchain | None:
     if kitchen.cmake is None:
         return None
     return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), kitchen.tools)
+
+
+def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
+    """Return what starts a worker for the plan's interface packages and gives the variables to find it.
+
+    Without such packages there is nothing to start, and nothing to find.
+    """
+    if not any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
+        return nullcontext({})
+    from forge.worker import worker  # noqa: PLC0415  (the usual build has none)
+
+    return worker()
 
 
 def standing(

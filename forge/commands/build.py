@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
-from forge.errors import Problem, SelectionError, raise_if_any
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
 from forge.jobs import Jobs
-from forge.names import did_you_mean
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
@@ -24,9 +22,10 @@ from forge.preparation import (
     refuse_what_cannot_work,
     standing,
     toolchain_of,
+    warm_worker,
 )
 from forge.records import open_records
-from forge.reporting import HANDLERS, Report
+from forge.reporting import Report, handlers_of
 from forge.schedule import Board
 from forge.snapshot import take_snapshot
 from forge.transcript import open_transcript
@@ -53,7 +52,8 @@ def run(options: argparse.Namespace) -> int:
     """Build; returns 0, 1 when a package failed, 2 when an interface definition is wrong."""
     begun = time.monotonic()
     root = Path.cwd()
-    handlers = _handlers(options.event_handlers)
+    handlers = handlers_of(options.event_handlers)
+    level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     if options.print_command:
         print(last_command(layout, options.print_command))
@@ -70,13 +70,15 @@ def run(options: argparse.Namespace) -> int:
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
         )
         records.confirm(plan, snapshot, outlook)
-        if options.explain or options.dry_run:
-            print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+        _say(plan, options, level)
         if options.dry_run:
             return 0
-        with closing(open_transcript(layout.logs, "build", sys.argv)) as transcript:
+        with (
+            closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
+            warm_worker(plan) as found_by,
+        ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
-            jobs = Jobs(loaded.provision, layout, interpreter, variables, records)
+            jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
             runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
             try:
                 for event in execute(plan, runner, _board(plan, options), records.settle):
@@ -127,22 +129,15 @@ def _add_what_to_see(parser: Parser) -> None:
     )
 
 
+def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
+    """Print what the plan is, where it was asked for: on stdout as an answer, on stderr as talk."""
+    if options.explain or options.dry_run:
+        print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+    elif level <= shared.LOG_LEVELS["info"]:
+        talk = (*explain(plan), *(commands(plan) if level <= shared.LOG_LEVELS["debug"] else ()))
+        print(*talk, sep="\n", file=sys.stderr)
+
+
 def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
     limit = 1 if options.executor == "sequential" else options.parallel_workers
     return Board(plan, limit, continue_on_error=options.continue_on_error)
-
-
-def _handlers(words: list[str]) -> dict[str, bool]:
-    """Return which event handlers are on; raises SelectionError for one that nobody knows."""
-    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
-    raise_if_any(
-        (
-            Problem(
-                f"--event-handlers takes names with '+' or '-' at the end, not '{word}'",
-                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
-            )
-            for word in unknown
-        ),
-        SelectionError,
-    )
-    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}

@@ -9,21 +9,19 @@ from forge.interfaces.model import (
     Action,
     Array,
     File,
-    Message,
     Named,
     Primitive,
     Sequence,
-    Service,
     Text,
-    TypeName,
     element_of,
+    sections_of,
 )
 from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.interfaces.model import Catalog, Element, Field, Interface, Type, Value
+    from forge.interfaces.model import Catalog, Element, Field, Interface, Message, Type, TypeName, Value
 
 _ESCAPES = str.maketrans(
     {
@@ -85,7 +83,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
 
 def idl_text(interface: Interface, origin: str) -> str:
     """Return an interface as IDL; `origin` names the file that it was read from."""
-    messages = _parts(interface)
+    messages = sections_of(interface)
     includes = {
         f"{element.name.package}/{element.name.kind}/{element.name.name}.idl"
         for message in messages
@@ -102,17 +100,6 @@ def idl_text(interface: Interface, origin: str) -> str:
         kind=interface.name.kind,
         structures=[_structure(message) for message in messages],
     )
-
-
-def _parts(interface: Interface) -> tuple[Message, ...]:
-    """Return the sections of the file; what ROS derives from them is not written."""
-    match interface:
-        case Message():
-            return (interface,)
-        case Service(_, request, response):
-            return request, response
-        case Action(_, goal, result, feedback):
-            return goal, result, feedback
 
 
 def _structure(message: Message) -> _Structure:

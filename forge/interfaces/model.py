@@ -218,6 +218,17 @@ def messages_of(interface: Interface) -> Iterator[Message]:
             yield interface.feedback_message
 
 
+def sections_of(interface: Interface) -> tuple[Message, ...]:
+    """Return the messages that stand in the interface's file, without what ROS derives from them."""
+    match interface:
+        case Message():
+            return (interface,)
+        case Service(_, request, response):
+            return request, response
+        case Action(_, goal, result, feedback):
+            return goal, result, feedback
+
+
 def element_of(type_: Type) -> Element:
     """Return the type itself, or that of its elements."""
     return type_.of if isinstance(type_, Array | Sequence) else type_

@@ -112,11 +112,11 @@ class _Reader:
                 if chars:
                     self._text(chars, after, fixed=_fixed_behind(chars, after), last=last)
             case Chars():
-                self._wide(unit)
+                self._wide(unit, last=last)
             case Numbers():
-                self._numbers(unit)
+                self._numbers(unit, last=last)
             case Loop():
-                self._loop(unit)
+                self._loop(unit, last=last)
             case Shared(path, name):
                 self._settle()
                 target = self._slot(path) if path else self.root
@@ -226,7 +226,7 @@ class _Reader:
         if block.of.name in _CONVERSIONS:
             return f"_pieces.{_CONVERSIONS[block.of.name]}({raw})"
         dtype = self.lines.table(DTYPES[block.of.name], f"_numpy.dtype({DTYPES[block.of.name]!r})")
-        return f"_numpy.ndarray({block.type.size}, {dtype}, bytearray({raw}))"
+        return f"_ndarray(({block.type.size},), {dtype}, bytearray({raw}))"
 
     def _check_end(self, length: str) -> str:
         """Add the lines that make sure of that many bytes; return the name of the offset behind them."""
@@ -234,13 +234,19 @@ class _Reader:
         self.lines.add(f"{end} = {self._here} + {length}", f"if {end} > size:", "    raise _pieces.Refused")
         return end
 
-    def _wide(self, unit: Chars) -> None:
+    def _pass(self, end: str, *, last: bool) -> None:
+        """Add the line that goes on behind an offset, unless nothing follows."""
+        if not last:
+            self.lines.add(f"o = {end}")
+
+    def _wide(self, unit: Chars, *, last: bool) -> None:
         self._settle()
         end = self._check_end(f"4 * {self._counts[unit.path]}")
         target = self._slot(unit.path) if unit.path else self.root
-        self.lines.add(f"{target} = _pieces.from_wide(view[o:{end}])", f"o = {end}")
+        self.lines.add(f"{target} = _pieces.from_wide(view[o:{end}])")
+        self._pass(end, last=last)
 
-    def _numbers(self, unit: Numbers) -> None:
+    def _numbers(self, unit: Numbers, *, last: bool) -> None:
         size, array = SIZES[unit.of.name], isinstance(unit.type, Array)
         length = str(unit.type.size * size) if isinstance(unit.type, Array) else self._counts[unit.path]
         if not array and size > 1:
@@ -258,7 +264,7 @@ class _Reader:
             self.lines.add(f"{slot} = _pieces.{_CONVERSIONS[unit.of.name]}(bytes({raw}))")
         else:
             self._sequence(unit, end)
-        self.lines.add(f"o = {end}")
+        self._pass(end, last=last)
 
     def _sequence(self, unit: Numbers, end: str) -> None:
         """Add the lines that copy numbers into an array, or leave them for later where they are many."""
@@ -269,7 +275,8 @@ class _Reader:
         self.lines.add(
             f"if {end} - o <= limit:",
             f"    {self._slot(unit.path)} = {name} = {empty}[:]",
-            f"    {name}.frombytes(view[o:{end}])",
+            f"    if {self._counts[unit.path]}:",
+            f"        {name}.frombytes(view[o:{end}])",
             "else:",
             f"    _lazy.postpone({owner}, '_{unit.path[-1]}', view[o:{end}], {code!r})",
         )
@@ -288,7 +295,7 @@ class _Reader:
         passed = f"o += {padding}" if padding else f"o = {_rounded('o', alignment)}"
         self.lines.add(f"if {number}:", f"    {passed}")
 
-    def _loop(self, unit: Loop) -> None:
+    def _loop(self, unit: Loop, *, last: bool) -> None:
         array = isinstance(unit.type, Array)
         number = str(unit.type.size) if isinstance(unit.type, Array) else self._counts[unit.path]
         run = _batch(unit)
@@ -299,7 +306,7 @@ class _Reader:
             least = f"{unit.body.least} * {number}" if unit.body.least > 1 else number
             self.lines.add(f"if {least} > size - o:", "    raise _pieces.Refused")
         if run:
-            self._batched(unit, run, number)
+            self._batched(unit, run, number, last=last)
         else:
             self._repeated(unit, number)
         self.known, self.number = False, 0
@@ -324,7 +331,7 @@ class _Reader:
             self.lines.add(f"{append}({element})")
         self.lines.back()
 
-    def _batched(self, unit: Loop, run: Run, number: str) -> None:
+    def _batched(self, unit: Loop, run: Run, number: str, *, last: bool) -> None:
         """Add the loop over elements of one size, which are all unpacked in one go."""
         end = self._check_end(f"{sum(piece.size for piece in run.pieces)} * {number}")
         element = self.lines.names.new(singular(unit.path[-1]))
@@ -334,7 +341,7 @@ class _Reader:
         if len(unit.body.inner) == 1:
             self.lines.add("pass")
         self.lines.back()
-        self.lines.add(f"o = {end}")
+        self._pass(end, last=last)
 
     def _make_all(
         self, unit: Loop, number: str, inside: _Reader, values: tuple[Run, str] | tuple[()]

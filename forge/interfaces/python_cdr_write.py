@@ -195,7 +195,7 @@ class _Writer:
                 yield self._count(path, type_)
 
     def _block(self, block: Block) -> str:
-        """Add the line that makes bytes of a small array, and the check that they are as many as there are."""
+        """Add the line that makes bytes of a small array, and the check of their number."""
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
         name = self.lines.names.of(block.path, self.root)

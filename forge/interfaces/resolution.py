@@ -87,7 +87,7 @@ def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> t
     while waiting:
         name = waiting.pop()
         if name not in found:
-            found[name] = _demand(name, known)
+            found[name] = demand(name, known)
             waiting += [reference for _, reference in _references(found[name].interface)]
     return _partial_catalogs(found)
 
@@ -106,7 +106,8 @@ def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
     return messages
 
 
-def _demand(name: TypeName, known: Known) -> Parsed:
+def demand(name: TypeName, known: Known) -> Parsed:
+    """Return an interface that has to be there; raises InterfaceError when it is not."""
     parsed = known.find(name)
     if not parsed:
         hint = f"add <depend>{name.package}</depend> to package.xml"

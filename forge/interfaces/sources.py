@@ -64,9 +64,10 @@ def read_runtime(language: str) -> Iterator[File]:
     place, pattern = _RUNTIMES[language]
     folder = EMBEDDED / "rosidl_default_runtime" / place
     for path in sorted(folder.rglob(pattern)):
-        if path.is_file() and "__pycache__" not in path.parts:
-            relative = path.relative_to(folder).as_posix()
-            yield File(relative, path.read_text(encoding="utf-8"))
+        relative = path.relative_to(folder)
+        # Tools leave their caches in a checkout.
+        if path.is_file() and not any(part.startswith((".", "__pycache__")) for part in relative.parts):
+            yield File(relative.as_posix(), path.read_text(encoding="utf-8"))
 
 
 @dataclass(slots=True)

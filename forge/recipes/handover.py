@@ -59,7 +59,7 @@ def handover(kitchen: Kitchen, manifest: Path) -> str:
         ("PYTHON_EXECUTABLE", python, "FILEPATH", "The same, as older packages call it"),
         ("PYTHON_INSTALL_DIR", quoted(kitchen.site_packages), "STRING", "Where Python modules are installed"),
         ("FORGE_PYTHON_VERSION", quoted(version[1] if version else ""), "STRING", "What that Python is"),
-        ("FORGE_COMMAND", quoted(*kitchen.forge), "STRING", "The words that start forge"),
+        ("FORGE_COMMAND", quoted(*kitchen.generator), "STRING", "The words that start forge"),
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new one generates interfaces anew"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
     )

@@ -20,7 +20,8 @@ class Kitchen:
     `configured` tells of each build folder how it was last configured: (generator, record), both empty
     when it was not; `reconfigure` names packages to configure in any case. `python` is the workspace's
     interpreter, `site_packages` its folder for modules below a prefix. `forge` is the argv that starts
-    this program, `tools` what tells the tools apart from others of their name.
+    this program, `generator` the one that CMake starts for each interface package, `tools` what tells
+    the tools apart from others of their name.
     """
 
     root: Path
@@ -28,6 +29,7 @@ class Kitchen:
     python: Path
     site_packages: str
     forge: tuple[str, ...]
+    generator: tuple[str, ...]
     jobs: int
     tools: Pairs = ()
     cmake: Path | None = None

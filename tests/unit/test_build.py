@@ -172,6 +172,16 @@ def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: P
     assert not (workspace / "install/a").exists()
 
 
+def test_the_log_level_says_why_and_what(forge: Forge, workspace: Path) -> None:
+    assert "a: build, it was" not in forge("build", "--packages-select", "a", cwd=workspace).err
+    assert "a: fresh\n" in forge("--log-level", "info", "build", cwd=workspace).err
+    ran = forge("build", "--force", "--log-level", "10", cwd=workspace)
+    assert f"cd {workspace}/build/a && " in ran.err
+    assert forge("build", cwd=workspace, env={"COLCON_LOG_LEVEL": "INFO"}).err.startswith("a: fresh\n")
+    ran = forge("build", "--log-level", "chatty", cwd=workspace)
+    assert (ran.code, "'chatty' is no log level" in ran.err) == (2, True)
+
+
 def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
     (workspace / "src/a/CMakeLists.txt").write_text('project(a NONE)\nmessage(FATAL_ERROR "here")\n')
     forge("build", cwd=workspace)

@@ -21,6 +21,7 @@ KITCHEN = Kitchen(
     python=Path("/opt/my python/bin/python3"),
     site_packages="lib/python3.11/site-packages",
     forge=("/opt/my python/bin/python3", "-m", "forge"),
+    generator=("/opt/my python/bin/python3", "-m", "forge"),
     jobs=2,
 )
 

@@ -23,6 +23,7 @@ KITCHEN = Kitchen(
     python=Path("/usr/bin/python3"),
     site_packages="lib/python3.11/site-packages",
     forge=("/usr/bin/python3", "-m", "forge"),
+    generator=("/usr/bin/python3", "client.py"),
     jobs=4,
     cmake=Path("/usr/bin/cmake"),
     ninja=Path("/usr/bin/ninja"),

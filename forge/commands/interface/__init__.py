@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.commands.interface import asking, compiling
+from forge.commands.interface import asking, compiling, describing
 
 if TYPE_CHECKING:
     import argparse
@@ -15,6 +15,7 @@ def register(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
     asking.register(verbs)
     compiling.register(verbs)
+    describing.register(verbs)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,33 +1,27 @@
-"""generate and hash: a package's definitions to code, descriptions and hashes."""
+"""generate: a package's definitions to code and descriptions."""
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.ament_index import prefixes
-from forge.errors import ForgeError, InterfaceError, Problem, raise_if_any
-from forge.interfaces.declarations import LOWER_NAME
+from forge.commands.interface.inputs import add_inputs, catalog_of, library_of
+from forge.errors import InterfaceError, Problem, raise_if_any
 from forge.interfaces.fingerprints import fingerprints
-from forge.interfaces.hashing import hashes
-from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.records import Record, generator_digest, read_records
+from forge.interfaces.records import RECORDS, Record, generator_digest, read_records
 from forge.interfaces.rendering import Part, parts
-from forge.interfaces.resolution import messages_below, referred, resolve, undeclared
-from forge.interfaces.showing import parse_type_name
-from forge.interfaces.sources import EMBEDDED, Library, read_folder, read_runtime, read_source
+from forge.interfaces.resolution import referred, undeclared
+from forge.interfaces.sources import EMBEDDED, Library, read_runtime
 from forge.interfaces.writing import write, write_depfile, write_stamp
-from forge.names import did_you_mean
+from forge.templating import keep_compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    import argparse
+    from collections.abc import Iterable
 
-    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (argparse has no public name)
+    from forge.commands.interface.inputs import Verbs
+    from forge.interfaces.model import Catalog
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
 
@@ -40,37 +34,9 @@ def register(verbs: Verbs) -> None:
         "generate", help=summary, description=summary, epilog=more, fromfile_prefix_chars="@"
     )
     generate.add_argument("source", metavar="SOURCE_DIR", nargs="?", help="a folder with msg, srv or action")
-    _add_inputs(generate)
+    add_inputs(generate)
     _add_outputs(generate)
     generate.set_defaults(verb=_generate)
-    summary = "print type hashes (RIHS01), of named types or of a folder of definitions"
-    hashing = verbs.add_parser("hash", help=summary, description=summary)
-    hashing.add_argument("what", metavar="TYPE|SOURCE_DIR", nargs="*", help="types; a folder with --package")
-    hashing.add_argument("--json", action="store_true", help="print one object")
-    _add_inputs(hashing)
-    hashing.set_defaults(verb=_hash)
-
-
-def _add_inputs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--package", metavar="NAME", help="the package that the definitions belong to")
-    parser.add_argument(
-        "--include",
-        metavar="PKG=DIR",
-        dest="includes",
-        action="append",
-        default=[],
-        type=_pair("=", str.partition),
-        help="a folder with the msg, srv and action folders of another package",
-    )
-    parser.add_argument(
-        "--file",
-        metavar="BASE:RELATIVE",
-        dest="files",
-        action="append",
-        default=[],
-        type=_pair(":", str.rpartition),
-        help="a definition, such as /src/p:msg/X.msg, instead of a folder of them",
-    )
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
@@ -92,21 +58,9 @@ def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--depfile", metavar="FILE", type=Path, help="gets a make rule with the files read")
 
 
-def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:
-    """Return a reader of 'LEFT<mark>RIGHT'."""
-
-    def read(text: str) -> tuple[str, str]:
-        left, _, right = split(text, mark)
-        if not left or not right:
-            raise argparse.ArgumentTypeError(f"'{text}' has no '{mark}' between two parts")
-        return left, right
-
-    return read
-
-
 def _generate(options: argparse.Namespace) -> int:
-    library = _library(options)
-    catalog = _catalog(options, options.source, library)
+    library = library_of(options)
+    catalog = catalog_of(options, options.source, library)
     if options.no_runtime:
         raise_if_any(undeclared(catalog, dict(options.includes)), InterfaceError)
     needed = () if options.no_runtime else referred(catalog, library)
@@ -114,6 +68,7 @@ def _generate(options: argparse.Namespace) -> int:
     record = Record(
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
+    keep_compiled(options.output / RECORDS / "templates")
     written = write(_parts((catalog, *others), options), options.output, catalog.package, record)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
@@ -137,44 +92,6 @@ def _parts(catalogs: tuple[Catalog, ...], options: argparse.Namespace) -> list[P
     return found
 
 
-def _hash(options: argparse.Namespace) -> int:
-    library = _library(options)
-    if options.package:
-        source = options.what[0] if options.what else None
-        found = hashes(_catalog(options, source, library))
-    else:
-        found = {name: _hash_of(name, library) for name in map(parse_type_name, options.what)}
-    if options.json:
-        print(json.dumps({str(name): text for name, text in found.items()}, indent=1))
-    else:
-        for name, text in found.items():
-            print(name, text)
-    return 0
-
-
-def _library(options: argparse.Namespace, recorded: Mapping[str, Path] | None = None) -> Library:
-    """Return what can be found; `recorded` folders of earlier runs count where this run names none."""
-    includes = {package: Path(folder) for package, folder in options.includes}
-    return Library(includes={**(recorded or {}), **includes}, prefixes=prefixes(os.environ))
-
-
-def _catalog(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:
-    """Read, parse and resolve the definitions that the command line names."""
-    package: str | None = options.package
-    if not package:
-        raise ForgeError(Problem("the definitions belong to no package", hint="add --package NAME"))
-    if not LOWER_NAME.fullmatch(package):
-        hint = "such a name has lower-case letters, digits and single underscores"
-        raise ForgeError(Problem(f"'{package}' is not the name of an interface package", hint=hint))
-    sources = tuple(read_source(package, Path(base), relative) for base, relative in options.files)
-    if folder:
-        sources += read_folder(package, Path(folder))
-    if not sources:
-        hint = "name a folder with msg, srv or action in it"
-        raise ForgeError(Problem("there is nothing to compile", hint=hint))
-    return resolve(package, parse_all(sources), library)
-
-
 def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...]:
     """Return what is needed of packages that are not generated into the same folder themselves.
 
@@ -183,7 +100,9 @@ def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...
     records = read_records(options.output)
     records.pop(catalog.package, None)
     whole = {catalog.package, *records}
-    library = _library(options, dict(pair for record in records.values() for pair in record.folders.items()))
+    library = library_of(
+        options, dict(pair for record in records.values() for pair in record.folders.items())
+    )
     needs = []
     for package, record in records.items():
         partial = [name for name in record.needs if name.package not in whole]
@@ -203,21 +122,6 @@ def _folders(others: Iterable[Catalog], library: Library) -> dict[str, Path]:
         for package, folder in found.items()
         if folder and not folder.is_relative_to(EMBEDDED)
     }
-
-
-def _hash_of(name: TypeName, library: Library) -> str:
-    """Return the hash of an interface or of a type derived from one; raises InterfaceError."""
-    base = TypeName(name.package, name.kind, name.name.partition("_")[0])
-    parsed = library.find(base)
-    if parsed:
-        catalog = Catalog(
-            base.package, {base: parsed.interface}, messages_below(parsed, library), {base: parsed.source}
-        )
-        found = hashes(catalog).get(name)
-        if found:
-            return found
-    hint = did_you_mean(str(name), [str(each) for each in library.names()])
-    raise InterfaceError(Problem(f"there is no type '{name}'", hint=hint))
 
 
 def _files(count: int) -> str:

@@ -128,7 +128,7 @@ class Message:
 
     def __repr__(self) -> str:
         """Return the message as the call that makes it, with arrays shown as lists."""
-        names = [*self.__class__.__module__.split(".")[:-1], self.__class__.__name__]
+        names = [*self.__class__.__module__.split(".")[-3:-1], self.__class__.__name__]
         values = ", ".join(f"{slot[1:]}={_shown(getattr(self, slot))}" for slot in self.__slots__)
         return f"{'.'.join(names)}({values})"
 

@@ -1,0 +1,197 @@
+"""Definitions to Python classes at run time: rendered and imported in memory, no file is written.
+
+Each set of definitions has a package of its own in memory, named after what it contains. So two versions
+of a type, as in an old recording and in the installed package, never meet.
+"""
+
+from __future__ import annotations
+
+import builtins
+import hashlib
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.abc import InspectLoader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.errors import InterfaceError, Problem
+from forge.interfaces.parsing import Parsed, parse_all
+from forge.interfaces.python_package import files
+from forge.interfaces.resolution import referred, resolve
+from forge.interfaces.schema import parse_name, read_schema
+from forge.interfaces.sources import EMBEDDED, Library, read_folder
+from forge.names import snake_case
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from types import CodeType, ModuleType
+
+    from forge.interfaces.model import Catalog, TypeName
+
+_RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
+
+
+class Types(Mapping[str, Any]):
+    """Classes by full name, such as 'std_msgs/msg/Header'; each is made when it is first asked for."""
+
+    def __init__(self, root: str, names: Iterable[TypeName]) -> None:
+        """Know which interfaces there are below a package in memory."""
+        self._modules = {
+            str(name): (f"{root}.{name.package}.{name.kind}._{snake_case(name.name)}", name.name)
+            for name in names
+        }
+
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401  (a class that nobody knew when this was written)
+        """Return the class of a message, service or action; raises KeyError."""
+        module, attribute = self._modules[name]
+        return getattr(import_module(module), attribute)
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield all names: those asked for, then those below them."""
+        return iter(self._modules)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._modules)
+
+    def __repr__(self) -> str:
+        """Return the names."""
+        return f"<types {', '.join(self)}>"
+
+
+def load(
+    definitions: Path | str,
+    name: str | None = None,
+    *,
+    includes: Mapping[str, Path] | None = None,
+) -> Types:
+    """Return the classes of a folder of definitions or of a schema's text.
+
+    A Path is a folder with msg, srv, action or .idl files in it, and `name` the package, by default the
+    folder's name. A str is the text of a schema as MCAP stores it ('ros2msg' or 'ros2idl'), and `name`
+    the type it is of. Definitions of other packages are looked for in the folders of `includes`, then
+    among those that forge brings along.
+    Raises InterfaceError with all that is wrong with the definitions.
+    """
+    library = Library(includes=dict(includes or {}))
+    if isinstance(definitions, Path):
+        package = name or definitions.absolute().name
+        return _import(_of_folder(package, definitions, library))
+    if name is None:
+        raise InterfaceError(_nameless())
+    return _import(_of_schema(definitions, parse_name(name), library))
+
+
+def _nameless() -> Problem:
+    hint = "add the name; a folder is given as a pathlib.Path"
+    return Problem("a schema's text does not say of which type it is", hint=hint)
+
+
+def _of_folder(package: str, folder: Path, library: Library) -> tuple[Catalog, ...]:
+    catalog = resolve(package, parse_all(read_folder(package, folder)), library)
+    return catalog, *referred(catalog, library)
+
+
+def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ...]:
+    """Return the catalog of the schema's own type first."""
+    parsed = parse_all(read_schema(text, name))
+    known = _Schema({each.interface.name: each for each in parsed}, library)
+    own = [each for each in parsed if each.interface.name.package == name.package]
+    catalog = resolve(name.package, own, known)
+    return catalog, *referred(catalog, known)
+
+
+class _Schema:
+    """The definitions of a schema's text, and behind them those of a library."""
+
+    def __init__(self, parsed: Mapping[TypeName, Parsed], library: Library) -> None:
+        self._parsed = parsed
+        self._library = library
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return the definition of that name, or None."""
+        return self._parsed.get(name) or self._library.find(name)
+
+    def names(self) -> Iterator[TypeName]:
+        """Yield all names there are, for hints."""
+        yield from self._parsed
+        yield from self._library.names()
+
+
+def _import(catalogs: Sequence[Catalog]) -> Types:
+    """Put the rendered modules of some catalogs where Python finds them."""
+    texts = {
+        file.path: file.text for catalog in catalogs for file in files(catalog) if file.path.endswith(".py")
+    }
+    digest = hashlib.sha256("\0".join(f"{path}\0{texts[path]}" for path in sorted(texts)).encode())
+    root = f"forge_types_{digest.hexdigest()[:12]}"
+    if root not in _MEMORY.packages:
+        if find_spec("forge_rosidl") is None:
+            sys.path.append(str(_RUNTIME))
+        modules = {path.removesuffix(".py").replace("/", "."): text for path, text in texts.items()}
+        _MEMORY.packages[root] = {name.removesuffix(".__init__"): text for name, text in modules.items()}
+    if _MEMORY not in sys.meta_path:
+        sys.meta_path.append(_MEMORY)
+    return Types(root, (name for catalog in catalogs for name in catalog.interfaces))
+
+
+class _Memory(MetaPathFinder, InspectLoader):
+    """Finds and loads modules that are nowhere but here; what they import is first looked for beside them."""
+
+    def __init__(self) -> None:
+        self.packages: dict[str, dict[str, str]] = {}
+        """The texts of modules by name, by the package in memory that they are below."""
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> ModuleSpec | None:
+        """Return where a module is, if it is here."""
+        del path, target
+        root, _, name = fullname.partition(".")
+        texts = self.packages.get(root)
+        if texts is None or (name and name not in texts):
+            return None
+        return ModuleSpec(fullname, self, origin="in memory", is_package=self.is_package(fullname))
+
+    def get_source(self, fullname: str) -> str:
+        """Return a module's text; the package around all others has none."""
+        root, _, name = fullname.partition(".")
+        return self.packages[root].get(name, "")
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return a module's code, so named that a traceback tells where it is from."""
+        return self.source_to_code(self.get_source(fullname), f"<{fullname}>")
+
+    def is_package(self, fullname: str) -> bool:
+        """Tell modules that have others below them."""
+        root, _, name = fullname.partition(".")
+        return any(other.startswith(f"{name}." if name else "") for other in self.packages[root])
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run a module whose imports come here first."""
+        root = module.__name__.partition(".")[0]
+        vars(module)["__builtins__"] = {**vars(builtins), "__import__": self._importer(root)}
+        super().exec_module(module)
+
+    def _importer(self, root: str) -> Any:  # noqa: ANN401  (whatever __import__ is)
+        """Return the import statement's function for the modules of a package in memory."""
+        texts = self.packages[root]
+
+        def from_here_first(
+            name: str,
+            globals_: Mapping[str, object] | None = None,
+            locals_: Mapping[str, object] | None = None,
+            fromlist: Sequence[str] = (),
+            level: int = 0,
+        ) -> ModuleType:
+            if level or name not in texts:
+                return builtins.__import__(name, globals_, locals_, fromlist, level)
+            import_module(f"{root}.{name}")
+            # 'import a.b' gives a, 'from a.b import c' gives b.
+            return sys.modules[f"{root}.{name if fromlist else name.partition('.')[0]}"]
+
+        return from_here_first
+
+
+_MEMORY = _Memory()

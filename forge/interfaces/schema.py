@@ -1,0 +1,117 @@
+"""A type and all that it refers to as one text, as MCAP and rosbag2 store it: written and read again."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.errors import InterfaceError, Place, Problem
+from forge.interfaces.declarations import LOWER_NAME
+from forge.interfaces.idl_writing import idl_text
+from forge.interfaces.model import Named, Source, TypeName, element_of, sections_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from forge.interfaces.model import Interface
+    from forge.interfaces.parsing import Parsed
+
+ENCODINGS = ("ros2msg", "ros2idl")
+
+_LINE = "=" * 80
+_HEADING = re.compile(r"(MSG|SRV|IDL): (\w+)/(?:(\w+)/)?(\w+)\s*")
+
+
+def schema_text(parsed: Parsed, find: Callable[[TypeName], Parsed], encoding: str = "ros2msg") -> str:
+    """Return the definition of an interface, followed by those of the messages below it, depth first.
+
+    `find` returns the definition of a message. The texts are as their authors wrote them; 'ros2idl'
+    writes as IDL what is written otherwise. Raises InterfaceError where 'ros2msg' meets what exists
+    only as IDL, and whatever `find` raises.
+    """
+    write = _idl if encoding == "ros2idl" else _as_written
+    start = f"{_heading(parsed, encoding)}\n" if encoding == "ros2idl" else ""
+    texts = [start + write(parsed)]
+    texts += [f"{_heading(each, encoding)}\n{write(each)}" for each in _below(parsed, find, set())]
+    return "\n".join(texts)
+
+
+def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
+    """Return the definitions in a schema's text; the first, unless it has a heading, is that of `name`.
+
+    Raises InterfaceError where a line of '=' is not followed by the name of a type.
+    """
+    sections: list[tuple[TypeName, str, list[str]]] = [(name, name.kind, [])]
+    lines = iter(enumerate(text.splitlines(), 1))
+    for _, line in lines:
+        if line != _LINE:
+            sections[-1][2].append(line)
+            continue
+        number, heading = next(lines, (None, ""))
+        found = _HEADING.fullmatch(heading)
+        if not found:
+            place = Place(str(name), number, 1 if number else None, heading if number else None)
+            hint = "such as 'MSG: std_msgs/Header'"
+            raise InterfaceError(Problem("a line of '=' is followed by the name of a type", place, hint))
+        word, package, kind, stem = found.groups()
+        kind = kind or word.lower()
+        sections.append((TypeName(package, kind, stem), "idl" if word == "IDL" else kind, []))
+    if sections[1:] and not any(sections[0][2]):
+        del sections[0]
+    return tuple(_source(*section) for section in sections)
+
+
+def parse_name(text: str) -> TypeName:
+    """Return the full name that schemas have; a message may go without its 'msg'. Raises InterfaceError."""
+    parts = text.split("/")
+    if len(parts) == 2:  # noqa: PLR2004  (package and name)
+        parts.insert(1, "msg")
+    if len(parts) != 3 or not all(parts) or not LOWER_NAME.fullmatch(parts[0]):  # noqa: PLR2004  (all three)
+        raise InterfaceError(
+            Problem(f"'{text}' is not the name of a type", hint="such as 'std_msgs/msg/String'")
+        )
+    return TypeName(*parts)
+
+
+def _source(name: TypeName, ending: str, lines: list[str]) -> Source:
+    relative = f"{name.kind}/{name.name}.{ending}"
+    # The blank line before a heading is the schema's, not the definition's.
+    text = "\n".join(lines).rstrip("\n")
+    return Source(name.package, relative, Path(name.package) / relative, f"{text}\n" if text else "")
+
+
+def _below(parsed: Parsed, find: Callable[[TypeName], Parsed], seen: set[TypeName]) -> Iterator[Parsed]:
+    """Yield each message below an interface once, before those below it, in the order of their names."""
+    for name in sorted(_references(parsed.interface)):
+        if name not in seen:
+            seen.add(name)
+            found = find(name)
+            yield found
+            yield from _below(found, find, seen)
+
+
+def _references(interface: Interface) -> set[TypeName]:
+    sections = sections_of(interface)
+    elements = (element_of(member.type) for message in sections for member in message.fields)
+    return {element.name for element in elements if isinstance(element, Named)} - {m.name for m in sections}
+
+
+def _heading(parsed: Parsed, encoding: str) -> str:
+    name = parsed.interface.name
+    shown = f"IDL: {name}" if encoding == "ros2idl" else f"MSG: {name.package}/{name.name}"
+    return f"{_LINE}\n{shown}"
+
+
+def _as_written(parsed: Parsed) -> str:
+    if parsed.source.relative.endswith(".idl"):
+        message = f"'{parsed.interface.name}' is written in IDL"
+        raise InterfaceError(Problem(message, Place(parsed.source.path), "ask for --encoding ros2idl"))
+    return parsed.source.text.removeprefix("\ufeff")
+
+
+def _idl(parsed: Parsed) -> str:
+    source = parsed.source
+    if source.relative.endswith(".idl"):
+        return source.text.removeprefix("\ufeff")
+    return idl_text(parsed.interface, f"{source.package}/{source.relative}")

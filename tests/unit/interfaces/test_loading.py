@@ -1,0 +1,135 @@
+"""Definitions to classes at run time, without a file written."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import forge
+from forge.errors import InterfaceError
+from forge.interfaces import Types, load
+from forge.interfaces.sources import EMBEDDED
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
+
+LINE = "=" * 80
+ROOT = Path(forge.__file__).parents[1]
+
+
+def test_a_folder_gives_its_classes_and_those_below_them(tree: Tree) -> None:
+    folder = tree(
+        {"tour/msg/A.msg": "std_msgs/Header header\nint8[] numbers [1, 2]", "tour/srv/B.srv": "A a\n---\n"}
+    )
+    types = load(folder / "tour")
+    assert list(types) == [
+        "tour/msg/A",
+        "tour/srv/B",
+        "builtin_interfaces/msg/Time",
+        "std_msgs/msg/Header",
+    ]
+    assert (len(types), "tour/msg/A" in types, "tour/msg/C" in types) == (4, True, False)
+    assert repr(types).startswith("<types tour/msg/A, tour/srv/B, ")
+    header = types["std_msgs/msg/Header"](frame_id="map")
+    message = types["tour/msg/A"](header=header)
+    assert repr(types["tour/srv/B"].Request(a=message).a) == (
+        "tour.msg.A(header=std_msgs.msg.Header(stamp=builtin_interfaces.msg.Time(sec=0, nanosec=0), "
+        "frame_id='map'), numbers=[1, 2])"
+    )
+    assert copy.deepcopy(message) == message == pickle.loads(pickle.dumps(message))  # noqa: S301  (its own)
+    assert sorted(path.name for path in folder.iterdir()) == ["tour"]
+
+
+def test_a_schemas_text_gives_the_type_and_what_is_in_the_text() -> None:
+    header = f"{LINE}\nMSG: tour/Header\nuint32 sequence_number\nfar/Far[2] far\n"
+    text = f"Header header\n{header}{LINE}\nMSG: far/Far\nint8 a\n"
+    types = load(text, "tour/msg/A")
+    assert list(types) == ["tour/msg/A", "tour/msg/Header", "far/msg/Far"]
+    assert types["tour/msg/A"]().header.far == [types["far/msg/Far"](), types["far/msg/Far"]()]
+
+
+def test_two_versions_of_a_type_live_side_by_side() -> None:
+    old, new = load("int8 a", "tour/msg/A"), load("int16 a\nint8 b", "tour/msg/A")
+    assert old["tour/msg/A"].get_fields_and_field_types() == {"a": "int8"}
+    assert new["tour/msg/A"].get_fields_and_field_types() == {"a": "int16", "b": "int8"}
+    assert load("int8 a", "tour/msg/A")["tour/msg/A"] is old["tour/msg/A"], (
+        "the same definitions are the same"
+    )
+
+
+def test_idl_and_actions_are_loaded_as_well(tree: Tree) -> None:
+    idl = "module tour { module msg { struct A { @default (value=7) long a; }; }; };"
+    assert load(f"{LINE}\nIDL: tour/msg/A\n{idl}", "tour/msg/A")["tour/msg/A"]().a == 7
+    folder = tree({"action/Go.action": "int8 a\n---\nstd_msgs/Header header\n---\n"})
+    go = load(folder, "tour")["tour/action/Go"]
+    assert go.Impl.SendGoalService.Request().goal == go.Goal()
+    assert go.Impl.GetResultService.Response().result.header.frame_id == ""
+
+
+def test_what_is_wrong_is_told() -> None:
+    with pytest.raises(InterfaceError, match=r"tour/msg/A.msg:1:1: error: unknown type 'tour/B'"):
+        load("B b", "tour/msg/A")
+    with pytest.raises(InterfaceError, match="does not say of which type it is"):
+        load("int8 a")
+    with pytest.raises(InterfaceError, match="there is no interface in"):
+        load(Path("nowhere"))
+    with pytest.raises(KeyError):
+        load("int8 a", "tour/msg/A")["tour/msg/B"]
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = forge.interfaces.nothing
+
+
+def test_modules_in_memory_behave_like_modules() -> None:
+    types = load("std_msgs/String text", "tour/msg/A")
+    module: Any = import_module(types["tour/msg/A"].__module__)
+    root = module.__name__.partition(".")[0]
+    assert module.__spec__.origin == "in memory"
+    assert "class A(" in module.__spec__.loader.get_source(module.__name__)
+    assert import_module(f"{root}.std_msgs.msg").String is types["std_msgs/msg/String"]
+    with pytest.raises(ModuleNotFoundError):
+        import_module(f"{root}.tour.msg._nothing")
+    assert module.A.__init__.__code__.co_filename == f"<{module.__name__}>"
+
+
+def test_it_works_in_a_fresh_interpreter_with_serializers() -> None:
+    """Nothing has to be on Python's path but forge, and nothing else is imported from anywhere."""
+    script = (
+        "from pathlib import Path; from forge.interfaces import load\n"
+        f"types = load(Path({str(EMBEDDED / 'geometry_msgs')!r}))\n"
+        "Pose = types['geometry_msgs/msg/PoseStamped']\n"
+        "message = Pose(); message.header.frame_id = 'map'; message.pose.position.x = 1.5\n"
+        "import forge_cdr, sys\n"
+        "data = forge_cdr.serialize(message)\n"
+        "assert forge_cdr.deserialize(data, Pose) == message\n"
+        "assert f'{Pose.__module__}__cdr' in sys.modules, 'the generated serializers are used'\n"
+        "print(len(data), 'geometry_msgs' in sys.modules)\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", script],
+        env={"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ran.stdout, ran.stderr) == ("76 False\n", "")
+
+
+def test_big_endian_bytes_are_read_into_types_in_memory() -> None:
+    """The exact codec finds classes by their names, those of other packages included."""
+    load("int8 a", "tour/msg/A")
+    forge_cdr = import_module("forge_cdr")
+    types = load("std_msgs/Header header\nint16 a", "tour/msg/B")
+    data = bytes.fromhex("00000000 00000001 00000002 00000004 6d617000 0003")
+    message = forge_cdr.deserialize(data, types["tour/msg/B"])
+    assert (message.header.stamp.sec, message.header.frame_id, message.a) == (1, "map", 3)
+
+
+def test_the_classes_are_named_in_the_package() -> None:
+    assert isinstance(load("int8 a", "tour/msg/A"), Types)

@@ -1,0 +1,114 @@
+"""Schemas as MCAP and rosbag2 store them, written and read again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.errors import InterfaceError
+from forge.interfaces.hashing import hashes
+from forge.interfaces.model import TypeName
+from forge.interfaces.parsing import parse_all
+from forge.interfaces.resolution import demand, resolve
+from forge.interfaces.schema import parse_name, read_schema, schema_text
+from forge.interfaces.sources import Library
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Tree
+
+LINE = "=" * 80
+LIBRARY = Library()
+NAMES = sorted(name for name in LIBRARY.names() if name.kind == "msg")
+
+FILES = {
+    "msg/Top.msg": "# What it is.\n\nInner[] inner  # one\nother_msgs/Far far\nInner again\n",
+    "msg/Inner.msg": "int8 a # [m]\nother_msgs/Far far",
+    "srv/Ask.srv": "Inner inner\n---\nother_msgs/Far far\n",
+    "other/msg/Far.msg": "",
+    "idl/Only.idl": "module tour { module idl { struct Only { tour::msg::Inner inner; }; }; };\n",
+}
+
+
+def test_a_schema_is_the_definitions_as_written_depth_first(forge: Forge, tree: Tree) -> None:
+    root = tree(FILES)
+    includes = ["--include", f"tour={root}", "--include", f"other_msgs={root / 'other'}"]
+    ran = forge("interface", "schema", "tour/msg/Top", *includes)
+    assert ran.err == ""
+    assert ran.out == (
+        f"{FILES['msg/Top.msg']}\n{LINE}\nMSG: other_msgs/Far\n\n"
+        f"{LINE}\nMSG: tour/Inner\nint8 a # [m]\nother_msgs/Far far"
+    )
+    service = forge("interface", "schema", "tour/srv/Ask", *includes).out
+    assert service.startswith(f"{FILES['srv/Ask.srv']}\n{LINE}\nMSG: other_msgs/Far\n")
+
+
+def test_a_schema_in_idl_names_every_type_in_full(forge: Forge, tree: Tree) -> None:
+    root = tree(FILES)
+    includes = ["--include", f"tour={root}", "--include", f"other_msgs={root / 'other'}"]
+    out = forge("interface", "schema", "tour/idl/Only", "--encoding", "ros2idl", *includes).out
+    assert out.startswith(
+        f"{LINE}\nIDL: tour/idl/Only\n{FILES['idl/Only.idl']}\n{LINE}\nIDL: tour/msg/Inner\n//"
+    )
+    ran = forge("interface", "schema", "tour/idl/Only", *includes)
+    assert (ran.code, ran.err.splitlines()[-1]) == (2, "hint: ask for --encoding ros2idl")
+    assert "error: 'tour/idl/Only' is written in IDL" in ran.err
+
+
+def test_a_schema_of_what_is_not_there_is_an_error(forge: Forge, tree: Tree) -> None:
+    ran = forge("interface", "schema", "std_msgs/msg/Strin")
+    assert ran.err.splitlines() == [
+        "error: there is no type 'std_msgs/msg/Strin'",
+        "hint: did you mean 'std_msgs/msg/String'?",
+    ]
+    root = tree({"msg/A.msg": "gone_msgs/B b"})
+    ran = forge("interface", "schema", "tour/msg/A", "--include", f"tour={root}")
+    assert (ran.code, "unknown type 'gone_msgs/B'" in ran.err) == (2, True)
+
+
+@pytest.mark.parametrize("encoding", ["ros2msg", "ros2idl"])
+def test_a_schema_read_again_is_the_same_type(encoding: str) -> None:
+    """The law, over what forge brings along: what comes back has the type's hash."""
+    for name in NAMES[:: 1 if encoding == "ros2msg" else 3]:
+        text = schema_text(demand(name, LIBRARY), lambda each: demand(each, LIBRARY), encoding)
+        sources = read_schema(text, name)
+        assert (sources[0].package, sources[0].path.stem) == (name.package, name.name)
+        parsed = {each.interface.name: each for each in parse_all(sources)}
+        expected = demand(name, LIBRARY).interface
+        assert parsed[name].interface == expected
+        own = [each for each in parsed.values() if each.interface.name.package == name.package]
+        found = hashes(resolve(name.package, own, LIBRARY))[name]
+        reference = [demand(each, LIBRARY) for each in parsed if each.package == name.package]
+        assert found == hashes(resolve(name.package, reference, LIBRARY))[name]
+
+
+def test_headings_are_read_with_and_without_the_namespace() -> None:
+    text = f"A a\n{LINE}\nMSG: q/A\nint8 a\n\n{LINE}\nMSG: q/msg/B \n\n{LINE}\nIDL: q/idl/C\nmodule q {{}};"
+    sources = read_schema(text, TypeName("p", "msg", "Top"))
+    assert [(s.package, s.relative, s.text) for s in sources] == [
+        ("p", "msg/Top.msg", "A a\n"),
+        ("q", "msg/A.msg", "int8 a\n"),
+        ("q", "msg/B.msg", ""),
+        ("q", "idl/C.idl", "module q {};\n"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [(f"int8 a\n{LINE}\nint8 b", "p/msg/A:3:1: error:"), (f"int8 a\n{LINE}", "p/msg/A: error:")],
+)
+def test_a_line_without_a_heading_is_told(text: str, line: str) -> None:
+    with pytest.raises(InterfaceError, match="a line of '=' is followed by the name of a type") as caught:
+        read_schema(text, TypeName("p", "msg", "A"))
+    assert str(caught.value).startswith(line)
+
+
+def test_a_schemas_name_may_go_without_its_namespace() -> None:
+    assert (
+        parse_name("std_msgs/String")
+        == parse_name("std_msgs/msg/String")
+        == TypeName("std_msgs", "msg", "String")
+    )
+    for text in ("", "String", "a//b", "A/msg/B", "a/b/c/d"):
+        with pytest.raises(InterfaceError, match="is not the name of a type"):
+            parse_name(text)
