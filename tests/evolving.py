@@ -27,7 +27,7 @@ project(base CXX)
 option(EXTRA "Install one file more" OFF)
 file(GLOB sources ${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp)
 add_library(base STATIC ${sources})
-target_include_directories(base PRIVATE include @OUTSIDE@)
+target_include_directories(base PRIVATE include private @OUTSIDE@)
 install(TARGETS base DESTINATION lib)
 install(DIRECTORY include/ DESTINATION include)
 install(FILES cmake/baseConfig.cmake DESTINATION share/base/cmake)
@@ -39,6 +39,11 @@ _CONFIG = """get_filename_component(base_prefix ${CMAKE_CURRENT_LIST_DIR}/../../
 add_library(base::base STATIC IMPORTED)
 set_target_properties(base::base PROPERTIES IMPORTED_LOCATION ${base_prefix}/lib/libbase.a
   INTERFACE_INCLUDE_DIRECTORIES ${base_prefix}/include)
+"""
+_SOURCE = """#include "base/base.hpp"
+#include "inner.hpp"
+#include <outer.h>
+int base() {{ return BASE + INNER + OUTER + {}; }}
 """
 _USER = """cmake_minimum_required(VERSION 3.18)
 project(user CXX)
@@ -81,8 +86,8 @@ PLAIN: Mapping[str, str] = {
     "src/base/CMakeLists.txt": _BASE,
     "src/base/cmake/baseConfig.cmake": _CONFIG,
     "src/base/include/base/base.hpp": "#pragma once\n#define BASE 1\nint base();\n",
-    "src/base/src/base.cpp": '#include "base/base.hpp"\n#include <outer.h>\n'
-    "int base() { return BASE + OUTER; }\n",
+    "src/base/private/inner.hpp": "#define INNER 1\n",
+    "src/base/src/base.cpp": _SOURCE.format(1),
     "src/user/package.xml": manifest_text("user", "<depend>base</depend>", build_type="cmake"),
     "src/user/CMakeLists.txt": _USER,
     "src/user/scripts/run.sh": "#!/bin/sh\necho run\n",
@@ -207,16 +212,19 @@ class Evolving:
 
     def above(self, *names: str) -> set[str]:
         """Return the packages and all that need them."""
-        found = set(names)
-        for name in NEEDS:  # which is in topological order
-            if found.intersection(self.needs[name]):
-                found.add(name)
+        found: set[str] = set()
+        waiting = [*names]
+        while waiting:
+            name = waiting.pop()
+            found.add(name)
+            waiting += [user for user in NEEDS if name in self.needs[user] and user not in found]
         return found.intersection(self.packages)
 
     def key(self) -> str:
         """Return a digest of everything that a clean build depends on."""
         said = [self.options(), sorted(self.variables.items()), self.outside.read_text(encoding="utf-8")]
-        return hashlib.sha256(repr((said, look(self.home / "src"))).encode()).hexdigest()
+        linked = look(self.root / "private")
+        return hashlib.sha256(repr((said, linked, look(self.home / "src"))).encode()).hexdigest()
 
 
 Entry = tuple[str, ...]
@@ -339,7 +347,9 @@ def _rename(workspace: Evolving, number: int) -> set[str]:
     if not added:
         return set()
     path = added[number % len(added)]
-    path.replace(path.with_name(path.name.replace("dded", "ddedAgain" if "Again" not in path.name else "dded")))
+    path.replace(
+        path.with_name(path.name.replace("dded", "ddedAgain" if "Again" not in path.name else "dded"))
+    )
     return workspace.above(_package(workspace, path))
 
 
@@ -356,17 +366,21 @@ def _link(workspace: Evolving, number: int) -> set[str]:
 
 
 def _link_folder(workspace: Evolving, number: int) -> set[str]:
-    """Make a folder of headers a link to one outside of the package, or a folder again."""
-    include = workspace.home / "src/base/include"
-    away = workspace.root / "include"
-    if not include.is_dir() or number % 2:
+    """Make a folder of headers a link to one outside of the package, or a folder again; or change that."""
+    folder = workspace.home / "src/base/private"
+    away = workspace.root / "private"
+    if not folder.is_dir():
         return set()
-    if include.is_symlink():
-        include.unlink()
-        shutil.move(away, include)
+    if folder.is_symlink() and number % 2:
+        _rewrite(folder / "inner.hpp", number)
+        if number % 4 == 1:
+            os.utime(folder / "inner.hpp", (1_000_000_000, 1_000_000_000))
+    elif folder.is_symlink():
+        folder.unlink()
+        shutil.move(away, folder)
     else:
-        shutil.move(include, away)
-        include.symlink_to(away)
+        shutil.move(folder, away)
+        folder.symlink_to(away)
     return workspace.above("base")
 
 
@@ -573,7 +587,8 @@ def _package(workspace: Evolving, path: Path) -> str:
 
 _CHANGEABLE = {
     "base.hpp": "#pragma once\n#define BASE {}\nint base();\n",
-    "base.cpp": '#include "base/base.hpp"\n#include <outer.h>\nint base() {{ return BASE + OUTER + {}; }}\n',
+    "base.cpp": _SOURCE,
+    "inner.hpp": "#define INNER {}\n",
     "main.cpp": '#include "base/base.hpp"\nint main() {{ return base() + BASE + {}; }}\n',
     "leaf.txt": "{}\n",
     "one.txt": "{}\n",
@@ -605,7 +620,9 @@ def _installed(workspace: Evolving) -> list[tuple[Path, str]]:
     for path in sorted((workspace.home / "install").rglob("*")):
         if path.is_dir() and not path.is_symlink():
             continue
-        owners = [n for n in workspace.packages if n in path.relative_to(workspace.home / "install").parts[:-1]]
+        owners = [
+            n for n in workspace.packages if n in path.relative_to(workspace.home / "install").parts[:-1]
+        ]
         if len(owners) == 1:
             found.append((path, owners[0]))
     return found

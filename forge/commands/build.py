@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
-            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
+            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen, variables))
             try:
                 for event in execute(plan, runner, _board(plan, options), records.settle):
                     records.take(event, plan)

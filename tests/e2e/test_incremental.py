@@ -89,7 +89,14 @@ def play(forge: Forge, clean: Clean, workspace: Evolving, steps: Sequence[Sequen
     """Build after each step and hold what is installed against a clean build."""
 
     def build(workspace: Evolving) -> Ran:
-        return forge("--log-base", "/dev/null", "build", *workspace.options(), cwd=workspace.home, env=workspace.variables)
+        return forge(
+            "--log-base",
+            "/dev/null",
+            "build",
+            *workspace.options(),
+            cwd=workspace.home,
+            env=workspace.variables,
+        )
 
     ran = build(workspace)
     assert ran.code == 0, ran.err

@@ -263,3 +263,17 @@ def test_links_into_the_sources(forge: Forge, tree: Tree) -> None:
     root = tree({**files("a", more=more), "src/a/data.txt": "one"})
     assert forge("build", "--symlink-install", cwd=root).code == 0
     assert (root / "install/a/share/a/data.txt").is_symlink()
+
+
+def test_other_options_configure_again_though_cmake_is_told_the_same(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    assert built(forge, workspace, "--symlink-install") == ["a", "b", "c"]
+    assert (workspace / "install/a/share/a/a.txt").is_symlink()
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
+
+
+def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree) -> None:
+    root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
+    assert built(forge, root) == ["a"]
+    assert built(forge, root) == []
