@@ -194,6 +194,18 @@ def from_wide(units: bytes | memoryview) -> str:
     return text
 
 
+def to_char(character: str) -> int:
+    """Return the code of IDL's char; refuses characters that it does not have."""
+    return to_chars((character,))[0]
+
+
+def to_wchar(character: str) -> int:
+    """Return the code unit of a character; refuses those that are two."""
+    if character > _HIGHEST_UNIT:
+        raise Refused
+    return ord(character)
+
+
 def char(code: int) -> str:
     """Return the character of IDL's char; refuses codes that it does not have."""
     if code > _HIGHEST_CHAR:
