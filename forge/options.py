@@ -7,11 +7,15 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.errors import Problem, SelectionError
 from forge.layout import Layout
 from forge.model import Query
 
 if TYPE_CHECKING:
     from forge.cli import Parser
+
+LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 50}
+"""How much forge says about itself: from info on why packages are built, from debug on every command."""
 
 
 def add_discovery(parser: Parser) -> None:
@@ -71,6 +75,20 @@ def layout_of(options: argparse.Namespace, root: Path) -> Layout:
         merged=options.merge_install,
         symlink=getattr(options, "symlink_install", False),
     )
+
+
+def log_level_of(options: argparse.Namespace) -> int:
+    """Return --log-level as Python's logging counts: 10 debug, 20 info, 30 warning and so on.
+
+    Raises SelectionError for a word that is no level.
+    """
+    word = str(options.log_level or os.environ.get("COLCON_LOG_LEVEL") or "warning").lower()
+    if word.isdigit():
+        return int(word)
+    if word not in LOG_LEVELS:
+        hint = f"the levels are {', '.join(LOG_LEVELS)}, or a number"
+        raise SelectionError(Problem(f"'{word}' is no log level", hint=hint))
+    return LOG_LEVELS[word]
 
 
 def _absolute(path: str, root: Path) -> Path:

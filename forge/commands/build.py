@@ -53,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
     begun = time.monotonic()
     root = Path.cwd()
     handlers = handlers_of(options.event_handlers)
+    level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     if options.print_command:
         print(last_command(layout, options.print_command))
@@ -69,8 +70,7 @@ def run(options: argparse.Namespace) -> int:
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
         )
         records.confirm(plan, snapshot, outlook)
-        if options.explain or options.dry_run:
-            print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+        _say(plan, options, level)
         if options.dry_run:
             return 0
         with (
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
-            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
+            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen, variables))
             try:
                 for event in execute(plan, runner, _board(plan, options), records.settle):
                     records.take(event, plan)
@@ -127,6 +127,15 @@ def _add_what_to_see(parser: Parser) -> None:
     group.add_argument(
         "--print-command", metavar="PKG", help="print a line that repeats its last step by hand"
     )
+
+
+def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
+    """Print what the plan is, where it was asked for: on stdout as an answer, on stderr as talk."""
+    if options.explain or options.dry_run:
+        print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+    elif level <= shared.LOG_LEVELS["info"]:
+        talk = (*explain(plan), *(commands(plan) if level <= shared.LOG_LEVELS["debug"] else ()))
+        print(*talk, sep="\n", file=sys.stderr)
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:

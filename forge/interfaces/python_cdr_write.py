@@ -188,7 +188,7 @@ class _Writer:
                 return
             case Value(path, type_):
                 word = self._attribute(path)
-                yield f"ord({word})" if type_.name in {"char", "wchar"} else word
+                yield f"_pieces.to_{type_.name}({word})" if type_.name in {"char", "wchar"} else word
             case Block():
                 yield self._block(member)
             case Count(path, type_):

@@ -63,6 +63,23 @@ DEFINITIONS = {
     "Inner[] inner\nInner[] s\nInner[] texts\nint8 unpack\nint8 pack\nint8[] end\nstring piece\n"
     "float64[] padding",
 }
+CHARACTERS = """module vectors {
+  module msg {
+    typedef char chars[2];
+    typedef wchar wides[2];
+    struct Characters {
+      char one;
+      wchar wide;
+      chars two;
+      wides pair;
+      sequence<char> many;
+      sequence<wchar> much;
+      octet end;
+    };
+  };
+};
+"""
+DEFINITIONS["msg/Characters.idl"] = CHARACTERS
 BASICS = (True, b"\x7f", 65, 1.125, 1.125, -1, 2, -3, 4, -5, 6, -7, 8)
 STAMPED = "01000000 02000000 04000000 6d617000"
 VECTORS: dict[str, tuple[str, dict[str, Any], str]] = {
@@ -167,6 +184,11 @@ VECTORS: dict[str, tuple[str, dict[str, Any], str]] = {
         "vectors/action/Fibonacci_FeedbackMessage",
         {"goal_id": {"uuid": list(range(16))}, "feedback": {"sequence": [0, 1, 1]}},
         "000102030405060708090a0b0c0d0e0f 03000000 00000000 01000000 01000000",
+    ),
+    "idl": (
+        "vectors/Characters",
+        {"one": "a", "wide": "é", "two": ["b", "c"], "pair": ["日", "d"], "many": ["e"], "much": ["f"]},
+        "61 000000 e9000000 62 63 0000 e5650000 64000000 01000000 65 000000 01000000 66000000 00",
     ),
     "W1": ("example_interfaces/WString", {"data": "hé"}, "02000000 68000000 e9000000"),
     "W2": ("example_interfaces/WString", {"data": ""}, "00000000"),
@@ -546,6 +568,39 @@ def test_what_cannot_be_written_is_named(cdr: Any, name: str, changes: dict[str,
 def test_bytes_that_are_no_message_are_told_apart(cdr: Any, name: str, data: str, words: str) -> None:
     with pytest.raises(cdr.CdrError, match=f"^{re.escape(words)}"):
         cdr.deserialize(bytes.fromhex(data), class_of(name))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("one", "\x80", "'one' is the character 128, the highest is 127"),
+        ("wide", "\U00010000", "'wide' is the character 65536, the highest is 65535"),
+        ("two", ["a", "\x80"], "'two[1]' is the character 128, the highest is 127"),
+        ("much", ["\U00010000"], "'much[0]' is the character 65536, the highest is 65535"),
+    ],
+)
+def test_characters_that_the_wire_does_not_have_are_not_written(
+    cdr: Any, field: str, value: Any, words: str
+) -> None:
+    message = class_of("vectors/Characters")()
+    setattr(message, f"_{field}", value)
+    with pytest.raises(cdr.CdrError, match=re.escape(words)):
+        cdr.serialize(message)
+
+
+@pytest.mark.parametrize(
+    ("position", "words"),
+    [
+        (4, "'one' is the character 255"),
+        (10, "'wide' is the character 16711777"),
+        (13, "'two[1]' is the char"),
+    ],
+)
+def test_characters_that_python_does_not_have_are_not_read(cdr: Any, position: int, words: str) -> None:
+    data = bytearray(cdr.serialize(class_of("vectors/Characters")(wide="a")))
+    data[position] = 255
+    with pytest.raises(cdr.CdrError, match=re.escape(words)):
+        cdr.deserialize(data, class_of("vectors/Characters"))
 
 
 def test_the_error_knows_its_offset_and_survives_pickling(cdr: Any) -> None:
