@@ -28,7 +28,7 @@ def look(package: Package, source: Path, build: Path) -> Look:
     """Return what is known before a test runs; `source` and `build` are the package's folders."""
     if package.build_type in CMAKE_TYPES:
         return Look(configuration=_configuration(build) if has_ctests(build) else "")
-    return Look(wants=test_requirements(source))
+    return Look(wants=requirements_of_tests(source))
 
 
 def has_ctests(build: Path) -> bool:
@@ -43,7 +43,7 @@ def has_ctests(build: Path) -> bool:
     return False
 
 
-def test_requirements(source: Path) -> frozenset[str]:
+def requirements_of_tests(source: Path) -> frozenset[str]:
     """Return the distributions that a Python package's tests are said to need, names normalised.
 
     From tests_require and the extras for tests in setup.py, setup.cfg and pyproject.toml, and from
