@@ -76,7 +76,6 @@ def test_a_namesake_in_the_module_is_not_taken_for_the_part(tmp_path: Path) -> N
     """walk/msg/Point has a field of geometry_msgs/Point, and is what its own module calls Point."""
     generate(tmp_path, catalog_of("walk", {"msg/Point.msg": "geometry_msgs/Point at\n"}))
     with importable(tmp_path):
-        from forge_rosidl.messages import _nested_messages  # noqa: PLC0415, PLC2701  (on the path by now)
-
-        found = _nested_messages(import_module("walk.msg").Point)
+        messages = import_module("forge_rosidl.messages")
+        found = messages._nested_messages(import_module("walk.msg").Point)  # noqa: SLF001  (its one reader is in C)
         assert found == [import_module("geometry_msgs.msg").Point]
