@@ -24,7 +24,7 @@ FLOORS = {
         workspace
     """,
     3: """
-        digests discovery execution explaining externals installation installed interpreter jobs journal
+        digests discovery execution explaining externals folders installation installed interpreter jobs journal
         prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
         testing testing.* worker_client
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
