@@ -26,7 +26,7 @@ FLOORS = {
     3: """
         digests discovery execution explaining externals installation installed interpreter jobs journal
         prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
-        testing testing.* worker_client
+        testing testing.* worker_client workspace_root
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
