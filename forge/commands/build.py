@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge.capacity import memory_limit
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
@@ -19,8 +21,8 @@ from forge.names import did_you_mean
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
+    open_budget,
     prepare,
-    processors,
     refuse_what_cannot_work,
     standing,
     toolchain_of,
@@ -34,8 +36,9 @@ from forge.transcript import open_transcript
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
-    import argparse
+    from collections.abc import Mapping
 
+    from forge.capacity import MemoryLimit
     from forge.cli import Parser
     from forge.model import BuildPlan
 
@@ -46,6 +49,7 @@ def register(parser: Parser) -> None:
     shared.add_selection(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
+    _add_how_much_at_a_time(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args"})
 
@@ -78,12 +82,14 @@ def run(options: argparse.Namespace) -> int:
         with (
             closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
             warm_worker(plan) as found_by,
+            closing(open_budget(options, kitchen, variables)) as budget,
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
-            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
+            runner = jobs.runner(budget, None if options.no_toolchain_cache else toolchain_of(kitchen))
+            board = _board(plan, options, budget.jobs, records.seconds())
             try:
-                for event in execute(plan, runner, _board(plan, options), records.settle):
+                for event in execute(plan, runner, board, records.settle):
                     records.take(event, plan)
                     transcript.write(event)
                     report.show(event)
@@ -100,14 +106,6 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument(
         "--force", action="store_true", help="build the selected packages though they are fresh"
     )
-    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
-    group.add_argument(
-        "--parallel-workers",
-        type=int,
-        default=processors(),
-        metavar="N",
-        help="packages at a time (0: any number)",
-    )
     group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
     group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
     group.add_argument(
@@ -121,6 +119,36 @@ def _add_what_to_build(parser: Parser) -> None:
     )
 
 
+def _add_how_much_at_a_time(parser: Parser) -> None:
+    group = parser.add_argument_group("how much at a time")
+    group.add_argument(
+        "--jobs", type=_positive, metavar="N", help="jobs of all packages together (default: processors)"
+    )
+    group.add_argument(
+        "--parallel-workers", type=int, default=0, metavar="N", help="packages at a time (default: --jobs)"
+    )
+    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
+    group.add_argument(
+        "--memory-limit", type=_size, metavar="SIZE", help="add no job above this, as 80%%, 12G or none"
+    )
+    group.add_argument(
+        "--load-limit", type=float, metavar="X", help="add no job while the load is above this"
+    )
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of jobs")
+    return int(text)
+
+
+def _size(text: str) -> MemoryLimit:
+    try:
+        return memory_limit(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a size nor a share of the memory") from None
+
+
 def _add_what_to_see(parser: Parser) -> None:
     group = parser.add_argument_group("what to see")
     group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
@@ -131,9 +159,10 @@ def _add_what_to_see(parser: Parser) -> None:
     )
 
 
-def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
-    limit = 1 if options.executor == "sequential" else options.parallel_workers
-    return Board(plan, limit, continue_on_error=options.continue_on_error)
+def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
+    # A package that is started holds a job, so more of them would only wait.
+    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)
 
 
 def _handlers(words: list[str]) -> dict[str, bool]:
