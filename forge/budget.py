@@ -58,17 +58,13 @@ class Budget:
         self._hand = [_UNASKED] if pool is not None and pool.joined else [TOKEN] * jobs
         self._waiting: list[object] = []
         self._running = 0
-        self._short = short()
+        self._short = False
         self._idle_looks = 0
         self._stopped = False
         self._closed = False
         self._changed = threading.Condition()
         self._stir = threading.Event()
-        self._threads = [threading.Thread(target=self._watch, daemon=True)]
-        if pool is not None:
-            self._threads.append(threading.Thread(target=self._collect, args=(pool,), daemon=True))
-        for thread in self._threads:
-            thread.start()
+        self._threads: list[threading.Thread] = []
 
     @contextmanager
     def package(self) -> Iterator[bool]:
@@ -108,10 +104,11 @@ class Budget:
             self._closed = True
             self._changed.notify_all()
         self._stir.set()
-        self._threads[0].join()
         if self._pool is not None:
             self._pool.wake()
-            self._threads[1].join()
+        for thread in self._threads:
+            thread.join()
+        if self._pool is not None:
             if self._pool.joined:
                 self._give_away(len(self._hand))
             self._pool.close()
@@ -131,6 +128,7 @@ class Budget:
     def _acquire(self) -> bytes | None:
         me = object()
         with self._changed:
+            self._begin()
             self._waiting.append(me)
             self._changed.notify_all()
             while not self._stopped and not self._may_begin(me):
@@ -141,6 +139,17 @@ class Budget:
             self._changed.notify_all()
         self._stir.set()
         return token
+
+    def _begin(self) -> None:
+        """Start our threads with the first package: a build with nothing to do has none."""
+        if self._threads:
+            return
+        self._short = self._is_short()
+        self._threads.append(threading.Thread(target=self._watch, daemon=True))
+        if self._pool is not None:
+            self._threads.append(threading.Thread(target=self._collect, args=(self._pool,), daemon=True))
+        for thread in self._threads:
+            thread.start()
 
     def _may_begin(self, me: object) -> bool:
         return bool(self._hand) and self._waiting[0] is me and not (self._short and self._running)
@@ -199,7 +208,7 @@ class Budget:
         """Look at memory and load from time to time, and put tokens that no package wants into the pool."""
         while not self._closed:
             stirred = self._stir.wait(_PERIOD_SECONDS)
-            if stirred:
+            if stirred and not self._closed:
                 self._stir.clear()
                 time.sleep(_PAUSE_SECONDS)
             short = self._is_short()

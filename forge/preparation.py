@@ -27,7 +27,7 @@ from forge.recipes.cmake import common_arguments
 from forge.recipes.kitchen import Kitchen
 from forge.sourcing import workspace_environment
 from forge.toolchain import Toolchain
-from forge.tools import find_tools, identities
+from forge.tools import CMAKE_TYPES, find_tools, identities
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -133,7 +133,9 @@ def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
     return worker()
 
 
-def open_budget(options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str]) -> Budget:
+def open_budget(
+    options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str], plan: BuildPlan
+) -> Budget:
     """Return the job tokens of a build: those of a make above us, else as many as were asked for.
 
     Which tools can share them is tried out, in one style for all, since one may start the other.
@@ -145,7 +147,8 @@ def open_budget(options: argparse.Namespace, kitchen: Kitchen, variables: Mappin
     if flags.auth and pool is None and not options.jobs:
         hint = "begin its rule with '+', or give forge its own --jobs"
         warn([Problem("the jobserver of the make above cannot be reached", hint=hint)])
-    tools = {"ninja": kitchen.ninja, "make": kitchen.make}
+    compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+    tools = {"ninja": kitchen.ninja, "make": kitchen.make} if compiles else {}
     spoken_by = {name: spoken(name, tool, variables) for name, tool in tools.items() if tool}
     style = pool.style if pool else common_style(spoken_by)
     if pool is None and style is not None:

@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         with (
             closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
             warm_worker(plan) as found_by,
-            closing(open_budget(options, kitchen, variables)) as budget,
+            closing(open_budget(options, kitchen, variables, plan)) as budget,
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
