@@ -59,7 +59,7 @@ class Jobs:
 
     def _begin(self, task: Task) -> None:
         installation.uninstall_markers(task.name, self.layout)
-        _clear(task)
+        clear(task)
         began = self.records.began(task.name)
         if began is not None:
             _wake(self.records.source(task), began)
@@ -73,7 +73,7 @@ class Jobs:
         return self.records.make(task)
 
 
-def _clear(task: Task) -> None:
+def clear(task: Task) -> None:
     """Remove what the tools of the task would wrongly build on."""
     for path in task.clean:
         for found in path.parent.glob(path.name) if path.parent.is_dir() else ():

@@ -7,11 +7,16 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.capacity import MemoryLimit, memory_limit
+from forge.errors import Problem, SelectionError
 from forge.layout import Layout
 from forge.model import Query
 
 if TYPE_CHECKING:
     from forge.cli import Parser
+
+LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 50}
+"""How much forge says about itself: from info on why packages are built, from debug on every command."""
 
 
 def add_discovery(parser: Parser) -> None:
@@ -50,6 +55,24 @@ def add_layout(parser: Parser) -> None:
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 
 
+def add_budget(parser: Parser) -> None:
+    """Add how much runs at a time."""
+    group = parser.add_argument_group("how much at a time")
+    group.add_argument(
+        "--jobs", type=_positive, metavar="N", help="jobs of all packages together (default: processors)"
+    )
+    group.add_argument(
+        "--parallel-workers", type=int, default=0, metavar="N", help="packages at a time (default: --jobs)"
+    )
+    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
+    group.add_argument(
+        "--memory-limit", type=_size, metavar="SIZE", help="add no job above this, as 80%%, 12G or none"
+    )
+    group.add_argument(
+        "--load-limit", type=float, metavar="X", help="add no job while the load is above this"
+    )
+
+
 def query_of(options: argparse.Namespace) -> Query:
     """Return the selection options as typed."""
     select = options.packages_select
@@ -73,6 +96,33 @@ def layout_of(options: argparse.Namespace, root: Path) -> Layout:
     )
 
 
+def log_level_of(options: argparse.Namespace) -> int:
+    """Return --log-level as Python's logging counts: 10 debug, 20 info, 30 warning and so on.
+
+    Raises SelectionError for a word that is no level.
+    """
+    word = str(options.log_level or os.environ.get("COLCON_LOG_LEVEL") or "warning").lower()
+    if word.isdigit():
+        return int(word)
+    if word not in LOG_LEVELS:
+        hint = f"the levels are {', '.join(LOG_LEVELS)}, or a number"
+        raise SelectionError(Problem(f"'{word}' is no log level", hint=hint))
+    return LOG_LEVELS[word]
+
+
 def _absolute(path: str, root: Path) -> Path:
     """Return a path from the command line as an absolute one, links in it left as they are."""
     return Path(os.path.normpath(root / Path(path).expanduser()))
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of jobs")
+    return int(text)
+
+
+def _size(text: str) -> MemoryLimit:
+    try:
+        return memory_limit(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a size nor a share of the memory") from None

@@ -114,11 +114,15 @@ def prepare(
     return kitchen, interpreter
 
 
-def toolchain_of(kitchen: Kitchen) -> Toolchain | None:
-    """Return what spares new packages the examination of the compilers; None without CMake."""
-    if kitchen.cmake is None:
+def toolchain_of(kitchen: Kitchen, variables: Mapping[str, str]) -> Toolchain | None:
+    """Return what spares new packages the examination of the compilers.
+
+    None without CMake, and where ament packages are told what others are not: that may be a compiler.
+    """
+    if kitchen.cmake is None or kitchen.ament_cmake_args:
         return None
-    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), kitchen.tools)
+    told_apart = (*kitchen.tools, *environment_that_counts(variables))
+    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart)
 
 
 def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from forge.files import write_if_changed
 from forge.jobserver import is_blurb
-from forge.model import Aborted, Finished, Output, StepFinished, StepStarted
+from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Output, StepFinished, StepStarted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -28,11 +28,15 @@ if TYPE_CHECKING:
 GRACE_SECONDS = 5.0
 """How long an interrupted program may take to end before it is told again, and harder."""
 
-ENVIRONMENT = "handover/environment.sh"
-LAST_COMMAND = "handover/last_command"
-"""In the build folder of a package: what its programs see, and the line that repeats its last step."""
+LAST_COMMAND = "last_command"
+"""The file on a task's desk with the line that repeats its last step."""
 
 _NOT_STARTED = 127
+
+
+def environment_file(task: Task) -> Path:
+    """Return the file on a task's desk that exports what its programs see."""
+    return task.build_dir / task.desk / "environment.sh"
 
 
 def step_line(step: Step, environment: Path | None = None) -> str:
@@ -94,8 +98,11 @@ class ProcessRunner:
             write_if_changed(path, text)
         environment = self._environment(task)
         exports = [f"export {name}={shlex.quote(value)}" for name, value in _changed(environment)]
-        write_if_changed(task.build_dir / ENVIRONMENT, "\n".join(exports) + "\n", mode=0o600)
+        write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
+        verdict = SUCCESS
         for step in task.steps:
+            if step.after not in {"", verdict}:
+                continue
             if self._stopping.is_set():
                 put(Aborted(task.name, time.monotonic() - started))
                 return
@@ -103,9 +110,10 @@ class ProcessRunner:
             if code and self._stopping.is_set() and code < 0:
                 put(Aborted(task.name, time.monotonic() - started))
                 return
-            if code:
+            if code and step.meaning(code) is None:
                 put(Finished(task.name, code, time.monotonic() - started, step))
                 return
+            verdict = FAILURE if step.meaning(code) == TEST_FAILURES else SUCCESS
         record = self._install(task)
         seconds = time.monotonic() - started
         put(Finished(task.name, 0, seconds, record=replace(record, seconds=seconds)))
@@ -139,8 +147,8 @@ class ProcessRunner:
     ) -> int:
         if step.record:
             step.record[0].unlink(missing_ok=True)
-        line = step_line(step, task.build_dir / ENVIRONMENT)
-        write_if_changed(task.build_dir / LAST_COMMAND, line + "\n")
+        line = step_line(step, environment_file(task))
+        write_if_changed(task.build_dir / task.desk / LAST_COMMAND, line + "\n")
         variables = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, _changed(variables)))
         with self._budget.tools(step, variables) if self._budget else nullcontext((variables, ())) as seen:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
@@ -11,13 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
-from forge.capacity import memory_limit
-from forge.errors import Problem, SelectionError, raise_if_any
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
 from forge.jobs import Jobs
-from forge.names import did_you_mean
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
@@ -29,16 +25,16 @@ from forge.preparation import (
     warm_worker,
 )
 from forge.records import open_records
-from forge.reporting import HANDLERS, Report
+from forge.reporting import Report, handlers_of
 from forge.schedule import Board
 from forge.snapshot import take_snapshot
 from forge.transcript import open_transcript
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Mapping
 
-    from forge.capacity import MemoryLimit
     from forge.cli import Parser
     from forge.model import BuildPlan
 
@@ -49,7 +45,7 @@ def register(parser: Parser) -> None:
     shared.add_selection(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
-    _add_how_much_at_a_time(parser)
+    shared.add_budget(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args"})
 
@@ -58,7 +54,8 @@ def run(options: argparse.Namespace) -> int:
     """Build; returns 0, 1 when a package failed, 2 when an interface definition is wrong."""
     begun = time.monotonic()
     root = Path.cwd()
-    handlers = _handlers(options.event_handlers)
+    handlers = handlers_of(options.event_handlers)
+    level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     if options.print_command:
         print(last_command(layout, options.print_command))
@@ -75,8 +72,7 @@ def run(options: argparse.Namespace) -> int:
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
         )
         records.confirm(plan, snapshot, outlook)
-        if options.explain or options.dry_run:
-            print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+        _say(plan, options, level)
         if options.dry_run:
             return 0
         with (
@@ -86,7 +82,9 @@ def run(options: argparse.Namespace) -> int:
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
-            runner = jobs.runner(budget, None if options.no_toolchain_cache else toolchain_of(kitchen))
+            runner = jobs.runner(
+                budget, None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
+            )
             board = _board(plan, options, budget.jobs, records.seconds())
             try:
                 for event in execute(plan, runner, board, records.settle):
@@ -119,36 +117,6 @@ def _add_what_to_build(parser: Parser) -> None:
     )
 
 
-def _add_how_much_at_a_time(parser: Parser) -> None:
-    group = parser.add_argument_group("how much at a time")
-    group.add_argument(
-        "--jobs", type=_positive, metavar="N", help="jobs of all packages together (default: processors)"
-    )
-    group.add_argument(
-        "--parallel-workers", type=int, default=0, metavar="N", help="packages at a time (default: --jobs)"
-    )
-    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
-    group.add_argument(
-        "--memory-limit", type=_size, metavar="SIZE", help="add no job above this, as 80%%, 12G or none"
-    )
-    group.add_argument(
-        "--load-limit", type=float, metavar="X", help="add no job while the load is above this"
-    )
-
-
-def _positive(text: str) -> int:
-    if not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number of jobs")
-    return int(text)
-
-
-def _size(text: str) -> MemoryLimit:
-    try:
-        return memory_limit(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is neither a size nor a share of the memory") from None
-
-
 def _add_what_to_see(parser: Parser) -> None:
     group = parser.add_argument_group("what to see")
     group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
@@ -159,23 +127,16 @@ def _add_what_to_see(parser: Parser) -> None:
     )
 
 
+def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
+    """Print what the plan is, where it was asked for: on stdout as an answer, on stderr as talk."""
+    if options.explain or options.dry_run:
+        print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+    elif level <= shared.LOG_LEVELS["info"]:
+        talk = (*explain(plan), *(commands(plan) if level <= shared.LOG_LEVELS["debug"] else ()))
+        print(*talk, sep="\n", file=sys.stderr)
+
+
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
     # A package that is started holds a job, so more of them would only wait.
     limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
     return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)
-
-
-def _handlers(words: list[str]) -> dict[str, bool]:
-    """Return which event handlers are on; raises SelectionError for one that nobody knows."""
-    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
-    raise_if_any(
-        (
-            Problem(
-                f"--event-handlers takes names with '+' or '-' at the end, not '{word}'",
-                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
-            )
-            for word in unknown
-        ),
-        SelectionError,
-    )
-    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
