@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "build": "build the packages of a workspace",
+    "test": "run the tests of the packages of a workspace",
+    "test-result": "show what the tests came to",
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",

@@ -19,16 +19,21 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 
 FLOORS = {
-    4: "__main__ cli commands commands.* options preparation worker workspace",
+    4: """
+        __main__ cli commands commands.* options preparation testing.preparing worker
+        workspace
+    """,
     3: """
         budget capacity digests discovery execution explaining externals installation installed
         interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing toolchain
         tools transcript wheels
-        worker_client interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
+        testing testing.* worker_client
+        interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
         charts conditions creation diagnosis environment freshness graph hooks makeflags manifest
         planning provision recipes recipes.* schedule scripts selection xml_tree interfaces.*
+        testing.outcomes testing.recipes testing.showing
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",
