@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge.capacity import processors
 from forge.errors import WorkspaceError
 from forge.execution import execute
 from forge.installation import begin_workspace
 from forge.model import Finished
-from forge.preparation import build_variables, processors
+from forge.preparation import build_variables
 from forge.reporting import Report, handlers_of
 from forge.schedule import Board
 from forge.testing.preparing import (
