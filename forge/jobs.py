@@ -17,6 +17,7 @@ from forge.tools import CMAKE_TYPES
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from forge.budget import Budget
     from forge.interpreter import Interpreter
     from forge.layout import Layout
     from forge.model import Record, Task
@@ -35,7 +36,7 @@ class Jobs:
     variables: Mapping[str, str]
     records: Records
 
-    def runner(self, toolchain: Toolchain | None) -> ProcessRunner:
+    def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
         """Return a runner; `toolchain` spares new packages the examination of the compilers."""
 
         def begin(task: Task) -> None:
@@ -43,7 +44,7 @@ class Jobs:
             if toolchain is not None and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
-        return ProcessRunner(self._environment, begin, self._install)
+        return ProcessRunner(self._environment, begin, self._install, budget)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = [(need, self.layout.prefix(need)) for need in task.needs]

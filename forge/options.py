@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.capacity import MemoryLimit, memory_limit
 from forge.errors import Problem, SelectionError
 from forge.layout import Layout
 from forge.model import Query
@@ -54,6 +55,24 @@ def add_layout(parser: Parser) -> None:
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 
 
+def add_budget(parser: Parser) -> None:
+    """Add how much runs at a time."""
+    group = parser.add_argument_group("how much at a time")
+    group.add_argument(
+        "--jobs", type=_positive, metavar="N", help="jobs of all packages together (default: processors)"
+    )
+    group.add_argument(
+        "--parallel-workers", type=int, default=0, metavar="N", help="packages at a time (default: --jobs)"
+    )
+    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
+    group.add_argument(
+        "--memory-limit", type=_size, metavar="SIZE", help="add no job above this, as 80%%, 12G or none"
+    )
+    group.add_argument(
+        "--load-limit", type=float, metavar="X", help="add no job while the load is above this"
+    )
+
+
 def query_of(options: argparse.Namespace) -> Query:
     """Return the selection options as typed."""
     select = options.packages_select
@@ -91,6 +110,27 @@ def log_level_of(options: argparse.Namespace) -> int:
     return LOG_LEVELS[word]
 
 
+def spelled(path: Path | str, options: argparse.Namespace) -> str:
+    """Return a path of the workspace as it reads where the command was typed."""
+    origin = getattr(options, "origin", os.curdir)
+    if origin == os.curdir or Path(path).is_absolute():
+        return str(path)
+    return os.path.relpath(path, origin)
+
+
 def _absolute(path: str, root: Path) -> Path:
     """Return a path from the command line as an absolute one, links in it left as they are."""
     return Path(os.path.normpath(root / Path(path).expanduser()))
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of jobs")
+    return int(text)
+
+
+def _size(text: str) -> MemoryLimit:
+    try:
+        return memory_limit(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a size nor a share of the memory") from None

@@ -24,14 +24,16 @@ FLOORS = {
         workspace
     """,
     3: """
-        digests discovery execution explaining externals folders installation installed interpreter jobs journal
-        prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
-        testing testing.* worker_client
+        budget capacity digests discovery execution explaining externals folders installation
+        installed interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing
+        toolchain
+        tools transcript wheels
+        testing testing.* worker_client workspace_root
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts conditions creation diagnosis environment freshness graph hooks manifest planning provision
-        recipes recipes.* schedule scripts selection xml_tree interfaces.*
+        charts conditions creation diagnosis environment freshness graph hooks makeflags manifest
+        planning provision recipes recipes.* schedule scripts selection xml_tree interfaces.*
         testing.outcomes testing.recipes testing.showing
     """,
     1: "model layout interfaces.model",

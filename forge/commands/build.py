@@ -17,8 +17,8 @@ from forge.jobs import Jobs
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
+    open_budget,
     prepare,
-    processors,
     refuse_what_cannot_work,
     standing,
     toolchain_of,
@@ -33,6 +33,7 @@ from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Mapping
 
     from forge.cli import Parser
     from forge.model import BuildPlan
@@ -44,6 +45,7 @@ def register(parser: Parser) -> None:
     shared.add_selection(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
+    shared.add_budget(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args"})
 
@@ -76,12 +78,16 @@ def run(options: argparse.Namespace) -> int:
         with (
             closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
             warm_worker(plan) as found_by,
+            closing(open_budget(options, kitchen, variables, plan)) as budget,
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
-            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen, variables))
+            runner = jobs.runner(
+                budget, None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
+            )
+            board = _board(plan, options, budget.jobs, records.seconds())
             try:
-                for event in execute(plan, runner, _board(plan, options), records.settle):
+                for event in execute(plan, runner, board, records.settle):
                     records.take(event, plan)
                     transcript.write(event)
                     report.show(event)
@@ -97,14 +103,6 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument("--continue-on-error", action="store_true", help="build what does not need the failed")
     group.add_argument(
         "--force", action="store_true", help="build the selected packages though they are fresh"
-    )
-    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
-    group.add_argument(
-        "--parallel-workers",
-        type=int,
-        default=processors(),
-        metavar="N",
-        help="packages at a time (0: any number)",
     )
     group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
     group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
@@ -138,6 +136,7 @@ def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
         print(*talk, sep="\n", file=sys.stderr)
 
 
-def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
-    limit = 1 if options.executor == "sequential" else options.parallel_workers
-    return Board(plan, limit, continue_on_error=options.continue_on_error)
+def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
+    # A package that is started holds a job, so more of them would only wait.
+    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)

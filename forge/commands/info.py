@@ -44,13 +44,13 @@ def run(options: argparse.Namespace) -> int:
         SelectionError,
     )
     for name in sorted(names):
-        print(*_paragraph(loaded.packages[name]), sep="\n")
+        print(*_paragraph(loaded.packages[name], options), sep="\n")
     return 0
 
 
-def _paragraph(package: Package) -> Iterator[str]:
+def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
     manifest = package.manifest
-    yield f"path: {package.path}"
+    yield f"path: {shared.spelled(package.path, options)}"
     yield f"  type: {type_word(package)}"
     yield f"  name: {package.name}"
     categories = {word: sorted(set(manifest.names(kinds))) for word, kinds in _CATEGORIES}

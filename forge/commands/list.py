@@ -40,8 +40,8 @@ def _line(package: Package, options: argparse.Namespace) -> str:
     if options.names_only:
         return package.name
     if options.paths_only:
-        return str(package.path)
-    return f"{package.name}\t{package.path}\t({type_word(package)})"
+        return shared.spelled(package.path, options)
+    return f"{package.name}\t{shared.spelled(package.path, options)}\t({type_word(package)})"
 
 
 def type_word(package: Package) -> str:

@@ -30,10 +30,11 @@ class Kitchen:
     site_packages: str
     forge: tuple[str, ...]
     generator: tuple[str, ...]
-    jobs: int
     tools: Pairs = ()
     cmake: Path | None = None
     ninja: Path | None = None
+    make: Path | None = None
+    load_limit: float | None = None
     cmake_args: tuple[str, ...] = ()
     ament_cmake_args: tuple[str, ...] = ()
     force_configure: bool = False
