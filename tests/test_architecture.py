@@ -25,9 +25,8 @@ FLOORS = {
     """,
     3: """
         budget capacity digests discovery execution explaining externals folders installation
-        installed interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing
-        toolchain
-        tools transcript wheels
+        installed interpreter jobs jobserver journal occupancy prefixes records reporting runner snapshot
+        sourcing toolchain tools transcript wheels
         testing testing.* worker_client workspace_root
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
