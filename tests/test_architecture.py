@@ -24,7 +24,7 @@ FLOORS = {
         workspace
     """,
     3: """
-        budget capacity digests discovery execution explaining externals installation installed
+        budget capacity cleaning digests discovery execution explaining externals installation installed
         interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing toolchain
         tools transcript wheels
         testing testing.* worker_client workspace_root
