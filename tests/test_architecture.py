@@ -24,8 +24,8 @@ FLOORS = {
         workspace
     """,
     3: """
-        budget capacity cleaning digests discovery execution explaining externals installation installed
-        interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing toolchain
+        budget capacity cleaning compile_commands digests discovery execution explaining externals
+        installation installed interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing toolchain
         tools transcript wheels
         testing testing.* worker_client workspace_root
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing

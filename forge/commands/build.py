@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge.compile_commands import merge_compile_commands
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
@@ -93,6 +94,8 @@ def run(options: argparse.Namespace) -> int:
                     report.show(event)
             finally:
                 records.finish(plan, variables)
+                if handlers["compile_commands"]:
+                    merge_compile_commands(layout.build)
                 report.summarise(time.monotonic() - begun)
     return report.exit_code
 

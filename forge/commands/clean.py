@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge.cleaning import BASES, left_over, litter_of_package, litter_of_workspace, made_packages, remove
+from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.installation import STATE, finish_workspace, recorded_python
 from forge.journal import open_journal
@@ -74,6 +75,7 @@ def run(options: argparse.Namespace) -> int:
         _tell_rest(left_over(layout, options.base_select), options)
     else:
         _write_scripts(layout)
+        merge_compile_commands(layout.build, anew=True)
     return 0
 
 
