@@ -24,10 +24,12 @@ FLOORS = {
         workspace
     """,
     3: """
-        budget capacity cleaning compile_commands digests discovery execution explaining externals
-        installation installed interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing toolchain
+        budget capacity digests discovery execution explaining externals folders installation
+        installed interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing
+        toolchain
         tools transcript wheels
         testing testing.* worker_client workspace_root
+        cleaning compile_commands
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
