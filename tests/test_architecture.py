@@ -24,8 +24,9 @@ FLOORS = {
         workspace
     """,
     3: """
-        budget capacity digests discovery execution explaining externals installation installed
-        interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing toolchain
+        budget capacity digests discovery execution explaining externals folders installation
+        installed interpreter jobs jobserver journal prefixes records reporting runner snapshot sourcing
+        toolchain
         tools transcript wheels
         testing testing.* worker_client workspace_root
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
