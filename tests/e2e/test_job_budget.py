@@ -110,7 +110,7 @@ FORGE = (sys.executable, "-m", "forge", "--log-base", os.devnull, "build")
 @pytest.fixture
 def workspace(tree: Tree) -> Path:
     """Return three packages of which the last needs the first."""
-    return tree({**package("a", 3), **package("b", 2), **package("c", 1, "a")})
+    return tree({**package("a", 2), **package("b", 2), **package("c", 1, "a")})
 
 
 def only(folder: Path, program: str) -> dict[str, str]:
