@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge.budget import without_jobs
 from forge.compile_commands import merge_compile_commands
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
@@ -82,7 +83,9 @@ def run(options: argparse.Namespace) -> int:
             closing(open_budget(options, kitchen, variables, plan)) as budget,
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
-            jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
+            jobs = Jobs(
+                loaded.provision, layout, interpreter, {**without_jobs(variables), **found_by}, records
+            )
             runner = jobs.runner(
                 budget, None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
             )
