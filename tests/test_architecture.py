@@ -21,13 +21,14 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     4: "__main__ cli commands commands.* options preparation worker workspace",
     3: """
-        digests discovery execution explaining externals installation installed interpreter jobs journal
-        prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
+        digests discovery execution explaining externals identification installation installed interpreter jobs journal limits
+        overrides plain_packages prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
         worker_client interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts conditions creation diagnosis environment freshness graph hooks manifest planning provision
-        recipes recipes.* schedule scripts selection xml_tree interfaces.*
+        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks identity
+        manifest planning provision
+        python_reading recipes recipes.* schedule scripts selection xml_tree interfaces.*
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",
