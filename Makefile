@@ -4,11 +4,12 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test lint types bench clean
+.PHONY: help demo test fuzz lint types bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
+	@echo "make fuzz    compare many random messages with rosbags', read a million spoilt ones"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
 	@echo "make bench   measure, print JSON"
@@ -19,6 +20,9 @@ demo: .venv-demo/.ready
 
 test: .venv/.ready
 	$(PYTEST)
+
+fuzz: .venv/.ready
+	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) tests/e2e/test_cdr_differential.py
 
 lint: .venv/.ready
 	.venv/bin/python -m ruff check .

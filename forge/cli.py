@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "build": "build the packages of a workspace",
+    "test": "run the tests of the packages of a workspace",
+    "test-result": "show what the tests came to",
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",
@@ -103,7 +105,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
     parser.add_argument(
-        "--log-level", metavar="LEVEL", default="warning", help="how much forge says about itself"
+        "--log-level", metavar="LEVEL", help="how much forge says about itself: debug, info, warning ..."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     asked = _asked(arguments)

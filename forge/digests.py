@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-VERSION = 1
+VERSION = 2
 RACY_NANOSECONDS = 20_000_000
 """Two ticks of the slowest kernel clock: file times are no finer than that."""
 
@@ -43,6 +43,8 @@ _LITTER_FOLDERS = frozenset(
 _LITTER_ENDINGS = (".pyc", ".pyo", "~", ".swp", ".swo", ".egg-info")
 _LITTER_BEGINNINGS = (".#", "#")
 _LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE"})
+_RESULTS = frozenset({".built_by", ".colcon_install_layout", "latest_build"})
+"""Beside COLCON_IGNORE, these mark where builds, installs and logs go, perhaps within a lone package."""
 
 
 class FileTable:
@@ -132,15 +134,28 @@ def source_files(root: str) -> Iterator[str]:
 
 
 def _walk(root: str) -> Iterator[tuple[str, os.stat_result | None]]:
-    with os.scandir(root) as found:
+    """Yield files with their stats; a link to a folder comes with what is in there."""
+    return _below(root, (os.path.realpath(root),))
+
+
+def _below(folder: str, linked: tuple[str, ...]) -> Iterator[tuple[str, os.stat_result | None]]:
+    """Yield what is below a folder; `linked` are the real folders on the way, which are not entered again."""
+    with os.scandir(folder) as found:
         entries = sorted(found, key=lambda entry: entry.name)
+    names = {entry.name for entry in entries}
+    if "COLCON_IGNORE" in names and names & _RESULTS:
+        return
     for entry in entries:
         name = entry.name
         if entry.is_dir(follow_symlinks=False):
             if name not in _LITTER_FOLDERS and not name.endswith(".egg-info"):
-                yield from _walk(entry.path)
+                yield from _below(entry.path, linked)
         elif not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS)):
             yield entry.path, entry.stat(follow_symlinks=False)
+            if entry.is_symlink() and entry.is_dir():
+                real = os.path.realpath(entry.path)
+                if not any(f"{way}/".startswith(f"{real}/") for way in linked):
+                    yield from _below(entry.path, (*linked, real))
 
 
 def _mark(
@@ -155,7 +170,12 @@ def _mark(
     stamp = hashlib.blake2b(digest_size=16)
     racy = False
     for path, status in entries:
-        stamp.update(f"{path[cut:]}\0{_said(status) if status else ''}\n".encode(errors="surrogateescape"))
+        looks = _said(status) if status else ""
+        if status is not None and stat.S_ISLNK(status.st_mode):
+            real = _status(path, follow=True)
+            looks += f" {_said(real)}" if real else ""
+            racy = racy or (real is not None and not trusting and _racy(real))
+        stamp.update(f"{path[cut:]}\0{looks}\n".encode(errors="surrogateescape"))
         racy = racy or (status is not None and not trusting and _racy(status))
     said = "" if racy else stamp.hexdigest()
     if known is not None and said and known.stamp == said:
@@ -174,7 +194,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
         return "missing"
     if stat.S_ISREG(status.st_mode):
         try:
-            return f"{stat.S_IMODE(status.st_mode) & 0o111:o} {table.digest(path, status)}"
+            return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
         except OSError:
             return "unreadable"
     if not stat.S_ISLNK(status.st_mode):

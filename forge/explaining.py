@@ -32,7 +32,9 @@ def commands(plan: BuildPlan) -> Iterator[str]:
 def last_command(layout: Layout, package: str) -> str:
     """Return a line that repeats the last step of a package; raises SelectionError when there was none."""
     try:
-        return (layout.build_dir(package) / LAST_COMMAND).read_text(encoding="utf-8").rstrip("\n")
+        return (
+            (layout.build_dir(package) / "handover" / LAST_COMMAND).read_text(encoding="utf-8").rstrip("\n")
+        )
     except OSError:
         problem = Problem(
             f"no step of '{package}' has run in '{layout.build}'",

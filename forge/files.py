@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None:
@@ -13,15 +15,21 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
     Folders are made as needed. A symbolic link at `path` is replaced, not followed.
     Raises OSError as the system does.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+    try:
+        descriptor = os.open(temporary, flags, 0o666)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(temporary, flags, 0o666)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(content)
-        Path(temporary).chmod(mode if mode is not None else 0o666 & ~_umask())
-        Path(temporary).replace(path)
+            if mode is not None:
+                os.fchmod(descriptor, mode)
+        temporary.replace(path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
@@ -36,10 +44,3 @@ def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
         pass
     replace_file(path, content, mode=mode)
     return True
-
-
-def _umask() -> int:
-    """Return the process's umask; reading it means setting it."""
-    current = os.umask(0o022)
-    os.umask(current)
-    return current

@@ -130,8 +130,11 @@ def _sources(news: tuple[str, ...]) -> str:
 def environment_that_counts(variables: Mapping[str, str]) -> Pairs:
     """Return the variables that compilers, CMake, Python and ROS packages read."""
     names = (name for name in variables if name in _NAMES or name.startswith(_BEGINNINGS))
-    return tuple((name, variables[name]) for name in sorted(names))
+    return tuple((name, variables[name]) for name in sorted(names) if name not in _WITHOUT_EFFECT)
 
+
+_WITHOUT_EFFECT = frozenset({"CMAKE_BUILD_PARALLEL_LEVEL"})
+"""What says how fast to build, not what."""
 
 _NAMES = frozenset(
     """CC CXX CPP FC CFLAGS CXXFLAGS CPPFLAGS FFLAGS LDFLAGS ARFLAGS CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH

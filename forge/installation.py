@@ -72,7 +72,7 @@ def install_package(
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
     setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
-    sources += (path for path in setups if (prefix / path).is_file())
+    sources += (path for path in (*package.hooks, *setups) if (prefix / path).is_file())
     # Always a new file: its stamp tells readers that any of the package's hooks may have changed.
     replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
     edits = package_edits(package.name, prefix)
@@ -142,11 +142,22 @@ def finish_workspace(layout: Layout, underlays: tuple[Path, ...], python: Path) 
 
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
     """Return the underlays that the last build of an install tree recorded, lowest first."""
+    return _recorded(root)[1]
+
+
+def recorded_python(root: Path) -> str | None:
+    """Return the interpreter that an install tree was last built for, if there is a record and a file."""
+    python = _recorded(root)[0]
+    return python if python and Path(python).exists() else None
+
+
+def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
+    """Return the interpreter and the underlays of the last build."""
     try:
         state = json.loads((root / STATE).read_text(encoding="utf-8"))
-        return tuple(map(Path, state["underlays"]))
+        return str(state["python"]), tuple(map(Path, state["underlays"]))
     except OSError:  # what cannot be read cannot be written either: begin_workspace tells
-        return ()
+        return None, ()
     except (ValueError, KeyError, TypeError) as error:
         problem = Problem(
             "this is no state of forge", Place(root / STATE), hint="remove the file and build again"

@@ -57,12 +57,7 @@ def find_interpreter(python: str | None, variables: Mapping[str, str]) -> Interp
 
 def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
     """Raise EnvironmentFault naming the modules that `interpreter` lacks, and how to install them."""
-    wanted = list(names)
-    missing = (
-        [name for name in wanted if not _has_module(name)]
-        if interpreter.own
-        else _ask_missing(interpreter, wanted)
-    )
+    missing = missing_modules(interpreter, names)
     if missing:
         listed = ", ".join(f"'{name}'" for name in missing)
         raise EnvironmentFault(
@@ -71,6 +66,14 @@ def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
                 hint=f"{interpreter.path} -m pip install {' '.join(missing)}",
             )
         )
+
+
+def missing_modules(interpreter: Interpreter, names: Iterable[str]) -> list[str]:
+    """Return those of the modules that an interpreter lacks; raises EnvironmentFault when it does not run."""
+    wanted = list(names)
+    if interpreter.own:
+        return [name for name in wanted if not _has_module(name)]
+    return _ask_missing(interpreter, wanted)
 
 
 def _locate(python: str | None, variables: Mapping[str, str]) -> Path:

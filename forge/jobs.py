@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from forge.budget import Budget
     from forge.interpreter import Interpreter
     from forge.layout import Layout
     from forge.model import Record, Task
@@ -39,7 +40,7 @@ class Jobs:
     variables: Mapping[str, str]
     records: Records
 
-    def runner(self, toolchain: Toolchain | None) -> ProcessRunner:
+    def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
         """Return a runner; `toolchain` spares new packages the examination of the compilers."""
 
         def begin(task: Task) -> None:
@@ -47,7 +48,7 @@ class Jobs:
             if toolchain is not None and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
-        return ProcessRunner(self._environment, begin, self._install)
+        return ProcessRunner(self._environment, begin, self._install, budget)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = [(need, self.layout.prefix(need)) for need in task.needs]
@@ -58,7 +59,7 @@ class Jobs:
 
     def _begin(self, task: Task) -> None:
         installation.uninstall_markers(task.name, self.layout)
-        _clear(task)
+        clear(task)
         began = self.records.began(task.name)
         if began is not None:
             _wake(self.records.source(task), began)
@@ -72,7 +73,7 @@ class Jobs:
         return self.records.make(task)
 
 
-def _clear(task: Task) -> None:
+def clear(task: Task) -> None:
     """Remove what the tools of the task would wrongly build on."""
     for path in task.clean:
         for found in path.parent.glob(path.name) if path.parent.is_dir() else ():

@@ -248,6 +248,11 @@ class Snapshot:
     news: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+TEST_FAILURES = "test failures"
+"""What an exit code may mean; the same words stand in colcon's own note of a package's tests."""
+SUCCESS, FAILURE = "success", "failure"
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """One program to run: printed, hashed, logged and repeated by hand as it stands here."""
@@ -259,6 +264,14 @@ class Step:
     """Variables set for this step alone, beyond the environment of its task."""
     record: tuple[Path, str] | None = None
     """A file that says this step was done: removed before it starts, written once it succeeded."""
+    meanings: tuple[tuple[int, str], ...] = ()
+    """Exit codes that are no failure of the task, and what they say instead."""
+    after: str = ""
+    """When it runs: always, or only after a step with TEST_FAILURES (FAILURE) or without (SUCCESS)."""
+
+    def meaning(self, code: int) -> str | None:
+        """Return what an exit code says, or None when it is 0 or fails the task."""
+        return dict(self.meanings).get(code)
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,6 +294,8 @@ class Task:
     """It runs only if a package that is built before it comes out different."""
     clean: tuple[Path, ...] = ()
     """Files and folders of an earlier build that are removed first, since the tools cannot be told."""
+    desk: str = "handover"
+    """The folder below `build_dir` for what the steps see and the line that repeats the last of them."""
 
     @property
     def embedded(self) -> bool:

@@ -101,7 +101,7 @@ def settled(task: Task, outlook: Outlook, record: Record | None) -> Task | None:
 def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen, standing: Standing) -> Parts:
     return Parts(
         forge=standing.forge,
-        options=RECIPES[package.build_type].options(package, kitchen),
+        options=RECIPES[package.build_type].options(package, kitchen.of(package)),
         tools=standing.tools,
         environment=standing.environment,
         sources=snapshot.sources[package.name].digest,
@@ -136,12 +136,12 @@ def _task(
     again = record is not None and (
         record.sources.names != snapshot.sources[name].names or record.parts.needs != parts.needs
     )
+    other_options = record is not None and record.parts.options != parts.options
     if anew:
         kitchen = replace(kitchen, configured={n: s for n, s in kitchen.configured.items() if n != name})
-    if again:
+    if again or other_options:
         kitchen = replace(kitchen, reconfigure=frozenset({name}))
-    recipe = RECIPES[package.build_type].recipe(package, kitchen)
-    other_options = record is not None and record.parts.options != parts.options
+    recipe = RECIPES[package.build_type].recipe(package, kitchen.of(package))
     return Task(
         name=name,
         package=package,

@@ -5,24 +5,29 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
+from forge.budget import Budget
+from forge.capacity import processors, shortage
 from forge.digests import source_files, stamp_files
 from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
 from forge.installation import recorded_underlays
 from forge.interpreter import find_interpreter, require_modules
+from forge.jobserver import common_style, joined_pool, own_pool, spoken
+from forge.makeflags import read_make_flags
 from forge.planning import Standing
 from forge.prefixes import find_underlays
 from forge.provision import missing_problems
-from forge.recipes.cmake import common_arguments, jobs_given
+from forge.recipes.cmake import common_arguments
 from forge.recipes.kitchen import Kitchen
 from forge.sourcing import workspace_environment
 from forge.toolchain import Toolchain
-from forge.tools import find_tools, identities
+from forge.tools import CMAKE_TYPES, find_tools, identities
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -68,7 +73,7 @@ def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
 def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str]) -> None:
     """Raise WorkspaceError with everything that would make the build fail anyway."""
     errors, warnings = missing_problems(loaded.provision, names)
-    problems = [*loaded.workspace.problems, *loaded.clashes, *errors]
+    problems = [*loaded.workspace.problems, *errors]
     if not loaded.workspace.packages and not problems:
         hint = "go to the folder that has 'src' in it, or make a package: forge pkg create my_package"
         problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
@@ -96,10 +101,11 @@ def prepare(
         site_packages=interpreter.site_packages,
         forge=(sys.executable, "-m", "forge"),
         generator=(sys.executable, "-S", "-E", str(Path(__file__).with_name("worker_client.py"))),
-        jobs=0 if jobs_given(variables.get("MAKEFLAGS", "")) else processors(),
         tools=identities(tools, interpreter.path, variables),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
+        make=tools.make if tools else None,
+        load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
         force_configure=options.cmake_force_configure,
@@ -108,11 +114,15 @@ def prepare(
     return kitchen, interpreter
 
 
-def toolchain_of(kitchen: Kitchen) -> Toolchain | None:
-    """Return what spares new packages the examination of the compilers; None without CMake."""
-    if kitchen.cmake is None:
+def toolchain_of(kitchen: Kitchen, variables: Mapping[str, str]) -> Toolchain | None:
+    """Return what spares new packages the examination of the compilers.
+
+    None without CMake, and where ament packages are told what others are not: that may be a compiler.
+    """
+    if kitchen.cmake is None or kitchen.ament_cmake_args:
         return None
-    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), kitchen.tools)
+    told_apart = (*kitchen.tools, *environment_that_counts(variables))
+    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart)
 
 
 def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
@@ -125,6 +135,31 @@ def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
     from forge.worker import worker  # noqa: PLC0415  (the usual build has none)
 
     return worker()
+
+
+def open_budget(
+    options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str], plan: BuildPlan
+) -> Budget:
+    """Return the job tokens of a build: those of a make above us, else as many as were asked for.
+
+    Which tools can share them is tried out, in one style for all, since one may start the other.
+    """
+    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+    level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
+    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0) or processors()
+    pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
+    if flags.auth and pool is None and not options.jobs:
+        hint = "begin its rule with '+', or give forge its own --jobs"
+        warn([Problem("the jobserver of the make above cannot be reached", hint=hint)])
+    compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+    tools = {"ninja": kitchen.ninja, "make": kitchen.make} if compiles else {}
+    spoken_by = {name: spoken(name, tool, variables) for name, tool in tools.items() if tool}
+    style = pool.style if pool else common_style(spoken_by)
+    if pool is None and style is not None:
+        pool = own_pool(style)
+    fluent = frozenset(name for name, styles in spoken_by.items() if style in styles)
+    short = partial(shortage, options.memory_limit, kitchen.load_limit)
+    return Budget(jobs, pool, fluent, flags, short)
 
 
 def standing(
@@ -141,11 +176,6 @@ def standing(
         force=options.force,
         selected=frozenset(loaded.selection.names),
     )
-
-
-def processors() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def _forge() -> str:

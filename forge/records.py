@@ -79,6 +79,10 @@ class Records:
         record = self.journal.records.get(name)
         return record.began if record else None
 
+    def seconds(self) -> dict[str, float]:
+        """Return how long each package took when it was last built."""
+        return {name: record.seconds for name, record in self.journal.records.items() if record.seconds}
+
     def source(self, task: Task) -> Path:
         """Return the absolute folder of a task's package."""
         return self._root / task.package.path

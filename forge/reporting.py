@@ -9,11 +9,23 @@ import sys
 from typing import TYPE_CHECKING
 
 from forge.diagnosis import FirstError, first_error
-from forge.model import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
-from forge.runner import ENVIRONMENT, step_line
+from forge.errors import Problem, SelectionError, raise_if_any
+from forge.model import (
+    TEST_FAILURES,
+    Aborted,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
+from forge.names import did_you_mean
+from forge.runner import environment_file, step_line
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from forge.model import BuildPlan, Event, Package
@@ -42,6 +54,22 @@ _LONGEST_TAIL = 20_000
 """How many lines of a package's output are kept to be shown when it fails."""
 
 
+def handlers_of(words: Sequence[str]) -> dict[str, bool]:
+    """Return which event handlers are on; raises SelectionError for one that nobody knows."""
+    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
+    raise_if_any(
+        (
+            Problem(
+                f"--event-handlers takes names with '+' or '-' at the end, not '{word}'",
+                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
+            )
+            for word in unknown
+        ),
+        SelectionError,
+    )
+    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
+
+
 class Report:
     """What a build has to say; owned by the loop of the command."""
 
@@ -60,6 +88,12 @@ class Report:
         self._aborted: list[str] = []
         self._skipped: list[str] = []
         self._fresh = list(plan.fresh)
+        self._failed_tests: set[str] = set()
+
+    @property
+    def failed_tests(self) -> frozenset[str]:
+        """The packages whose tests failed, though the programs that ran them did their work."""
+        return frozenset(self._failed_tests)
 
     @property
     def exit_code(self) -> int:
@@ -81,7 +115,8 @@ class Report:
                     self._fail(event)
                 else:
                     self._finished.append(task)
-                    self._progress(f"Finished <<< {self._label(task)} [{duration(seconds)}]")
+                    remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
+                    self._progress(f"Finished <<< {self._label(task)} [{duration(seconds)}]{remark}")
             case Aborted(task, seconds):
                 self._aborted.append(task)
                 self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
@@ -89,7 +124,11 @@ class Report:
                 self._skipped.append(task)
             case Fresh(task):
                 self._fresh.append(task)
-            case StepStarted() | StepFinished():
+            case StepFinished(task, step, code):
+                # Of a step that repeats another, the last word counts.
+                failed = step.meaning(code) == TEST_FAILURES
+                (self._failed_tests.add if failed else self._failed_tests.discard)(task)
+            case StepStarted():
                 pass
 
     def summarise(self, seconds: float) -> None:
@@ -107,6 +146,7 @@ class Report:
             (list(self._failed), "failed"),
             (self._aborted, "aborted"),
             (sorted(self._stderr), "had stderr output"),
+            (sorted(self._failed_tests), f"had {TEST_FAILURES}"),
         ):
             if names:
                 _out(f"  {_count(names)} {words}: {' '.join(sorted(names))}")
@@ -164,7 +204,7 @@ class Report:
         if self._logs:
             lines.append(f"  log: {self._logs / task / 'stdout_stderr.log'}")
         if event.step:
-            lines.append(f"  repeat: {step_line(event.step, self._tasks[task].build_dir / ENVIRONMENT)}")
+            lines.append(f"  repeat: {step_line(event.step, environment_file(self._tasks[task]))}")
         _write(("\n".join(lines) + "\n").encode(), stderr=True)
 
 

@@ -10,26 +10,33 @@ import signal
 import subprocess
 import threading
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from forge.files import write_if_changed
-from forge.model import Aborted, Finished, Output, StepFinished, StepStarted
+from forge.jobserver import is_blurb
+from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Output, StepFinished, StepStarted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from forge.budget import Budget
     from forge.model import Event, Record, Step, Task
 
 GRACE_SECONDS = 5.0
 """How long an interrupted program may take to end before it is told again, and harder."""
 
-ENVIRONMENT = "handover/environment.sh"
-LAST_COMMAND = "handover/last_command"
-"""In the build folder of a package: what its programs see, and the line that repeats its last step."""
+LAST_COMMAND = "last_command"
+"""The file on a task's desk with the line that repeats its last step."""
 
 _NOT_STARTED = 127
+
+
+def environment_file(task: Task) -> Path:
+    """Return the file on a task's desk that exports what its programs see."""
+    return task.build_dir / task.desk / "environment.sh"
 
 
 def step_line(step: Step, environment: Path | None = None) -> str:
@@ -64,17 +71,26 @@ class ProcessRunner:
         environment: Callable[[Task], Mapping[str, str]],
         begin: Callable[[Task], None],
         install: Callable[[Task], Record],
+        budget: Budget | None = None,
     ) -> None:
-        """Remember the three seams; nothing runs yet."""
+        """Remember the three seams, and where jobs come from if they are counted; nothing runs yet."""
         self._environment = environment
         self._begin = begin
         self._install = install
+        self._budget = budget
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
 
     def run(self, task: Task, put: Callable[[Event], None]) -> None:
         """Run the steps of `task` in order, until one fails or the build is stopped."""
+        with self._budget.package() if self._budget else nullcontext(enter_result=True) as begun:
+            if begun:
+                self._run(task, put)
+            else:
+                put(Aborted(task.name, 0.0))
+
+    def _run(self, task: Task, put: Callable[[Event], None]) -> None:
         started = time.monotonic()
         self._begin(task)
         task.build_dir.mkdir(parents=True, exist_ok=True)
@@ -82,8 +98,11 @@ class ProcessRunner:
             write_if_changed(path, text)
         environment = self._environment(task)
         exports = [f"export {name}={shlex.quote(value)}" for name, value in _changed(environment)]
-        write_if_changed(task.build_dir / ENVIRONMENT, "\n".join(exports) + "\n", mode=0o600)
+        write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
+        verdict = SUCCESS
         for step in task.steps:
+            if step.after not in {"", verdict}:
+                continue
             if self._stopping.is_set():
                 put(Aborted(task.name, time.monotonic() - started))
                 return
@@ -91,9 +110,10 @@ class ProcessRunner:
             if code and self._stopping.is_set() and code < 0:
                 put(Aborted(task.name, time.monotonic() - started))
                 return
-            if code:
+            if code and step.meaning(code) is None:
                 put(Finished(task.name, code, time.monotonic() - started, step))
                 return
+            verdict = FAILURE if step.meaning(code) == TEST_FAILURES else SUCCESS
         record = self._install(task)
         seconds = time.monotonic() - started
         put(Finished(task.name, 0, seconds, record=replace(record, seconds=seconds)))
@@ -101,10 +121,12 @@ class ProcessRunner:
     def finish_steps(self) -> None:
         """Let running steps end and start no further one."""
         self._stopping.set()
+        if self._budget:
+            self._budget.stop()
 
     def interrupt(self, *, kill: bool) -> None:
         """Interrupt every process group; those that do not end are terminated, then killed."""
-        self._stopping.set()
+        self.finish_steps()
         self._signal(signal.SIGKILL if kill else signal.SIGINT)
         if not kill:
             threading.Thread(target=self._insist, daemon=True).start()
@@ -125,22 +147,31 @@ class ProcessRunner:
     ) -> int:
         if step.record:
             step.record[0].unlink(missing_ok=True)
-        line = step_line(step, task.build_dir / ENVIRONMENT)
-        write_if_changed(task.build_dir / LAST_COMMAND, line + "\n")
+        line = step_line(step, environment_file(task))
+        write_if_changed(task.build_dir / task.desk / LAST_COMMAND, line + "\n")
         variables = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, _changed(variables)))
-        code = self._start(task, step, variables, put)
+        with self._budget.tools(step, variables) if self._budget else nullcontext((variables, ())) as seen:
+            code = self._start(task, step, seen, put)
         if step.record and code == 0:
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code
 
-    def _start(self, task: Task, step: Step, variables: dict[str, str], put: Callable[[Event], None]) -> int:
+    def _start(
+        self,
+        task: Task,
+        step: Step,
+        seen: tuple[Mapping[str, str], Sequence[int]],
+        put: Callable[[Event], None],
+    ) -> int:
+        variables, descriptors = seen
         try:
             process = subprocess.Popen(
                 step.argv,
                 cwd=step.cwd,
                 env=variables,
+                pass_fds=descriptors,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
@@ -175,7 +206,8 @@ def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], N
                     selector.unregister(key.fileobj)
                 *lines, rests[key.data] = (rests[key.data] + chunk).split(b"\n")
                 for line in lines:
-                    put(line + b"\n", key.data)
+                    if not is_blurb(line):
+                        put(line + b"\n", key.data)
         for stderr, rest in rests.items():
             if rest:
                 put(rest + b"\n", stderr)

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.graph import closures
 from forge.model import Aborted, Finished, Fresh, Skipped, Started
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from forge.model import BuildPlan, Event
 
 
 class Board:
     """The state of a build: what waits, what runs, what ended; owned by the one loop.
 
-    At most `limit` tasks run at a time (0: any number). Among ready tasks those that more others wait
-    for go first. After a failure nothing starts any more, or with `continue_on_error` nothing that
-    needs the failed package.
+    At most `limit` tasks run at a time (0: any number). Among ready tasks those go first from which the
+    longest chain of work leads to the end, as far as `seconds` says how long tasks take, then those that
+    more others wait for. After a failure nothing starts any more, or with `continue_on_error` nothing
+    that needs the failed package.
     """
 
-    def __init__(self, plan: BuildPlan, limit: int, *, continue_on_error: bool = False) -> None:
+    def __init__(
+        self,
+        plan: BuildPlan,
+        limit: int,
+        seconds: Mapping[str, float] | None = None,
+        *,
+        continue_on_error: bool = False,
+    ) -> None:
         """Put every task of the plan on the board, waiting."""
         self._needs = {
             name: frozenset(need for need in task.needs if need in plan.tasks)
@@ -31,13 +40,9 @@ class Board:
         self._running: set[str] = set()
         self._failed: dict[str, str] = {}
         self._stopped_by: str | None = None
-        below = closures(self._needs, self._needs)
-        weight = dict.fromkeys(self._needs, 0)
-        for needs in below.values():
-            for need in needs:
-                weight[need] += 1
+        weights = _weights(self._needs, seconds or {})
         # Sorting is stable: ties keep the plan's topological order.
-        self._waiting = sorted(self._needs, key=lambda name: -weight[name])
+        self._waiting = sorted(self._needs, key=weights.__getitem__, reverse=True)
 
     @property
     def running(self) -> frozenset[str]:
@@ -91,3 +96,23 @@ class Board:
 
     def _may_start(self, name: str) -> bool:
         return len(self._running) < self._limit and self._needs[name] <= self._done
+
+
+def _weights(
+    needs: Mapping[str, frozenset[str]], seconds: Mapping[str, float]
+) -> dict[str, tuple[float, int]]:
+    """Return for each task how long the longest chain from it to the end takes, and how many wait for it.
+
+    `needs` has all that a task needs, however deep, in topological order. A task of which nothing is known
+    takes as long as the usual one; where nothing is known of any, chains count nothing.
+    """
+    known = sorted(seconds[name] for name in needs if name in seconds)
+    usual = known[len(known) // 2] if known else 0.0
+    chain = dict.fromkeys(needs, 0.0)
+    waiting = dict.fromkeys(needs, 0)
+    for name in reversed(list(needs)):
+        chain[name] += seconds.get(name, usual)
+        for need in needs[name]:
+            chain[need] = max(chain[need], chain[name])
+            waiting[need] += 1
+    return {name: (chain[name], waiting[name]) for name in needs}

@@ -46,9 +46,9 @@ _BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
 class Toolchain:
     """The answers for one build; the first package that wants them waits for the reference project."""
 
-    def __init__(self, build: Path, cmake: Path, arguments: tuple[str, ...], tools: Pairs) -> None:
-        """Tell apart by what is asked of CMake and by which programs are there; nothing runs yet."""
-        said = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in tools)))
+    def __init__(self, build: Path, cmake: Path, arguments: tuple[str, ...], circumstances: Pairs) -> None:
+        """Tell apart by what is asked of CMake, which programs are there and which variables; run nothing."""
+        said = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in circumstances)))
         self._home = build / FOLDER / hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
         self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
         self._lock = threading.Lock()

@@ -62,6 +62,19 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     return Tools(cmake, ninja, make)
 
 
+def find_ctest(variables: Mapping[str, str]) -> Path:
+    """Return CTEST_COMMAND, else the ctest beside CMake, else the first on PATH; raises EnvironmentFault."""
+    named = variables.get("CTEST_COMMAND")
+    if named:
+        return Path(named)
+    cmake = _find_cmake(variables)
+    beside = cmake.with_name("ctest") if cmake else None
+    found = beside if beside and beside.is_file() else _find("ctest", variables)
+    if found is None:
+        raise EnvironmentFault(Problem("ctest, which comes with CMake, was not found", hint=_CMAKE_HINT))
+    return found
+
+
 def identities(tools: Tools | None, python: Path, variables: Mapping[str, str]) -> Pairs:
     """Return the programs whose replacement changes what a build makes, each with what tells it apart."""
     path = variables.get("PATH", os.defpath)

@@ -8,8 +8,9 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge import package_options
 from forge.discovery import discover, discover_embedded
-from forge.errors import Place, Problem
+from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.graph import ordered_names
 from forge.limits import limits_of
 from forge.overrides import read_overrides
@@ -19,7 +20,7 @@ from forge.selection import ignored, select, twin
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from forge.model import Package, Selection, Workspace
@@ -40,15 +41,6 @@ class Loaded:
     needs: Mapping[str, frozenset[str]]
     ordered: tuple[str, ...]
 
-    @property
-    def clashes(self) -> Iterator[Problem]:
-        """Yield the selected names that two folders have: a build could not tell them apart."""
-        return (
-            _clash(self.workspace.packages[other.name], other)
-            for other in self.workspace.twins
-            if other.name in self.selection.names
-        )
-
 
 def load_workspace(
     root: Path,
@@ -62,10 +54,10 @@ def load_workspace(
 
     `embedded` adds the packages that forge brings along; `install` is the workspace's own install
     folder, which is no underlay of its own: a command that has none lists packages, several of one name
-    included. Manifests that cannot be read are then told on stderr. Raises WorkspaceError for a cycle,
-    SelectionError for names that cannot be selected.
+    included. Manifests that cannot be read are then told on stderr. Raises WorkspaceError for a cycle and,
+    but in a listing, for two selected packages of one name; SelectionError for names that cannot be selected.
     """
-    query = shared.query_of(options)
+    query = package_options.query_of(options)
     found = _discovered(root, options, variables)
     workspace = _without(found, ignored(query, found.packages))
     provision = _provision(workspace, variables, install or root / "install", embedded=embedded)
@@ -76,8 +68,11 @@ def load_workspace(
     limits = limits_of(options, root, workspace.packages, provision.needs)
     ordered = ordered_names(needs)
     selection, warnings = select(query, ordered, needs, limits, found.packages)
-    clashes = (_clash(workspace.packages[other.name], other) for other in twins)
-    warn((*(workspace.problems if listing else ()), *workspace.notes, *clashes, *warnings))
+    clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
+    if not listing:
+        raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
+    told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
+    warn((*told, *workspace.notes, *warnings))
     return Loaded(workspace, provision, selection, packages, needs, ordered)
 
 
@@ -91,7 +86,9 @@ def _discovered(root: Path, options: argparse.Namespace, variables: Mapping[str,
     overrides = read_overrides(
         root, options.metas, None if options.ignore_user_meta else shared.home(variables)
     )
-    return discover(root, shared.base_paths_of(options), variables, paths=options.paths, overrides=overrides)
+    return discover(
+        root, package_options.base_paths_of(options), variables, paths=options.paths, overrides=overrides
+    )
 
 
 def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:

@@ -1,6 +1,6 @@
 """XML text to a small tree that knows its places: elements with line, column and inner text, pure.
 
-Document type declarations are refused: manifests need none, and entities are how XML is made to explode.
+Document type declarations are refused: nobody here needs one, and entities are how XML is made to explode.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def parse_xml(content: bytes, path: Path) -> Element:
         message = expat.ErrorString(error.code)
         raise WorkspaceError(_problem(message, content, path, error.lineno, error.offset + 1)) from None
     except _DeclarationError as error:
-        message = "document type declarations are not allowed in a manifest"
+        message = "document type declarations are not allowed"
         raise WorkspaceError(_problem(message, content, path, error.line, None)) from None
     assert builder.root is not None  # noqa: S101  (expat refuses a document without a root)
     return builder.root

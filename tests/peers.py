@@ -13,9 +13,8 @@ from tests.conftest import Ran
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from types import TracebackType
 
-DRIVER = Path(__file__).parent / "e2e" / "colcon_driver.py"
+DRIVER = Path(__file__).parent / "data" / "colcon_driver.py"
 
 
 class Colcon:
@@ -34,14 +33,6 @@ class Colcon:
             text=True,
         )
 
-    def __enter__(self) -> Colcon:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._process.communicate()
-
     def __call__(self, *argv: str, cwd: Path) -> Ran:
         """Run a command line; returns its exit code and what it printed."""
         assert self._process.stdin is not None
@@ -49,3 +40,7 @@ class Colcon:
         self._process.stdin.write(json.dumps({"argv": argv, "cwd": str(cwd)}) + "\n")
         self._process.stdin.flush()
         return Ran(**json.loads(self._process.stdout.readline()))
+
+    def end(self) -> None:
+        """Let it go, once all has been asked."""
+        self._process.communicate()

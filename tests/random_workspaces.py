@@ -14,7 +14,13 @@ if TYPE_CHECKING:
 NAMES = ("a", "b", "c", "bb", "B2", "x-y", "a__b", "ab_msgs", "zz9", "q_lib", "m1", "m2", "n_a", "o")
 _TAGS = ("depend", "build_depend", "exec_depend", "test_depend", "build_export_depend", "buildtool_depend")
 _FOLDERS = ("", "src/", "src/deep/er/", "src/other/", "two/")
-_CONDITIONS = ("$ROS_VERSION == 2", "$ROS_VERSION == 1", "$ROS_DISTRO >= foxy", "$NOBODY == ''", "a == b or a == a")
+_CONDITIONS = (
+    "$ROS_VERSION == 2",
+    "$ROS_VERSION == 1",
+    "$ROS_DISTRO >= foxy",
+    "$NOBODY == ''",
+    "a == b or a == a",
+)
 
 
 @dataclass(slots=True)
@@ -53,10 +59,15 @@ class _Writer:
     def package(self, name: str, parent: str | None = None) -> None:
         folder = self.root / ((parent or self.chance.choice(_FOLDERS)) + f"{name}_dir")
         folder.mkdir(parents=True, exist_ok=True)
-        kind = self.chance.choice(("ros", "ros", "ros", "cmake", "cfg", "pkg") if self.shape.plain else ("ros",))
+        kind = self.chance.choice(
+            ("ros", "ros", "ros", "cmake", "cfg", "pkg") if self.shape.plain else ("ros",)
+        )
         needs = [need for need in self.needs() if need != name]
         if kind == "cmake":
-            lines = [f"project({name} NONE)  # project(no)", *(f"find_package({need} QUIET)" for need in needs)]
+            lines = [
+                f"project({name} NONE)  # project(no)",
+                *(f"find_package({need} QUIET)" for need in needs),
+            ]
             self.text(folder / "CMakeLists.txt", lines)
         elif kind == "cfg":
             self.text(folder / "setup.py", ["from setuptools import setup", "setup()"])
@@ -67,7 +78,9 @@ class _Writer:
             self.text(folder / "package.xml", [self.manifest(name, needs)])
             if kind == "pkg":
                 said = [f"cmake-args: [-DX={name}]", "dependencies: [zz9, nobody]", "hooks: [share/x/h.sh]"]
-                self.text(folder / "colcon.pkg", said[: self.chance.randrange(1, 4)] if name != "zz9" else said[:1])
+                self.text(
+                    folder / "colcon.pkg", said[: self.chance.randrange(1, 4)] if name != "zz9" else said[:1]
+                )
 
     def manifest(self, name: str, needs: list[str]) -> str:
         lines = []
@@ -90,10 +103,15 @@ class _Writer:
 
     def close_a_circle(self) -> None:
         first, last = self.names[0], self.names[-1]
-        self.text(self.root / "circle1" / "package.xml", [manifest_text("circle1", "<depend>circle2</depend>")])
+        self.text(
+            self.root / "circle1" / "package.xml", [manifest_text("circle1", "<depend>circle2</depend>")]
+        )
         needs = ("<depend>circle1</depend>", f"<depend>{first}</depend>")
         self.text(self.root / "circle2" / "package.xml", [manifest_text("circle2", *needs)])
-        self.text(self.root / "after" / "package.xml", [manifest_text("after", "<test_depend>circle1</test_depend>")])
+        self.text(
+            self.root / "after" / "package.xml",
+            [manifest_text("after", "<test_depend>circle1</test_depend>")],
+        )
         self.names += ["circle1", last]
 
     def traps(self) -> None:

@@ -19,16 +19,22 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 
 FLOORS = {
-    4: "__main__ cli commands commands.* options preparation worker workspace",
+    4: """
+        __main__ cli commands commands.* options package_options preparation testing.preparing worker
+        workspace
+    """,
     3: """
-        digests discovery execution explaining externals identification installation installed interpreter jobs journal limits
-        overrides plain_packages prefixes records reporting runner snapshot sourcing toolchain tools transcript wheels
-        worker_client interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
+        budget capacity digests discovery execution explaining externals installation installed
+        identification identity interpreter jobs jobserver journal limits overrides plain_packages
+        prefixes records reporting runner snapshot sourcing toolchain
+        tools transcript wheels
+        testing testing.* worker_client
+        interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks identity
-        manifest planning provision
-        python_reading recipes recipes.* schedule scripts selection xml_tree interfaces.*
+        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks makeflags
+        manifest planning provision python_reading recipes recipes.* schedule scripts selection
+        xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",

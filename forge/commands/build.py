@@ -10,24 +10,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
-from forge.errors import Problem, SelectionError, raise_if_any
+from forge import package_options
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
 from forge.jobs import Jobs
-from forge.names import did_you_mean
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
+    open_budget,
     prepare,
-    processors,
     refuse_what_cannot_work,
     standing,
     toolchain_of,
     warm_worker,
 )
 from forge.records import open_records
-from forge.reporting import HANDLERS, Report
+from forge.reporting import Report, handlers_of
 from forge.schedule import Board
 from forge.snapshot import take_snapshot
 from forge.transcript import open_transcript
@@ -35,6 +34,7 @@ from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Mapping
 
     from forge.cli import Parser
     from forge.model import BuildPlan
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     """Add the options of `forge build`."""
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
+    shared.add_budget(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args"})
 
@@ -54,7 +54,8 @@ def run(options: argparse.Namespace) -> int:
     """Build; returns 0, 1 when a package failed, 2 when an interface definition is wrong."""
     begun = time.monotonic()
     root = Path.cwd()
-    handlers = _handlers(options.event_handlers)
+    handlers = handlers_of(options.event_handlers)
+    level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     if options.print_command:
         print(last_command(layout, options.print_command))
@@ -71,19 +72,22 @@ def run(options: argparse.Namespace) -> int:
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
         )
         records.confirm(plan, snapshot, outlook)
-        if options.explain or options.dry_run:
-            print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+        _say(plan, options, level)
         if options.dry_run:
             return 0
         with (
             closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
             warm_worker(plan) as found_by,
+            closing(open_budget(options, kitchen, variables, plan)) as budget,
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
             jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
-            runner = jobs.runner(None if options.no_toolchain_cache else toolchain_of(kitchen))
+            runner = jobs.runner(
+                budget, None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
+            )
+            board = _board(plan, options, budget.jobs, records.seconds())
             try:
-                for event in execute(plan, runner, _board(plan, options), records.settle):
+                for event in execute(plan, runner, board, records.settle):
                     records.take(event, plan)
                     transcript.write(event)
                     report.show(event)
@@ -99,14 +103,6 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument("--continue-on-error", action="store_true", help="build what does not need the failed")
     group.add_argument(
         "--force", action="store_true", help="build the selected packages though they are fresh"
-    )
-    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
-    group.add_argument(
-        "--parallel-workers",
-        type=int,
-        default=processors(),
-        metavar="N",
-        help="packages at a time (0: any number)",
     )
     group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
     group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
@@ -131,22 +127,16 @@ def _add_what_to_see(parser: Parser) -> None:
     )
 
 
-def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
-    limit = 1 if options.executor == "sequential" else options.parallel_workers
-    return Board(plan, limit, continue_on_error=options.continue_on_error)
+def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
+    """Print what the plan is, where it was asked for: on stdout as an answer, on stderr as talk."""
+    if options.explain or options.dry_run:
+        print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
+    elif level <= shared.LOG_LEVELS["info"]:
+        talk = (*explain(plan), *(commands(plan) if level <= shared.LOG_LEVELS["debug"] else ()))
+        print(*talk, sep="\n", file=sys.stderr)
 
 
-def _handlers(words: list[str]) -> dict[str, bool]:
-    """Return which event handlers are on; raises SelectionError for one that nobody knows."""
-    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
-    raise_if_any(
-        (
-            Problem(
-                f"--event-handlers takes names with '+' or '-' at the end, not '{word}'",
-                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
-            )
-            for word in unknown
-        ),
-        SelectionError,
-    )
-    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
+def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
+    # A package that is started holds a job, so more of them would only wait.
+    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)

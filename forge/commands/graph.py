@@ -7,8 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge import charts
-from forge import options as shared
+from forge import charts, package_options
 from forge.charts import Chart
 from forge.workspace import load_workspace
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     """Add the options of `forge graph`."""
-    shared.add_listing(parser)
+    package_options.add_listing(parser)
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--dot", action="store_true", help="for Graphviz: forge graph --dot | dot -Tsvg")
     form.add_argument("--density", action="store_true", help="begin with how dense the graph is")

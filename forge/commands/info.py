@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge import options as shared
+from forge import package_options
 from forge.errors import Problem, SelectionError
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.names import did_you_mean
@@ -26,7 +26,7 @@ _CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
 
 def register(parser: Parser) -> None:
     """Add the options of `forge info`."""
-    shared.add_listing(parser)
+    package_options.add_listing(parser)
     parser.add_argument("names", nargs="*", metavar="PKG", help="which packages (default: all)")
 
 

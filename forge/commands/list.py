@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge import options as shared
+from forge import package_options
 from forge.errors import Problem, SelectionError
 from forge.workspace import load_workspace
 
@@ -29,7 +29,7 @@ _GRAPH = {
 
 def register(parser: Parser) -> None:
     """Add the options of `forge list`."""
-    shared.add_listing(parser)
+    package_options.add_listing(parser)
     parser.add_argument("-t", "--topological-order", action="store_true", help="in the order of building")
     only = parser.add_mutually_exclusive_group()
     only.add_argument("-n", "--names-only", action="store_true", help="names alone")

@@ -19,6 +19,8 @@ def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     """
     texts = [line.lstrip("#").rstrip() for line in lines]
     texts, unit = _without_unit(texts)
+    if len(texts) == 1:
+        return ((texts[0].lstrip(),) if texts[0] else ()), unit
     squeezed = [text for number, text in enumerate(texts) if text or (number and texts[number - 1])]
     block = "\n".join(squeezed).strip("\n")
     return tuple(textwrap.dedent(block).split("\n")) if block else (), unit

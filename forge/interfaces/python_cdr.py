@@ -113,15 +113,16 @@ def _shared_imports(text: str) -> list[str]:
         ("_repeat(", "from itertools import repeat as _repeat"),
         ("_lazy.", "from forge_cdr import lazy as _lazy"),
         ("_pieces.", "from forge_cdr import pieces as _pieces"),
-        ("_numpy.", "import numpy as _numpy"),
+        ("_ndarray(", "import numpy as _numpy"),
     )
     return [line for word, line in wanted if word in text]
 
 
 def _constants(text: str) -> list[str]:
     """Return the lines for what functions look up without going through another module."""
-    names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"\b_{name}\b", text)]
-    return [f"_{name} = _pieces.{name}" for name in names]
+    names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"_{name}\b", text)]
+    arrays = ["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []
+    return [*arrays, *(f"_{name} = _pieces.{name}" for name in names)]
 
 
 def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:

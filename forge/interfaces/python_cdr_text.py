@@ -164,4 +164,5 @@ def singular(plural: str) -> str:
     """Return a word for one element of a collection."""
     if plural.endswith("ies"):
         return f"{plural[:-3]}y"
-    return plural[:-1] if plural.endswith("s") and not plural.endswith(("ss", "us")) else f"{plural}_item"
+    regular = plural.endswith("s") and not plural.endswith(("ss", "us")) and plural != "s"
+    return plural[:-1] if regular else f"{plural}_item"

@@ -188,14 +188,14 @@ class _Writer:
                 return
             case Value(path, type_):
                 word = self._attribute(path)
-                yield f"ord({word})" if type_.name in {"char", "wchar"} else word
+                yield f"_pieces.to_{type_.name}({word})" if type_.name in {"char", "wchar"} else word
             case Block():
                 yield self._block(member)
             case Count(path, type_):
                 yield self._count(path, type_)
 
     def _block(self, block: Block) -> str:
-        """Add the line that makes bytes of a small array, and the check that they are as many as there are."""
+        """Add the line that makes bytes of a small array, and the check of their number."""
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
         name = self.lines.names.of(block.path, self.root)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.errors import InterfaceError, Problem, raise_if_any
 from forge.interfaces import python, python_cdr
+from forge.interfaces.model import Primitive, element_of, sections_of
 from forge.interfaces.python import package_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.interfaces.model import Catalog, File, Interface
+    from forge.interfaces.model import Catalog, Constant, Field, File, Interface
 
 __all__ = ["files", "interface_files", "package_files"]
 
@@ -24,7 +26,11 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the modules of one interface."""
+    """Return what yields the modules of one interface.
+
+    Raises InterfaceError for members that nothing in Python can hold.
+    """
+    raise_if_any(_impossible(catalog), InterfaceError)
     makers = (python.interface_files(catalog), python_cdr.interface_files(catalog))
 
     def both(interface: Interface) -> Iterator[File]:
@@ -32,3 +38,14 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
             yield from make(interface)
 
     return both
+
+
+def _impossible(catalog: Catalog) -> Iterator[Problem]:
+    """Yield what rosidl's Python generator gives up on, too: numbers wider than Python's own."""
+    for interface in catalog.interfaces.values():
+        for message in sections_of(interface):
+            members: tuple[Field | Constant, ...] = (*message.fields, *message.constants)
+            for member in members:
+                if element_of(member.type) == Primitive("long double"):
+                    text = f"Python cannot hold the long double '{member.name}'"
+                    yield Problem(text, member.place, "use double, or leave out --lang python")

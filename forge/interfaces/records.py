@@ -18,7 +18,9 @@ from forge.templating import folder as templates
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-_FOLDER = ".forge"
+RECORDS = ".forge"
+"""The folder, in an output folder, for what is none of the output."""
+
 _VERSION = 3
 
 Mark = tuple[int, int]
@@ -67,7 +69,7 @@ def mark_of(out: Path, path: str) -> Mark | None:
 
 def read_records(out: Path) -> dict[str, Record]:
     """Return the records of all packages that were generated into a folder; broken ones count as none."""
-    return {path.stem: _read(path) for path in sorted((out / _FOLDER).glob("*.json"))}
+    return {path.stem: _read(path) for path in sorted((out / RECORDS).glob("*.json"))}
 
 
 def write_record(out: Path, package: str, record: Record) -> None:
@@ -78,7 +80,7 @@ def write_record(out: Path, package: str, record: Record) -> None:
         "folders": {name: str(folder) for name, folder in sorted(record.folders.items())},
         "parts": {key: [made.digest, made.marks] for key, made in sorted(record.parts.items())},
     }
-    write_if_changed(out / _FOLDER / f"{package}.json", json.dumps(content) + "\n")
+    write_if_changed(out / RECORDS / f"{package}.json", json.dumps(content) + "\n")
 
 
 @cache

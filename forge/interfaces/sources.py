@@ -28,7 +28,7 @@ def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
     relatives = [
         f"{kind}/{path.name}"
         for kind in _namespaces(folder)
-        for path in sorted([*(folder / kind).glob(f"*.{kind}"), *_idl_only(folder / kind)])
+        for path in sorted({*(folder / kind).glob(f"*.{kind}"), *_idl_only(folder / kind)})
     ]
     if not relatives:
         hint = "definitions lie in its folders msg, srv and action; .idl files in any"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from typing import TYPE_CHECKING
 
 from forge.model import Step
@@ -110,7 +109,8 @@ def _generator(kitchen: Kitchen, arguments: tuple[str, ...], current: str) -> tu
 
 
 def _jobs(kitchen: Kitchen) -> tuple[str, ...]:
-    return ("--", f"-j{kitchen.jobs}", f"-l{kitchen.jobs}") if kitchen.jobs else ()
+    """Return how the build tool is limited; of how many jobs there may be the runner tells it in its turn."""
+    return () if kitchen.load_limit is None else ("--", f"-l{kitchen.load_limit:g}")
 
 
 def _how_to_install(package: Package, kitchen: Kitchen) -> tuple[tuple[str, str], ...]:
@@ -126,11 +126,3 @@ def _how_to_install(package: Package, kitchen: Kitchen) -> tuple[tuple[str, str]
 def _links(package: Package, kitchen: Kitchen) -> bool:
     """Tell if files are linked into the prefix; never those of forge itself, which an upgrade moves."""
     return kitchen.layout.symlink and not package.embedded
-
-
-def jobs_given(make_flags: str) -> bool:
-    """Tell if MAKEFLAGS already limits the jobs, so that forge must not.
-
-    make itself writes one-letter flags as a first word without a dash: 'kj8 -- V=1'.
-    """
-    return re.search(r"^[a-zA-Z]*[jl]\d*(\s|$)|(^|\s)-(j|l|-jobs|-load-average)", make_flags) is not None

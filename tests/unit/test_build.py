@@ -172,6 +172,16 @@ def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: P
     assert not (workspace / "install/a").exists()
 
 
+def test_the_log_level_says_why_and_what(forge: Forge, workspace: Path) -> None:
+    assert "a: build, it was" not in forge("build", "--packages-select", "a", cwd=workspace).err
+    assert "a: fresh\n" in forge("--log-level", "info", "build", cwd=workspace).err
+    ran = forge("build", "--force", "--log-level", "10", cwd=workspace)
+    assert f"cd {workspace}/build/a && " in ran.err
+    assert forge("build", cwd=workspace, env={"COLCON_LOG_LEVEL": "INFO"}).err.startswith("a: fresh\n")
+    ran = forge("build", "--log-level", "chatty", cwd=workspace)
+    assert (ran.code, "'chatty' is no log level" in ran.err) == (2, True)
+
+
 def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
     (workspace / "src/a/CMakeLists.txt").write_text('project(a NONE)\nmessage(FATAL_ERROR "here")\n')
     forge("build", cwd=workspace)
@@ -253,3 +263,17 @@ def test_links_into_the_sources(forge: Forge, tree: Tree) -> None:
     root = tree({**files("a", more=more), "src/a/data.txt": "one"})
     assert forge("build", "--symlink-install", cwd=root).code == 0
     assert (root / "install/a/share/a/data.txt").is_symlink()
+
+
+def test_other_options_configure_again_though_cmake_is_told_the_same(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    assert built(forge, workspace, "--symlink-install") == ["a", "b", "c"]
+    assert (workspace / "install/a/share/a/a.txt").is_symlink()
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
+
+
+def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree) -> None:
+    root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
+    assert built(forge, root) == ["a"]
+    assert built(forge, root) == []

@@ -139,3 +139,50 @@ def test_an_unreadable_file_is_something_too(package: Path) -> None:
     before = mark(package)
     os.mkfifo(fifo)
     assert mark(package).digest != before.digest
+
+
+def test_what_a_link_points_at_counts_though_the_link_stays(package: Path) -> None:
+    target = package.parent / "target"
+    target.write_text("one")
+    (package / "link").symlink_to(target)
+    settle(package)
+    before = mark(package)
+    target.write_text("two")
+    settle(package)
+    assert mark(package, before).digest != before.digest
+
+
+def test_a_linked_folder_is_entered_once(package: Path) -> None:
+    away = package.parent / "away"
+    away.mkdir()
+    (away / "y.hpp").write_text("1")
+    (package / "src/away").symlink_to(away)
+    (package / "src/round").symlink_to(package)
+    (away / "back").symlink_to(package / "src")
+    assert [path[len(str(package)) + 1 :] for path in source_files(str(package))] == [
+        "package.xml",
+        "src/away",
+        "src/away/back",
+        "src/away/back/away",
+        "src/away/back/round",
+        "src/away/back/x.cpp",
+        "src/away/y.hpp",
+        "src/round",
+        "src/x.cpp",
+    ]
+    settle(package)
+    before = mark(package)
+    (away / "y.hpp").write_text("2")
+    assert mark(package, before).digest != before.digest
+
+
+def test_results_within_a_lone_package_are_no_sources(package: Path) -> None:
+    for folder, marker in (
+        ("build", ".built_by"),
+        ("install", ".colcon_install_layout"),
+        ("log", "latest_build"),
+    ):
+        (package / folder).mkdir()
+        for name in (marker, "COLCON_IGNORE", "result"):
+            (package / folder / name).touch()
+    assert [path for path in source_files(str(package)) if path.endswith("/result")] == []

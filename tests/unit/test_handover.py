@@ -22,7 +22,6 @@ KITCHEN = Kitchen(
     site_packages="lib/python3.11/site-packages",
     forge=("/opt/my python/bin/python3", "-m", "forge"),
     generator=("/opt/my python/bin/python3", "-m", "forge"),
-    jobs=2,
 )
 
 

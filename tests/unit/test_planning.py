@@ -12,7 +12,6 @@ from forge.layout import Layout
 from forge.model import BuildPlan, Mark, Package, Record, Selection, Snapshot
 from forge.planning import Standing, make_plan, settled, wanted_names
 from forge.provision import Provision
-from forge.recipes.cmake import jobs_given
 from forge.recipes.kitchen import Kitchen
 from tests.packages import package
 
@@ -24,7 +23,6 @@ KITCHEN = Kitchen(
     site_packages="lib/python3.11/site-packages",
     forge=("/usr/bin/python3", "-m", "forge"),
     generator=("/usr/bin/python3", "client.py"),
-    jobs=4,
     cmake=Path("/usr/bin/cmake"),
     ninja=Path("/usr/bin/ninja"),
 )
@@ -209,7 +207,7 @@ def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> No
         "-DAMENT_CMAKE_SYMLINK_INSTALL=0",
         "-DCMAKE_INSTALL_PREFIX=/ws/install/a",
     )
-    assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a", "--", "-j4", "-l4")
+    assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a")
 
 
 def test_new_files_and_other_needs_configure_again() -> None:
@@ -280,13 +278,6 @@ def test_the_python_step_repeats_by_hand() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "flags", ["-j4", "-j", "j4", "--jobs=3", "-l 2", "k -j8", "--load-average=2", " -j --x"]
-)
-def test_makeflags_may_limit_the_jobs(flags: str) -> None:
-    assert jobs_given(flags)
-
-
-@pytest.mark.parametrize("flags", ["", "-k", "--no-print-directory", "V=1", "-s", "k -- jobs=1"])
-def test_makeflags_may_say_other_things(flags: str) -> None:
-    assert not jobs_given(flags)
+def test_a_load_limit_is_the_build_tools_to_keep_too() -> None:
+    steps = plan("a", kitchen=replace(KITCHEN, load_limit=2.5)).tasks["a"].steps
+    assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a", "--", "-l2.5")

@@ -69,6 +69,53 @@ def test_packages_that_more_others_wait_for_go_first() -> None:
     assert Board(plan_of(graph), 1).advance() == [Started("b")]
 
 
+@given(graphs(), st.integers(1, 3), st.lists(st.integers(0, 9), min_size=8, max_size=8))
+def test_no_task_starts_before_a_ready_one_with_more_work_above_it(
+    graph: dict[str, frozenset[str]], limit: int, lengths: list[int]
+) -> None:
+    plan = plan_of(graph)
+    seconds = {name: float(length) for name, length in zip(plan.tasks, lengths, strict=False) if length}
+    known = sorted(seconds.values())
+    usual = known[len(known) // 2] if known else 0.0
+
+    def chain(name: str) -> float:
+        above = [chain(other) for other in graph if name in graph[other]]
+        return seconds.get(name, usual) + max(above, default=0.0)
+
+    board = Board(plan, limit, seconds)
+    done: set[str] = set()
+    waiting = set(plan.tasks)
+    while (events := board.advance()) or board.running:
+        started = {event.task for event in events}
+        waiting -= started
+        ready = {name for name in waiting if graph[name] <= done}
+        assert not ready or not started or min(map(chain, started)) >= max(map(chain, ready))
+        name = min(board.running, key=lambda one: seconds.get(one, usual))
+        board.note(Finished(name, 0, 0.0))
+        done.add(name)
+    assert not waiting
+
+
+def test_a_long_chain_goes_before_many_short_ones() -> None:
+    """Three packages wait for 'wide', but from 'deep' the way to the end takes longer."""
+    graph = {"wide": frozenset[str](), "deep": frozenset[str](), "end": frozenset({"deep"})}
+    graph |= {name: frozenset({"wide"}) for name in "abc"}
+    known = {"wide": 1.0, "deep": 1.0, "end": 9.0, "a": 1.0, "b": 1.0, "c": 1.0}
+    assert Board(plan_of(graph), 1).advance() == [Started("wide")]
+    assert Board(plan_of(graph), 1, known).advance() == [Started("deep")]
+
+
+def test_a_package_never_built_counts_like_the_usual_one() -> None:
+    graph = {name: frozenset[str]() for name in ("short", "new", "long", "longer")}
+    board = Board(plan_of(graph), 1, {"short": 1.0, "long": 5.0, "longer": 7.0})
+    order = []
+    while events := board.advance():
+        order += [event.task for event in events]
+        board.note(Finished(order[-1], 0, 0.0))
+    assert order[0] == "longer"
+    assert order[-1] == "short"
+
+
 def test_after_a_failure_nothing_starts() -> None:
     board = Board(plan_of({"a": frozenset(), "b": frozenset(), "c": frozenset()}), 1)
     assert board.advance() == [Started("a")]

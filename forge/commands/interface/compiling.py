@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 from forge.commands.interface.inputs import add_inputs, catalog_of, library_of
 from forge.errors import InterfaceError, Problem, raise_if_any
 from forge.interfaces.fingerprints import fingerprints
-from forge.interfaces.records import Record, generator_digest, read_records
+from forge.interfaces.records import RECORDS, Record, generator_digest, read_records
 from forge.interfaces.rendering import Part, parts
 from forge.interfaces.resolution import referred, undeclared
 from forge.interfaces.sources import EMBEDDED, Library, read_runtime
 from forge.interfaces.writing import write, write_depfile, write_stamp
+from forge.templating import keep_compiled
 
 if TYPE_CHECKING:
     import argparse
@@ -67,6 +68,7 @@ def _generate(options: argparse.Namespace) -> int:
     record = Record(
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
+    keep_compiled(options.output / RECORDS / "templates")
     written = write(_parts((catalog, *others), options), options.output, catalog.package, record)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]

@@ -5,8 +5,14 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import pytest
+
+from tests.generated import catalog_of, generate, importable
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 class Extension(ModuleType):
@@ -64,3 +70,12 @@ def test_an_action_gets_its_entry_and_those_of_all_its_parts(msg: ModuleType) ->
 
 def _type_support(class_: type) -> object:
     return type(class_)._TYPE_SUPPORT  # type: ignore[attr-defined]  # noqa: SLF001  (rosidl's API)
+
+
+def test_a_namesake_in_the_module_is_not_taken_for_the_part(tmp_path: Path) -> None:
+    """walk/msg/Point has a field of geometry_msgs/Point, and is what its own module calls Point."""
+    generate(tmp_path, catalog_of("walk", {"msg/Point.msg": "geometry_msgs/Point at\n"}))
+    with importable(tmp_path):
+        messages = import_module("forge_rosidl.messages")
+        found = messages._nested_messages(import_module("walk.msg").Point)  # noqa: SLF001  (its one reader is in C)
+        assert found == [import_module("geometry_msgs.msg").Point]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 import sys
 from array import array
+from collections import UserString
 from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
@@ -71,8 +72,9 @@ def _fields(class_: Any) -> Iterator[tuple[str, Any]]:
 
 def _class_of(owner: type, type_: Any) -> Any:
     """Return the class of a field; parts of an action are in its module and nowhere else."""
-    # Types that forge.interfaces.load has made are below a package of their own.
-    namespace = ".".join([*owner.__module__.split(".")[:-3], *type_.namespaces])
+    # Classes made at run time are below a package of their own: root.package.kind._module.
+    root = owner.__module__.split(".")[:-3]
+    namespace = ".".join((*root, *type_.namespaces))
     found: Any = getattr(sys.modules[owner.__module__], type_.name, None)
     if found is None or found.__module__.rpartition(".")[0] != namespace:
         found = getattr(import_module(namespace), type_.name)
@@ -136,17 +138,23 @@ class _Writer(_Walk):
             case definition.BasicType():
                 self.basic(value, type_.typename)
             case definition.AbstractString():
-                text = str(value).encode() + b"\0"
+                text = self.text(value).encode() + b"\0"
                 self.add("I", len(text))
                 self.out += text
             case definition.AbstractWString():
-                units = str(value).encode("utf-16-le")
+                units = self.text(value).encode("utf-16-le")
                 self.add("I", len(units) // 2)
                 self.out += struct.pack(f"<{len(units) // 2}I", *memoryview(units).cast("H"))
             case definition.NamespacedType():
                 self.message(value, _class_of(owner, type_))
             case _:
                 self.collection(value, type_, owner)
+
+    def text(self, value: Any) -> str:
+        """Return what a field of text holds as a str."""
+        if not isinstance(value, str | UserString):
+            raise self.wrong(f"is of type '{type(value).__name__}', not 'str'")
+        return str(value)
 
     def collection(self, value: Any, type_: Any, owner: type) -> None:
         """Add an array or a sequence."""
@@ -181,7 +189,7 @@ class _Writer(_Walk):
         if name == "octet":
             value = bytes(value)
         elif name in _HIGHEST:
-            value = ord(str(value))
+            value = ord(self.text(value))
             if value > _HIGHEST[name]:
                 raise self.wrong(f"is the character {value}, the highest is {_HIGHEST[name]}")
         self.add(_CODES[name], value)
@@ -212,7 +220,7 @@ class _Reader(_Walk):
 
     def message(self, described: Any, class_: type) -> Any:
         """Read a message's members into a new object of the class."""
-        made = object.__new__(class_)
+        made: Any = object.__new__(class_)
         fields = list(_fields(described))
         for slot, type_ in fields:
             with self.at(f".{slot[1:]}"):

@@ -130,7 +130,7 @@ def to_flags(values: Iterable[object]) -> bytes:
     return bytes(map(bool, values))
 
 
-def from_flags(values: bytes) -> list[bool]:
+def from_flags(values: bytes | memoryview) -> list[bool]:
     """Return a boolean for each byte."""
     return list(map(bool, values))
 
@@ -142,9 +142,9 @@ def to_octets(values: Collection[bytes]) -> bytes:
     return b"".join(values)
 
 
-def from_octets(values: bytes) -> list[bytes]:
+def from_octets(values: bytes | memoryview) -> list[bytes]:
     """Return each byte by itself."""
-    return [values[i : i + 1] for i in range(len(values))]
+    return [bytes((value,)) for value in values]
 
 
 def to_chars(values: Iterable[str]) -> bytes:
@@ -155,9 +155,9 @@ def to_chars(values: Iterable[str]) -> bytes:
     return made
 
 
-def from_chars(values: bytes) -> list[str]:
+def from_chars(values: bytes | memoryview) -> list[str]:
     """Return a character for each byte."""
-    return list(values.decode("ascii"))
+    return list(str(values, "ascii"))
 
 
 def to_wchars(values: Iterable[str]) -> bytes:
@@ -168,7 +168,7 @@ def to_wchars(values: Iterable[str]) -> bytes:
     return made.tobytes()
 
 
-def from_wchars(values: bytes) -> list[str]:
+def from_wchars(values: bytes | memoryview) -> list[str]:
     """Return a character for each four bytes."""
     return list(map(wchar, memoryview(values).cast("I")))
 
@@ -192,6 +192,18 @@ def from_wide(units: bytes | memoryview) -> str:
     if not text.isascii() and max(text) > _HIGHEST_UNIT:
         raise Refused
     return text
+
+
+def to_char(character: str) -> int:
+    """Return the code of IDL's char; refuses characters that it does not have."""
+    return to_chars((character,))[0]
+
+
+def to_wchar(character: str) -> int:
+    """Return the code unit of a character; refuses those that are two."""
+    if character > _HIGHEST_UNIT:
+        raise Refused
+    return ord(character)
 
 
 def char(code: int) -> str:

@@ -200,10 +200,12 @@ def _nested_messages(message: type[Message]) -> list[Any]:
     for slot_type in message.SLOT_TYPES:
         element = getattr(slot_type, "value_type", slot_type)
         if hasattr(element, "namespaces"):
-            module: Any = sys.modules[message.__module__]  # where the parts of an action are
-            if not hasattr(module, element.name):
-                module = importlib.import_module(".".join(element.namespaces))
-            found.append(getattr(module, element.name))
+            # The parts of an action are in the owner's module; so may be a namesake from elsewhere.
+            namespace = ".".join(element.namespaces)
+            cls: Any = getattr(sys.modules[message.__module__], element.name, None)
+            if cls is None or cls.__module__.rpartition(".")[0] != namespace:
+                cls = getattr(importlib.import_module(namespace), element.name)
+            found.append(cls)
     return found
 
 

@@ -25,7 +25,7 @@ def run(argv: "list[str]", cwd: str) -> "dict[str, object]":
             except SystemExit as leaving:
                 code = leaving.code
                 if isinstance(code, str):
-                    print(code, file=sys.stderr)
+                    sys.stderr.write(f"{code}\n")
             finally:
                 sys.stdout.flush()
                 sys.stderr.flush()

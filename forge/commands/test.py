@@ -1,0 +1,149 @@
+"""`forge test`: run the tests of the packages of a workspace."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge import options as shared
+from forge import package_options
+from forge.capacity import processors
+from forge.errors import WorkspaceError
+from forge.execution import execute
+from forge.installation import begin_workspace
+from forge.model import Finished
+from forge.preparation import build_variables
+from forge.reporting import Report, handlers_of
+from forge.schedule import Board
+from forge.testing.preparing import (
+    absent_problems,
+    make_test_plan,
+    needs_of_tests,
+    prepare_bench,
+    tested_names,
+)
+from forge.testing.running import TestJobs, failures_of, note_result
+from forge.testing.showing import table
+from forge.transcript import open_transcript
+from forge.workspace import load_workspace
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Mapping
+
+    from forge.cli import Parser
+    from forge.errors import Problem
+    from forge.model import BuildPlan
+    from forge.testing.recipes import Bench
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge test`."""
+    package_options.add(parser)
+    shared.add_layout(parser)
+    _add_how_to_test(parser)
+    _add_frameworks(parser)
+    parser.greedy = frozenset({"--ctest-args", "--pytest-args", "--unittest-args"})
+
+
+def run(options: argparse.Namespace) -> int:
+    """Test; returns 1 when a package could not be tested, and on request when a test failed."""
+    begun = time.monotonic()
+    root = Path.cwd()
+    handlers = handlers_of(options.event_handlers)
+    layout = shared.layout_of(options, root)
+    variables = build_variables(layout, os.environ)
+    loaded = load_workspace(root, options, variables, embedded=True, install=layout.install)
+    names = tested_names(loaded)
+    needs = needs_of_tests(names, loaded)
+    begin_workspace(layout)
+    absent = absent_problems(needs, layout, variables)
+    if absent and len(absent) == len(names):
+        raise WorkspaceError(*absent.values())
+    bench = prepare_bench(options, loaded, names, layout)
+    plan = make_test_plan([name for name in names if name not in absent], loaded, bench)
+    with closing(open_transcript(layout.logs, "test", sys.argv)) as transcript:
+        report = Report(plan, loaded.packages, handlers, transcript.folder)
+        _refuse(absent, report)
+        runner = TestJobs(bench, needs, variables).runner()
+        try:
+            for event in execute(plan, runner, _board(plan, options), lambda task: task):
+                transcript.write(event)
+                report.show(event)
+                note_result(event, plan.tasks[event.task], report.failed_tests)
+        finally:
+            report.summarise(time.monotonic() - begun)
+            _tell_failures(plan, bench, report.failed_tests)
+    return report.exit_code or int(options.return_code_on_test_failure and bool(report.failed_tests))
+
+
+def _add_how_to_test(parser: Parser) -> None:
+    group = parser.add_argument_group("how to test")
+    group.add_argument(
+        "--test-result-base", metavar="DIR", help="where results go (default: the build folder)"
+    )
+    again = group.add_mutually_exclusive_group()
+    again.add_argument(
+        "--retest-until-fail", type=int, default=0, metavar="N", help="repeat tests N times while they pass"
+    )
+    again.add_argument(
+        "--retest-until-pass", type=int, default=0, metavar="N", help="repeat failed tests up to N times"
+    )
+    group.add_argument(
+        "--abort-on-error",
+        action="store_true",
+        help="stop when a package cannot be tested; failed tests go on",
+    )
+    group.add_argument(
+        "--return-code-on-test-failure",
+        action="store_true",
+        help="exit with 1 when a test failed, not with 0",
+    )
+    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
+    group.add_argument(
+        "--parallel-workers",
+        type=int,
+        default=processors(),
+        metavar="N",
+        help="packages at a time (0: any number)",
+    )
+    group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
+
+
+def _add_frameworks(parser: Parser) -> None:
+    group = parser.add_argument_group("what runs the tests")
+    group.add_argument("--python", metavar="PATH", help="the interpreter (default: that of the last build)")
+    group.add_argument("--ctest-args", nargs="*", default=[], metavar="ARG", help="given to every ctest")
+    group.add_argument(
+        "--python-testing",
+        choices=["pytest", "unittest", "setuppy_test"],
+        help="what runs Python tests (default: pytest where a package asks for it, else unittest)",
+    )
+    group.add_argument("--pytest-args", nargs="*", default=[], metavar="ARG", help="given to every pytest")
+    group.add_argument("--pytest-with-coverage", action="store_true", help="measure coverage with pytest-cov")
+    group.add_argument(
+        "--unittest-args", nargs="*", default=[], metavar="ARG", help="given to every unittest"
+    )
+
+
+def _refuse(absent: Mapping[str, Problem], report: Report) -> None:
+    """Say which packages cannot be tested, and count them as failed: the others are tested all the same."""
+    for name, problem in absent.items():
+        print(problem.render(), file=sys.stderr)
+        report.show(Finished(name, 1, 0.0))
+
+
+def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
+    limit = 1 if options.executor == "sequential" else options.parallel_workers
+    return Board(plan, limit, continue_on_error=not options.abort_on_error)
+
+
+def _tell_failures(plan: BuildPlan, bench: Bench, names: Iterable[str]) -> None:
+    """Print what failed, with the first lines and the command to repeat it."""
+    failures = [failure for name in sorted(names) for failure in failures_of(plan.tasks[name], bench)]
+    if failures:
+        print(*("", *table(failures)), sep="\n")

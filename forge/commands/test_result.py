@@ -1,0 +1,99 @@
+"""`forge test-result`: what the tests of a workspace came to, from the files they left."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.testing.collecting import collect
+from forge.testing.outcomes import Counts, counted_once
+from forge.testing.showing import as_json, counts_as_json, details, result_line
+from forge.workspace import warn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from forge.cli import Parser
+    from forge.testing.outcomes import Outcome
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge test-result`."""
+    parser.add_argument(
+        "--test-result-base",
+        type=_folder,
+        default="build",
+        metavar="DIR",
+        help="where to look for results (default: build)",
+    )
+    parser.add_argument("--all", action="store_true", help="show results without failures too")
+    parser.add_argument("--result-files-only", action="store_true", help="print the paths alone")
+    parser.add_argument("--verbose", action="store_true", help="show what each failed test says")
+    parser.add_argument("--delete", action="store_true", help="delete all result files, after a question")
+    parser.add_argument("--delete-yes", action="store_true", help="delete them without a question")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show results, or delete them; returns 1 when a test went wrong."""
+    found = collect(options.test_result_base)
+    if options.delete or options.delete_yes:
+        return _delete(found.files, asked=not options.delete_yes)
+    warn(found.problems)
+    outcomes = counted_once(found.outcomes)
+    shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
+    total = _sum(outcomes)
+    if options.json:
+        print(json.dumps({"summary": counts_as_json(total), "results": as_json(shown)}, indent=2))
+    elif options.result_files_only:
+        print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
+    else:
+        _show(shown, total, _sum(found.outcomes), verbose=options.verbose)
+    return int(total.bad)
+
+
+def _show(shown: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool) -> None:
+    for outcome in shown:
+        print(result_line(outcome))
+        for case in outcome.cases if verbose else ():
+            print(*details(case), sep="\n")
+    if shown:
+        print()
+    print(f"Summary: {total}")
+    if verbose and raw != total:
+        print(f"Files: {raw} (ament's tests twice, as CTest and as JUnit)")
+
+
+def _delete(files: Sequence[str], *, asked: bool) -> int:
+    """Delete result files; a question that nobody answers is a no."""
+    if not files:
+        print("No result files found to delete")
+        return 0
+    print(*(f"- {path}" for path in files), sep="\n")
+    while asked:
+        print(f"Delete these {len(files)} files? [y/n] ", end="", flush=True)
+        answer = sys.stdin.readline()
+        if answer.strip().lower() == "y":
+            break
+        if not answer or answer.strip().lower() == "n":
+            print("Aborted")
+            return 0
+    for path in files:
+        Path(path).unlink(missing_ok=True)
+    print(f"Deleted {len(files)} files")
+    return 0
+
+
+def _sum(outcomes: Sequence[Outcome]) -> Counts:
+    return sum((outcome.counts for outcome in outcomes), Counts())
+
+
+def _folder(path: str) -> Path:
+    """Return an existing folder; argparse tells of the error."""
+    if not Path(path).is_dir():
+        what = "is no folder" if Path(path).exists() else "does not exist"
+        raise argparse.ArgumentTypeError(f"'{path}' {what}")
+    return Path(path)

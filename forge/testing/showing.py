@@ -1,0 +1,117 @@
+"""Results and failures as text: colcon's lines to the letter, and a table of what failed; pure."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from forge.testing.outcomes import Case, Counts, Outcome
+
+_SHOWN_LINES = 6
+_SHOWN_FAILURES = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A test that failed: in which package, which, what it says, and the line that repeats it."""
+
+    package: str
+    test: str
+    lines: tuple[str, ...]
+    repeat: str
+
+
+def result_line(outcome: Outcome) -> str:
+    """Return colcon's line about a result file."""
+    return f"{outcome.path}: {outcome.counts}"
+
+
+def details(case: Case) -> list[str]:
+    """Return colcon's lines about a case, the first with a dash."""
+    place = f"({case.file}{f':{case.line}' if case.line else ''})" if case.file else ""
+    lines = [" ".join(filter(None, (case.suite, case.name, place)))]
+    for label, texts in (
+        ("error message", case.errors),
+        ("failure message", case.failures),
+        ("stdout output", case.stdout),
+        ("stderr output", case.stderr),
+    ):
+        if texts:
+            lines.append(f"<<< {label}")
+            lines += [f"  {line}" for text in texts for line in text.strip("\r\n").splitlines()]
+            lines.append(">>>")
+    return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
+
+
+def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
+    """Return what the cases say first, each told apart when there are several."""
+    lines: list[str] = []
+    for case in cases:
+        said = _said(case)
+        if len(cases) > 1:
+            lines.append(f"{case.name}:")
+            said = [f"  {line}" for line in said]
+        lines += said
+    return tuple(lines[: 2 * _SHOWN_LINES])
+
+
+def last_lines(text: str) -> tuple[str, ...]:
+    """Return the last words of a program that left nothing but its output."""
+    return tuple(_filled(text)[-_SHOWN_LINES:])
+
+
+def table(failures: Sequence[Failure]) -> Iterator[str]:
+    """Yield the lines that tell of every failure, and how to see it again."""
+    if not failures:
+        return
+    yield f"{len(failures)} failed test{'' if len(failures) == 1 else 's'}:"
+    for failure in failures[:_SHOWN_FAILURES]:
+        yield f"  {failure.package}: {failure.test}"
+        yield from (f"      {line}" for line in failure.lines)
+        yield f"    repeat: {failure.repeat}"
+    left = len(failures) - _SHOWN_FAILURES
+    if left > 0:
+        yield f"  and {left} more: forge test-result --verbose"
+
+
+def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
+    """Return the outcomes as JSON has them."""
+    return [
+        {
+            "path": outcome.path,
+            **counts_as_json(outcome.counts),
+            "cases": [
+                {
+                    "suite": case.suite,
+                    "name": case.name,
+                    "file": case.file or None,
+                    "line": int(case.line) if case.line.isdecimal() else None,
+                    "errors": list(case.errors),
+                    "failures": list(case.failures),
+                }
+                for case in outcome.cases
+            ],
+        }
+        for outcome in outcomes
+    ]
+
+
+def counts_as_json(counts: Counts) -> dict[str, object]:
+    """Return the counts alone."""
+    return asdict(counts)
+
+
+def _said(case: Case) -> list[str]:
+    """Return the first lines of the message, else of the long story."""
+    for text in (*case.errors, *case.failures, case.text):
+        lines = _filled(text)
+        if lines:
+            return lines[:_SHOWN_LINES]
+    return []
+
+
+def _filled(text: str) -> list[str]:
+    return [line.rstrip() for line in text.splitlines() if line.strip()]

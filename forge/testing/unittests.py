@@ -1,0 +1,174 @@
+"""Run unittest and leave a JUnit file: `python unittests.py JUNIT_FILE PACKAGE [ARGUMENT ...]`.
+
+The arguments are those of `python -m unittest`; without names it looks for tests in the working folder.
+Exits with 0, 1 when a test failed, or 5 when there was none. It is run by path in the workspace's
+interpreter, so it needs the standard library only.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+if __name__ == "__main__":
+    # As for `python -m`: modules come from the working folder, not from beside this file.
+    _HERE = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120  (pathlib comes below)
+    sys.path[:] = [os.getcwd(), *(path for path in sys.path if path != _HERE)]  # noqa: PTH109
+
+import re
+import time
+import unittest
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape, quoteattr
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from types import TracebackType
+
+    Fault = tuple[type[BaseException], BaseException, TracebackType] | tuple[None, None, None]
+
+FAILED, NONE_FOUND = 1, 5
+# Everything that XML 1.0 has no place for.
+_UNPRINTABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+class Result(unittest.TextTestResult):
+    """unittest's own result, with a note of each test."""
+
+    notes: list[Note]
+
+    def startTestRun(self) -> None:  # noqa: N802  (unittest's name)
+        """Begin without notes."""
+        super().startTestRun()
+        self.notes = []
+
+    def startTest(self, test: unittest.TestCase) -> None:  # noqa: N802
+        """Begin the note of a test."""
+        super().startTest(test)
+        self.notes.append(Note(test.id()))
+
+    def stopTest(self, test: unittest.TestCase) -> None:  # noqa: N802
+        """Note how long the test took."""
+        super().stopTest(test)
+        self.notes[-1].stop()
+
+    def addError(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
+        """Note an error, also of what is no test: the set-up of a class or a module."""
+        super().addError(test, err)
+        self._note(test).add("error", self._message(err), self.errors[-1][1])
+
+    def addFailure(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
+        """Note a failure."""
+        super().addFailure(test, err)
+        self._note(test).add("failure", self._message(err), self.failures[-1][1])
+
+    def addSkip(self, test: unittest.TestCase, reason: str) -> None:  # noqa: N802
+        """Note that a test is not run here."""
+        super().addSkip(test, reason)
+        self._note(test).add("skipped", reason, "")
+
+    def addSubTest(  # noqa: N802
+        self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None
+    ) -> None:
+        """Note a part of a test that failed."""
+        super().addSubTest(test, subtest, err)
+        if err is not None:
+            failed = err[0] is not None and issubclass(err[0], test.failureException)
+            text = (self.failures if failed else self.errors)[-1][1]
+            # The part's own words tell which of them it is.
+            part = str(subtest).removeprefix(str(test)).strip()
+            message = f"{part} {self._message(err)}"
+            self._note(test).add("failure" if failed else "error", message, text)
+
+    def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:  # noqa: N802
+        """Note that a test succeeds which was said to fail."""
+        super().addUnexpectedSuccess(test)
+        self._note(test).add("failure", "it succeeds though it is marked as expected to fail", "")
+
+    def _note(self, test: unittest.TestCase) -> Note:
+        if not self.notes or self.notes[-1].name != test.id():
+            self.notes.append(Note(test.id()))
+        return self.notes[-1]
+
+    @staticmethod
+    def _message(err: Fault) -> str:
+        kind, value, _ = err
+        return f"{kind.__name__}: {value}" if kind is not None else ""
+
+
+class Runner(unittest.TextTestRunner):
+    """unittest's own runner with our result; the options of the command line go to it."""
+
+    resultclass = Result  # type: ignore[assignment]  # (typeshed wants a function that makes one)
+
+
+class Note:
+    """What is told of one test."""
+
+    def __init__(self, name: str) -> None:
+        """Begin to measure; nothing is told yet."""
+        self.name = name
+        self.told: list[tuple[str, str, str]] = []
+        self.seconds = 0.0
+        self._begun = time.monotonic()
+
+    def stop(self) -> None:
+        """End the measuring."""
+        self.seconds = time.monotonic() - self._begun
+
+    def add(self, kind: str, message: str, text: str) -> None:
+        """Tell of an error, a failure or a skipped test."""
+        self.told.append((kind, message, text))
+
+    @property
+    def kind(self) -> str:
+        """The worst that is told."""
+        kinds = {kind for kind, _, _ in self.told}
+        return next((kind for kind in ("error", "failure", "skipped") if kind in kinds), "")
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the tests and return the exit code."""
+    junit, package, *arguments = words
+    program = unittest.TestProgram(
+        module=None, argv=["python -m unittest", *arguments], testRunner=Runner, exit=False
+    )
+    result = program.result
+    assert isinstance(result, Result)  # noqa: S101  (the runner above makes one)
+    path = Path(junit)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(_junit(package, result.notes)) + "\n", encoding="utf-8")
+    if not result.wasSuccessful():
+        return FAILED
+    return 0 if result.notes else NONE_FOUND
+
+
+def _junit(package: str, notes: Sequence[Note]) -> Iterator[str]:
+    kinds = [note.kind for note in notes]
+    yield '<?xml version="1.0" encoding="UTF-8"?>'
+    yield (
+        f'<testsuite name={_quoted(package)} tests="{len(notes)}" errors="{kinds.count("error")}" '
+        f'failures="{kinds.count("failure")}" skipped="{kinds.count("skipped")}" '
+        f'time="{sum(note.seconds for note in notes):.3f}">'
+    )
+    for note in notes:
+        # 'setUpClass (module.Class)' is no test, and its name has no parts.
+        suite, _, name = (package, "", note.name) if " " in note.name else note.name.rpartition(".")
+        opening = f'  <testcase classname={_quoted(suite)} name={_quoted(name)} time="{note.seconds:.3f}"'
+        if not note.told:
+            yield f"{opening}/>"
+            continue
+        yield f"{opening}>"
+        for kind, message, text in note.told:
+            yield f"    <{kind} message={_quoted(message)}>{escape(_UNPRINTABLE.sub('', text))}</{kind}>"
+        yield "  </testcase>"
+    yield "</testsuite>"
+
+
+def _quoted(text: str) -> str:
+    return quoteattr(_UNPRINTABLE.sub("", text))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

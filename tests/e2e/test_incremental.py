@@ -1,0 +1,149 @@
+"""After any sequence of edits, what an incremental build leaves is what a clean one makes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.evolving import EDITS, MESSAGES, PLAIN, PYTHON, Entry, Evolving, differences, look
+from tests.packages import manifest_text
+from tests.snippets import shell
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from tests.conftest import Forge, Ran
+
+pytestmark = pytest.mark.needs("cmake", "g++")
+
+EXAMPLES = int(os.environ.get("FORGE_TEST_EXAMPLES", "5"))
+"""How many sequences each test tries; `make soak` asks for many."""
+
+STEPS = st.lists(
+    st.lists(st.tuples(st.sampled_from(sorted(EDITS)), st.integers(0, 99)), min_size=1, max_size=3),
+    min_size=1,
+    max_size=6,
+)
+SETTINGS = settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    database=None,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+UNDERLAY = manifest_text(
+    "all_of_it",
+    *(f"<depend>{name}</depend>" for name in ("ament_cmake", "rosidl_default_generators", "std_msgs")),
+    build_type="cmake",
+)
+
+
+class Clean:
+    """Builds from nothing, in the folder of the workspace itself; equal ones are made once."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._trees: dict[str, Mapping[str, Entry]] = {}
+
+    def tree(self, workspace: Evolving, build: Callable[[Evolving], Ran]) -> Mapping[str, Entry]:
+        """Return the install tree of a clean build."""
+        key = workspace.key()
+        if key not in self._trees:
+            parked = workspace.root / "parked"
+            workspace.home.rename(parked)
+            shutil.copytree(parked / "src", workspace.home / "src", symlinks=True)
+            ran = build(workspace)
+            assert ran.code == 0, f"a clean build fails: {ran.err}"
+            self._trees[key] = look(workspace.home / "install")
+            shutil.rmtree(workspace.home)
+            parked.rename(workspace.home)
+        return self._trees[key]
+
+
+@pytest.fixture(scope="module")
+def clean() -> Clean:
+    """Return the clean builds of this module."""
+    return Clean()
+
+
+@pytest.fixture(scope="module")
+def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Build everything that interface packages need, once; return the environment that has it."""
+    root = tmp_path_factory.mktemp("underlay")
+    (root / "src").mkdir()
+    (root / "src" / "package.xml").write_text(UNDERLAY, encoding="utf-8")
+    (root / "src" / "CMakeLists.txt").write_text("project(all_of_it NONE)\n", encoding="utf-8")
+    shell("forge build --merge-install", root)
+    printed = shell(". install/setup.sh && env -0", root)
+    variables = dict(entry.split("=", 1) for entry in printed.split("\0") if "=" in entry)
+    return {n: v for n, v in variables.items() if n.endswith("_PATH") or n == "PYTHONPATH"}
+
+
+def play(forge: Forge, clean: Clean, workspace: Evolving, steps: Sequence[Sequence[tuple[str, int]]]) -> None:
+    """Build after each step and hold what is installed against a clean build."""
+
+    def build(workspace: Evolving) -> Ran:
+        return forge(
+            "--log-base",
+            "/dev/null",
+            "build",
+            *workspace.options(),
+            cwd=workspace.home,
+            env=workspace.variables,
+        )
+
+    ran = build(workspace)
+    assert ran.code == 0, ran.err
+    may: set[str] = set()
+    for step in steps:
+        for name, number in step:
+            may |= EDITS[name](workspace, number)
+        ran = build(workspace)
+        started = {line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")}
+        if workspace.broken:
+            assert ran.code == 1, ran.out
+            continue
+        assert ran.code == 0, ran.err
+        expected = clean.tree(workspace, build)
+        wrong = differences(look(workspace.home / "install"), expected)
+        assert not wrong, "; ".join(wrong)
+        assert started <= may, f"ran for nothing: {sorted(started - may)}"
+        may = set()
+
+
+@given(merged=st.booleans(), python=st.booleans(), steps=STEPS)
+@SETTINGS
+def test_plain_packages_are_as_built_anew(
+    forge: Forge,
+    clean: Clean,
+    tmp_path_factory: pytest.TempPathFactory,
+    *,
+    merged: bool,
+    python: bool,
+    steps: list[list[tuple[str, int]]],
+) -> None:
+    workspace = Evolving(tmp_path_factory.getbasetemp() / "evolving", merged=merged)
+    workspace.write({**PLAIN, **(PYTHON if python else {})})
+    play(forge, clean, workspace, steps)
+
+
+@given(merged=st.booleans(), steps=STEPS)
+@SETTINGS
+def test_interface_packages_are_as_built_anew(
+    forge: Forge,
+    clean: Clean,
+    underlay: dict[str, str],
+    tmp_path_factory: pytest.TempPathFactory,
+    *,
+    merged: bool,
+    steps: list[list[tuple[str, int]]],
+) -> None:
+    workspace = Evolving(tmp_path_factory.getbasetemp() / "evolving", merged=merged)
+    workspace.write(MESSAGES)
+    workspace.variables.update(underlay)
+    play(forge, clean, workspace, steps)

@@ -1,0 +1,70 @@
+"""Packages with tests, which cost little to build: for forge's own tests of `forge test`."""
+
+from __future__ import annotations
+
+from tests.packages import manifest_text
+
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+enable_testing()
+{tests}
+install(FILES package.xml DESTINATION share/{name})
+"""
+
+SETUP = """from setuptools import setup
+setup(
+    name="{name}", version="0.1.0", packages=["{name}"], {more}
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/{name}"]),
+        ("share/{name}", ["package.xml"]),
+    ],
+)
+"""
+
+
+def cmake_package(name: str, *tests: str, needs: str = "") -> dict[str, str]:
+    """Return a plain CMake package with lines that add tests."""
+    return {
+        f"src/{name}/package.xml": manifest_text(name, needs, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": CMAKE.format(name=name, tests="\n".join(tests)),
+    }
+
+
+def python_package(name: str, test: str, *, pytest: bool) -> dict[str, str]:
+    """Return an ament_python package whose tests are one module."""
+    more = 'extras_require={"test": ["pytest"]},' if pytest else ""
+    return {
+        f"src/{name}/package.xml": manifest_text(name, build_type="ament_python"),
+        f"src/{name}/setup.py": SETUP.format(name=name, more=more),
+        f"src/{name}/{name}/__init__.py": "VALUE = 1\n",
+        f"src/{name}/resource/{name}": "",
+        f"src/{name}/tests/__init__.py": "",
+        f"src/{name}/tests/test_{name}.py": test,
+    }
+
+
+PYTEST = """import {name}
+import pytest
+
+def test_good():
+    assert {name}.VALUE == 1
+
+@pytest.mark.parametrize("value", [1, 2])
+def test_value(value):
+    assert value == 1
+
+@pytest.mark.skip
+def test_later():
+    pass
+"""
+
+UNITTEST = """import unittest
+import {name}
+
+class Values(unittest.TestCase):
+    def test_good(self):
+        self.assertEqual({name}.VALUE, 1)
+
+    def test_bad(self):
+        self.assertEqual({name}.VALUE, 2)
+"""
