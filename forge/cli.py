@@ -10,10 +10,12 @@ import errno
 import importlib
 import os
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.errors import ForgeError, Problem
+from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +32,10 @@ COMMANDS = {
     "run": "run an executable of an installed package",
 }
 
-_VALUED = frozenset({"--log-base", "--log-level"})
+_VALUED = frozenset({"--log-base", "--log-level", "-C"})
+
+_IN_WORKSPACE = frozenset({"build", "test", "test-result", "list", "graph", "info", "clean"})
+"""The commands that run at the root of the workspace, wherever inside they are typed."""
 
 _REFUSALS = frozenset({errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT})
 """What a system refuses for reasons that only its user can mend."""
@@ -44,8 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        options = _parser(arguments).parse_args(arguments)
-        code: int = options.run(options)
+        with standing_in(_folder(arguments)):
+            code = _run(arguments)
         sys.stdout.flush()
     except ForgeError as error:
         for problem in error.problems:
@@ -61,6 +66,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refused(error) if error.errno in _REFUSALS else _our_bug()
     except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
         return _our_bug()
+    return code
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Run the command where it belongs: at the root of the workspace, if it is about one."""
+    origin = Path.cwd()
+    root = find_root(origin, Path.home()) if _asked(arguments) in _IN_WORKSPACE else origin
+    if root != origin:
+        arguments = typed_elsewhere(arguments, origin, root)
+    with standing_in(root):
+        options = _parser(arguments).parse_args(arguments)
+        options.origin = os.path.relpath(origin, root)
+        code: int = options.run(options)
     return code
 
 
@@ -103,6 +121,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     description = "Build ROS 2 workspaces and compile ROS 2 interfaces."
     parser = Parser(prog="forge", description=description, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
+    parser.add_argument("-C", metavar="DIR", help="run as if typed in this folder")
     parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
     parser.add_argument(
         "--log-level", metavar="LEVEL", help="how much forge says about itself: debug, info, warning ..."
@@ -128,6 +147,20 @@ def _asked(arguments: Sequence[str]) -> str | None:
         if word in _VALUED:
             next(words, None)
     return None
+
+
+def _folder(arguments: Sequence[str]) -> Path:
+    """Return what -C says before the command; several lead from one to the next."""
+    folder = Path()
+    words = iter(arguments)
+    for word in words:
+        if not word.startswith("-"):
+            break
+        if word.startswith("-C"):
+            folder /= word[2:] or next(words, "")
+        elif word in _VALUED:
+            next(words, None)
+    return folder
 
 
 def _refused(error: OSError) -> int:

@@ -88,6 +88,14 @@ def log_level_of(options: argparse.Namespace) -> int:
     return LOG_LEVELS[word]
 
 
+def spelled(path: Path | str, options: argparse.Namespace) -> str:
+    """Return a path of the workspace as it reads where the command was typed."""
+    origin = getattr(options, "origin", os.curdir)
+    if origin == os.curdir or Path(path).is_absolute():
+        return str(path)
+    return os.path.relpath(path, origin)
+
+
 def _absolute(path: str, root: Path) -> Path:
     """Return a path from the command line as an absolute one, links in it left as they are."""
     return Path(os.path.normpath(root / Path(path).expanduser()))

@@ -28,7 +28,7 @@ FLOORS = {
         identification identity interpreter jobs jobserver journal limits overrides plain_packages
         prefixes records reporting runner snapshot sourcing toolchain
         tools transcript wheels
-        testing testing.* worker_client
+        testing testing.* worker_client workspace_root
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """

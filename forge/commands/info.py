@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge import options as shared
 from forge import package_options
 from forge.errors import Problem, SelectionError
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
@@ -36,10 +37,10 @@ def run(options: argparse.Namespace) -> int:
     packages = _asked(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
     if options.json:
-        print(json.dumps([_plain(package) for package in packages], indent=2, default=str))
+        print(json.dumps([_plain(package, options) for package in packages], indent=2, default=str))
         return 0
     for package in packages:
-        print(*_paragraph(package), sep="\n")
+        print(*_paragraph(package, options), sep="\n")
     return 0
 
 
@@ -64,8 +65,8 @@ def _asked(loaded: Loaded, names: tuple[str, ...]) -> list[Package]:
     return [package for package in selected if not names or package.name in names]
 
 
-def _paragraph(package: Package) -> Iterator[str]:
-    yield f"path: {package.path}"
+def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
+    yield f"path: {shared.spelled(package.path, options)}"
     yield f"  type: {package.type}"
     yield f"  name: {package.name}"
     dependencies = _dependencies(package)
@@ -80,9 +81,9 @@ def _paragraph(package: Package) -> Iterator[str]:
         yield from (f"    {key}: {metadata[key]}" for key in sorted(metadata))
 
 
-def _plain(package: Package) -> dict[str, object]:
+def _plain(package: Package, options: argparse.Namespace) -> dict[str, object]:
     return {
-        "path": str(package.path),
+        "path": shared.spelled(package.path, options),
         "type": package.type,
         "name": package.name,
         "dependencies": _dependencies(package),

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge import options as shared
 from forge import package_options
 from forge.errors import Problem, SelectionError
 from forge.workspace import load_workspace
@@ -49,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.topological_order:
         packages.sort(key=lambda package: (package.name, str(package.path)))
     if options.json:
-        rows = [{"name": p.name, "path": str(p.path), "type": p.type} for p in packages]
+        rows = [{"name": p.name, "path": shared.spelled(p.path, options), "type": p.type} for p in packages]
         print(json.dumps(rows, indent=2))
         return 0
     lines = [_line(package, options) for package in packages]
@@ -62,8 +63,8 @@ def _line(package: Package, options: argparse.Namespace) -> str:
     if options.names_only:
         return package.name
     if options.paths_only:
-        return str(package.path)
-    return f"{package.name}\t{package.path}\t({package.type})"
+        return shared.spelled(package.path, options)
+    return f"{package.name}\t{shared.spelled(package.path, options)}\t({package.type})"
 
 
 def _graph(options: argparse.Namespace) -> int:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
-from forge.capacity import processors
 from forge.errors import WorkspaceError
 from forge.execution import execute
 from forge.installation import begin_workspace
@@ -23,6 +22,7 @@ from forge.testing.preparing import (
     absent_problems,
     make_test_plan,
     needs_of_tests,
+    open_test_budget,
     prepare_bench,
     tested_names,
 )
@@ -46,6 +46,7 @@ def register(parser: Parser) -> None:
     package_options.add(parser)
     shared.add_layout(parser)
     _add_how_to_test(parser)
+    shared.add_budget(parser)
     _add_frameworks(parser)
     parser.greedy = frozenset({"--ctest-args", "--pytest-args", "--unittest-args"})
 
@@ -66,12 +67,16 @@ def run(options: argparse.Namespace) -> int:
         raise WorkspaceError(*absent.values())
     bench = prepare_bench(options, loaded, names, layout)
     plan = make_test_plan([name for name in names if name not in absent], loaded, bench)
-    with closing(open_transcript(layout.logs, "test", sys.argv)) as transcript:
+    with (
+        closing(open_transcript(layout.logs, "test", sys.argv)) as transcript,
+        closing(open_test_budget(options, variables)) as budget,
+    ):
         report = Report(plan, loaded.packages, handlers, transcript.folder)
         _refuse(absent, report)
-        runner = TestJobs(bench, needs, variables).runner()
+        runner = TestJobs(bench, needs, variables).runner(budget)
+        board = _board(plan, options, budget.jobs)
         try:
-            for event in execute(plan, runner, _board(plan, options), lambda task: task):
+            for event in execute(plan, runner, board, lambda task: task):
                 transcript.write(event)
                 report.show(event)
                 note_result(event, plan.tasks[event.task], report.failed_tests)
@@ -103,14 +108,6 @@ def _add_how_to_test(parser: Parser) -> None:
         action="store_true",
         help="exit with 1 when a test failed, not with 0",
     )
-    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
-    group.add_argument(
-        "--parallel-workers",
-        type=int,
-        default=processors(),
-        metavar="N",
-        help="packages at a time (0: any number)",
-    )
     group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
 
 
@@ -137,8 +134,8 @@ def _refuse(absent: Mapping[str, Problem], report: Report) -> None:
         report.show(Finished(name, 1, 0.0))
 
 
-def _board(plan: BuildPlan, options: argparse.Namespace) -> Board:
-    limit = 1 if options.executor == "sequential" else options.parallel_workers
+def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int) -> Board:
+    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
     return Board(plan, limit, continue_on_error=not options.abort_on_error)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge import options as shared
 from forge.testing.collecting import collect
 from forge.testing.outcomes import Counts, counted_once
 from forge.testing.showing import as_json, counts_as_json, details, result_line
@@ -41,9 +43,10 @@ def run(options: argparse.Namespace) -> int:
     """Show results, or delete them; returns 1 when a test went wrong."""
     found = collect(options.test_result_base)
     if options.delete or options.delete_yes:
-        return _delete(found.files, asked=not options.delete_yes)
+        return _delete(found.files, options)
     warn(found.problems)
-    outcomes = counted_once(found.outcomes)
+    named = [replace(one, path=shared.spelled(one.path, options)) for one in found.outcomes]
+    outcomes = counted_once(named)
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
     total = _sum(outcomes)
     if options.json:
@@ -67,13 +70,13 @@ def _show(shown: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool
         print(f"Files: {raw} (ament's tests twice, as CTest and as JUnit)")
 
 
-def _delete(files: Sequence[str], *, asked: bool) -> int:
+def _delete(files: Sequence[str], options: argparse.Namespace) -> int:
     """Delete result files; a question that nobody answers is a no."""
     if not files:
         print("No result files found to delete")
         return 0
-    print(*(f"- {path}" for path in files), sep="\n")
-    while asked:
+    print(*(f"- {shared.spelled(path, options)}" for path in files), sep="\n")
+    while not options.delete_yes:
         print(f"Delete these {len(files)} files? [y/n] ", end="", flush=True)
         answer = sys.stdin.readline()
         if answer.strip().lower() == "y":

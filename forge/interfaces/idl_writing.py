@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,7 @@ _ESCAPES = str.maketrans(
         "\a": r"\a",
     }
 )
+_HALVED = re.compile(r'\\{2,}|\\(?=")')
 _ACTION_INCLUDES = {"builtin_interfaces/msg/Time.idl", "unique_identifier_msgs/msg/UUID.idl"}
 
 
@@ -174,6 +176,9 @@ def _literal(value: Value, type_: Type) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a string literal; control characters that have no name of their own are written in octal."""
-    named = text.translate(_ESCAPES)
+    """Return a string literal; control characters that have no name of their own are written in octal.
+
+    Backslashes before others or before a quote are doubled once more: rosidl halves them twice (spec 2.4).
+    """
+    named = _HALVED.sub(lambda run: run[0] * 2, text).translate(_ESCAPES)
     return '"' + "".join(c if c >= " " else f"\\{ord(c):03o}" for c in named) + '"'

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.budget import Budget
+from forge.capacity import processors, shortage
 from forge.errors import EnvironmentFault, Problem, WorkspaceError, raise_if_any
 from forge.graph import closures, ordered_names
 from forge.installation import recorded_python
 from forge.interpreter import find_interpreter, missing_modules
+from forge.jobserver import joined_pool
+from forge.makeflags import read_make_flags
 from forge.model import BuildPlan, Task
 from forge.prefixes import PACKAGES, find_underlays, provider
 from forge.testing.looking import look
@@ -98,6 +103,17 @@ def prepare_bench(options: argparse.Namespace, loaded: Loaded, names: Sequence[s
         pytest_args=_words(options.pytest_args),
         unittest_args=_words(options.unittest_args),
     )
+
+
+def open_test_budget(options: argparse.Namespace, variables: Mapping[str, str]) -> Budget:
+    """Return a token for each package that may be tested at a time; those of a make above us, if it gives any.
+
+    Each test runs one job, as far as forge knows: what programs under test start is theirs.
+    """
+    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+    pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
+    short = partial(shortage, options.memory_limit, options.load_limit or flags.load)
+    return Budget(options.jobs or flags.jobs or processors(), pool, flags=flags, short=short)
 
 
 def make_test_plan(names: Sequence[str], loaded: Loaded, bench: Bench) -> BuildPlan:

@@ -18,6 +18,7 @@ from forge.testing.showing import Failure, first_lines, last_lines
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from forge.budget import Budget
     from forge.model import Event, Step, Task
     from forge.testing.outcomes import Case, Outcome
     from forge.testing.recipes import Bench
@@ -35,9 +36,9 @@ class TestJobs:
     needs: Mapping[str, Sequence[str]]
     variables: Mapping[str, str]
 
-    def runner(self) -> ProcessRunner:
+    def runner(self, budget: Budget) -> ProcessRunner:
         """Return what runs the tests."""
-        return ProcessRunner(self._environment, clear, self._finish)
+        return ProcessRunner(self._environment, clear, self._finish, budget)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         layout = self.bench.layout

@@ -39,9 +39,11 @@ def register(verbs: Verbs) -> None:
 
 def _hash(options: argparse.Namespace) -> int:
     library = library_of(options)
-    if not options.package and not options.what:
+    if not (options.package or options.files or options.what):
         hint = "name types, or a folder of definitions with --package"
         raise ForgeError(Problem("there is nothing to hash", hint=hint))
+    if options.files and not options.package:
+        raise ForgeError(Problem("a file belongs to a package", hint="add --package NAME"))
     if options.package:
         found = hashes(catalog_of(options, _folder(options), library))
     else:

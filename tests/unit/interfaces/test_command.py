@@ -216,6 +216,30 @@ def test_hash_of_a_folder_covers_derived_types(forge: Forge, tree: Tree) -> None
     assert names == ["msg/A", "srv/B", "srv/B_Event", "srv/B_Request", "srv/B_Response"]
 
 
+def test_hash_as_json_is_one_object_and_names_with_underscores_are_found(forge: Forge, tree: Tree) -> None:
+    struct = "module tour {{ module msg {{ struct {} {{ long a; }}; }}; }};"
+    folder = tree({"msg/A_B.idl": struct.format("A_B"), "msg/A.idl": struct.format("A")})
+    ran = forge("interface", "hash", "--package", "tour", str(folder), "--json")
+    found = json.loads(ran.out)
+    assert list(found) == ["tour/msg/A", "tour/msg/A_B"]
+    ran = forge("interface", "hash", "tour/msg/A_B", "--include", f"tour={folder}")
+    assert ran.out == f"tour/msg/A_B {found['tour/msg/A_B']}\n"
+    assert all(re.fullmatch(r"RIHS01_[0-9a-f]{64}", text) for text in found.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([], "there is nothing to hash"),
+        (["--package", "tour", "a", "b"], "a package has one folder of definitions"),
+        (["--file", "a:msg/A.msg", "std_msgs/msg/Empty"], "a file belongs to a package"),
+    ],
+)
+def test_hash_says_what_is_missing(forge: Forge, arguments: list[str], text: str) -> None:
+    ran = forge("interface", "hash", *arguments)
+    assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
+
+
 def test_generate_writes_a_package_with_all_that_it_needs(forge: Forge, tree: Tree) -> None:
     root = tree({"src/msg/A.msg": "std_msgs/Header header", "src/action/Go.action": "A a\n---\n---\n"})
     out = root / "out"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from forge.errors import InterfaceError
 from forge.interfaces.idl_reading import read_idl
@@ -398,6 +400,23 @@ def test_oddities_are_doubts_and_no_errors() -> None:
     interface = reader.interface()
     assert isinstance(interface, Message)
     assert interface.fields[2].default is None
+
+
+@given(
+    st.text(st.characters(codec="utf-8")),
+    st.text(st.sampled_from("\\\\\"'ntu0419x ")),
+    st.lists(st.text(st.sampled_from("a\\\\\"'é "), min_size=1)),
+)
+def test_any_text_comes_through_idl_as_it_was(value: str, escapes: str, parts: list[str]) -> None:
+    """Defaults, elements of lists, units and comments, backslashes and quotes among them."""
+    name = TypeName("p", "msg", "A")
+    fields = (
+        Field("a", Text(), value, doc=("first", f"{escapes}."), unit=f"{escapes}."),
+        Field("b", Text(wide=True), escapes),
+        Field("c", Sequence(Text()), tuple(parts)),
+    )
+    written = Message(name, fields, doc=(f".{value}.",) if value.isprintable() else ())
+    assert read(idl_text(written, "origin")) == written
 
 
 @pytest.mark.parametrize("package", sorted(LIBRARY.packages()))
