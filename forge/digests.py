@@ -99,12 +99,12 @@ class FileTable:
 
 def mark_tree(root: str, table: FileTable, known: Mark | None = None) -> Mark:
     """Return what the tree below `root` looks like now; contents are read only if `known` differs."""
-    return _mark(list(_walk(root)), len(root) + 1, table, known, trusting=False)
+    return _mark(list(_below(root, (os.path.realpath(root),))), len(root) + 1, table, known, trusting=False)
 
 
 def mark_files(paths: Iterable[str], table: FileTable, known: Mark | None = None) -> Mark:
     """Return what the given files look like now, in the given order; a missing one shows as missing."""
-    entries = [(path, _status(path)) for path in paths]
+    entries = [(path, _status(path), False) for path in paths]
     return _mark(entries, 0, table, known, trusting=True)
 
 
@@ -130,16 +130,21 @@ def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
 
 def source_files(root: str) -> Iterator[str]:
     """Yield the paths of the files that count as sources, sorted folder by folder."""
-    return (path for path, _ in _walk(root))
+    return (path for path, _, _ in _below(root, (os.path.realpath(root),)))
 
 
-def _walk(root: str) -> Iterator[tuple[str, os.stat_result | None]]:
-    """Yield files with their stats; a link to a folder comes with what is in there."""
-    return _below(root, (os.path.realpath(root),))
+def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
+    """Yield the sources that are regular files and lie below `root` itself, with their stats."""
+    for path, status, linked in _below(root, (os.path.realpath(root),)):
+        if not linked and stat.S_ISREG(status.st_mode):
+            yield path, status
 
 
-def _below(folder: str, linked: tuple[str, ...]) -> Iterator[tuple[str, os.stat_result | None]]:
-    """Yield what is below a folder; `linked` are the real folders on the way, which are not entered again."""
+def _below(folder: str, real: tuple[str, ...]) -> Iterator[tuple[str, os.stat_result, bool]]:
+    """Yield each file below a folder with its stat, and if a link to a folder led there.
+
+    `real` are the real folders on the way, which are not entered again.
+    """
     with os.scandir(folder) as found:
         entries = sorted(found, key=lambda entry: entry.name)
     names = {entry.name for entry in entries}
@@ -149,17 +154,17 @@ def _below(folder: str, linked: tuple[str, ...]) -> Iterator[tuple[str, os.stat_
         name = entry.name
         if entry.is_dir(follow_symlinks=False):
             if name not in _LITTER_FOLDERS and not name.endswith(".egg-info"):
-                yield from _below(entry.path, linked)
+                yield from _below(entry.path, real)
         elif not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS)):
-            yield entry.path, entry.stat(follow_symlinks=False)
+            yield entry.path, entry.stat(follow_symlinks=False), len(real) > 1
             if entry.is_symlink() and entry.is_dir():
-                real = os.path.realpath(entry.path)
-                if not any(f"{way}/".startswith(f"{real}/") for way in linked):
-                    yield from _below(entry.path, (*linked, real))
+                target = os.path.realpath(entry.path)
+                if not any(f"{way}/".startswith(f"{target}/") for way in real):
+                    yield from _below(entry.path, (*real, target))
 
 
 def _mark(
-    entries: list[tuple[str, os.stat_result | None]],
+    entries: list[tuple[str, os.stat_result | None, bool]],
     cut: int,
     table: FileTable,
     known: Mark | None,
@@ -169,23 +174,31 @@ def _mark(
     """Digest the stats and, unless they are as `known` says, the contents of the entries."""
     stamp = hashlib.blake2b(digest_size=16)
     racy = False
-    for path, status in entries:
-        looks = _said(status) if status else ""
-        if status is not None and stat.S_ISLNK(status.st_mode):
-            real = _status(path, follow=True)
-            looks += f" {_said(real)}" if real else ""
-            racy = racy or (real is not None and not trusting and _racy(real))
-        stamp.update(f"{path[cut:]}\0{looks}\n".encode(errors="surrogateescape"))
-        racy = racy or (status is not None and not trusting and _racy(status))
+    for path, status, _ in entries:
+        looks = (
+            [status]
+            if status is None or not stat.S_ISLNK(status.st_mode)
+            else [status, _status(path, follow=True)]
+        )
+        words = " ".join(_said(look) for look in looks if look)
+        racy = racy or not (trusting or all(look is None or not _racy(look) for look in looks))
+        stamp.update(f"{path[cut:]}\0{words}\n".encode(errors="surrogateescape"))
     said = "" if racy else stamp.hexdigest()
     if known is not None and said and known.stamp == said:
         return known
-    digest = hashlib.blake2b(digest_size=16)
-    names = hashlib.blake2b(digest_size=16)
-    for path, status in entries:
+    digest, names = hashlib.blake2b(digest_size=16), hashlib.blake2b(digest_size=16)
+    linked = b""
+    for path, status, elsewhere in entries:
         names.update(f"{path[cut:]}\n".encode(errors="surrogateescape"))
-        digest.update(f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape"))
-    return Mark(said, digest.hexdigest(), names.hexdigest())
+        line = f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape")
+        digest.update(line)
+        if elsewhere or (status is not None and stat.S_ISLNK(status.st_mode)):
+            linked += line
+    return Mark(said, digest.hexdigest(), names.hexdigest(), _digest(linked) if linked else "")
+
+
+def _digest(text: bytes) -> str:
+    return hashlib.blake2b(text, digest_size=16).hexdigest()
 
 
 def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:

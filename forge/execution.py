@@ -68,8 +68,9 @@ def _start(
         for event in events:
             task = settle(plan.tasks[event.task]) if isinstance(event, Started) else None
             if task is not None:
-                submit(task)
+                # Noted before anything is touched.
                 yield Started(task.name, task.parts)
+                submit(task)
             elif isinstance(event, Started):
                 fresh = Fresh(event.task)
                 board.note(fresh)

@@ -1,8 +1,10 @@
 """Which files a build read outside its own tree, from the records that ninja and compilers leave.
 
 Compilers tell what they include, in a depfile beside each object; ninja takes those into its binary
-log .ninja_deps (format versions 3 and 4), make leaves them. System and underlay headers among them are
-inputs like the package's own sources.
+log .ninja_deps (format versions 3 and 4), make leaves them. What else a build reads stands in the rules
+that CMake writes: libraries of others, and the files that CMake itself reads. System and underlay files
+among all these are inputs like the package's own sources. CMake's own modules are left out: they come
+and go with CMake, which counts as a tool.
 """
 
 from __future__ import annotations
@@ -18,6 +20,11 @@ if TYPE_CHECKING:
 
 _SIGNATURE = b"# ninjadeps\n"
 _WORD = re.compile(r"(?:\\.|[^\\\s])+")
+_NINJA_EDGE = re.compile(r"^build (?:\$.|[^$:\n])+: \S+((?:\$.|[^$\n])*)", re.MULTILINE)
+_NINJA_PATH = re.compile(r" (/(?:\$.|[^$\s])+)")
+_READ_BY_CMAKE = re.compile(r'^  "(/[^"]+)"$', re.MULTILINE)
+_MAKE_EDGE = re.compile(r"^[^#\s][^:\n]*: (/.+)$", re.MULTILINE)
+_CMAKE_ITSELF = re.compile(r"/share/cmake(-[\d.]+)?/(Modules|Templates)/")
 
 
 def external_inputs(build: Path, inside: Sequence[Path]) -> tuple[str, ...]:
@@ -27,13 +34,22 @@ def external_inputs(build: Path, inside: Sequence[Path]) -> tuple[str, ...]:
     """
     own = tuple(f"{path}{os.sep}" for path in inside)
     found = {os.path.normpath(os.path.join(build, path)) for path in _recorded(build)}  # noqa: PTH118
-    return tuple(sorted(path for path in found if not path.startswith(own)))
+    return tuple(
+        sorted(path for path in found if not path.startswith(own) and not _CMAKE_ITSELF.search(path))
+    )
 
 
 def _recorded(build: Path) -> Iterator[str]:
-    try:
-        yield from _ninja_inputs((build / ".ninja_deps").read_bytes())
-    except OSError:
+    rules = _text(build / "build.ninja")
+    if rules:
+        for edge in _NINJA_EDGE.finditer(rules):
+            inputs = edge.group(1).partition(" || ")[0]
+            yield from (re.sub(r"\$(.)", r"\1", path) for path in _NINJA_PATH.findall(inputs))
+        try:
+            yield from _ninja_inputs((build / ".ninja_deps").read_bytes())
+        except OSError:
+            return
+    else:
         yield from _make_inputs(build)
 
 
@@ -66,10 +82,21 @@ def _ninja_inputs(log: bytes) -> Iterator[str]:
 
 
 def _make_inputs(build: Path) -> Iterator[str]:
-    """Yield the words behind the colon of every depfile below `build`."""
+    """Yield the words behind the colon of every depfile, what targets are made of, and what CMake read."""
+    yield from _READ_BY_CMAKE.findall(_text(build / "CMakeFiles" / "Makefile.cmake").partition("\n  )\n")[0])
     for folder, _, files in os.walk(build):
         for name in files:
             if name.endswith(".o.d"):
-                text = Path(folder, name).read_text(encoding="utf-8", errors="surrogateescape")
-                _, _, words = text.replace("\\\n", " ").partition(": ")
+                _, _, words = _text(Path(folder, name)).replace("\\\n", " ").partition(": ")
                 yield from (re.sub(r"\\(.)", r"\1", word) for word in _WORD.findall(words))
+            elif name == "build.make":
+                edges = _MAKE_EDGE.findall(_text(Path(folder, name)))
+                yield from (re.sub(r"\\(.)", r"\1", path) for path in edges)
+
+
+def _text(path: Path) -> str:
+    """Return what a file says, or nothing when it is not there."""
+    try:
+        return path.read_text(encoding="utf-8", errors="surrogateescape")
+    except OSError:
+        return ""

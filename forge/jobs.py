@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import sys
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from forge import installation
-from forge.digests import source_files
+from forge import folders, installation
 from forge.model import RUN_KINDS
 from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
@@ -19,7 +16,6 @@ from forge.tools import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from forge.budget import Budget
     from forge.interpreter import Interpreter
@@ -59,10 +55,8 @@ class Jobs:
 
     def _begin(self, task: Task) -> None:
         installation.uninstall_markers(task.name, self.layout)
-        clear(task)
-        began = self.records.began(task.name)
-        if began is not None:
-            _wake(self.records.source(task), began)
+        self.records.begin(task)
+        folders.begin(task, self.records.source(task))
 
     def _install(self, task: Task) -> Record:
         needs = set(task.package.manifest.names(RUN_KINDS))
@@ -71,30 +65,6 @@ class Jobs:
         needs |= {need for need in self.provision.needs[task.name] if packages[need].embedded}
         installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
         return self.records.make(task)
-
-
-def clear(task: Task) -> None:
-    """Remove what the tools of the task would wrongly build on."""
-    for path in task.clean:
-        for found in path.parent.glob(path.name) if path.parent.is_dir() else ():
-            if found.is_dir() and not found.is_symlink():
-                shutil.rmtree(found)
-            else:
-                found.unlink()
-
-
-def _wake(source: Path, began: float) -> None:
-    """Give a new time to files that changed since the last build but carry an older one.
-
-    ninja and make compare times only, and a file copied with its times, or switched by a tool that keeps
-    them, would never be compiled. The change of the inode's own time cannot be forged.
-    """
-    mark = int(began * 1e9)
-    for path in source_files(str(source)):
-        status = os.lstat(path)
-        if status.st_ctime_ns > mark >= status.st_mtime_ns:
-            now = time.time_ns()
-            os.utime(path, ns=(now, now), follow_symlinks=False)
 
 
 def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:

@@ -69,6 +69,10 @@ class Journal:
             self.stamp = stamp
             self._append({"stamp": stamp})
 
+    def doubt(self) -> None:
+        """Forget the stamp of all external files, which must be looked at again."""
+        self.stamp = ""
+
     def remember(self, name: str, record: Record) -> None:
         """Replace what is known of a package."""
         self.records[name] = record

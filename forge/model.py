@@ -178,15 +178,16 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A set of files at one moment, as three digests.
+    """A set of files at one moment, as digests.
 
     `stamp` is of their stats ('' when these cannot be trusted), `digest` of names, modes and contents,
-    `names` of the names alone.
+    `names` of the names alone, `linked` of the contents that links bring in from elsewhere.
     """
 
     stamp: str = ""
     digest: str = ""
     names: str = ""
+    linked: str = ""
 
 
 Pairs = tuple[tuple[str, str], ...]
@@ -230,20 +231,47 @@ class Record:
 
 
 @dataclass(frozen=True, slots=True)
+class Traces:
+    """What the contents of a build folder were made with, as digests.
+
+    Another `base` (forge, tools, environment) makes them useless, and so does another state of what was
+    `moved`; other `options` need another cache of CMake, another `shape` (names of sources, what needs
+    give) another configure.
+    """
+
+    base: str = ""
+    options: str = ""
+    shape: str = ""
+    moved: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """A build folder: CMake's generator, what it was configured for, and what its contents were made with.
+
+    All are empty when nobody knows; `traces` is None in a folder in which another tool built.
+    """
+
+    generator: str = ""
+    configured: str = ""
+    traces: Traces | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """What is on disk today, beside the records of yesterday.
 
     `sources` and `installed` are marks of today, the latter of the files that the record lists. `moved`
-    names an external input that changed, by package. `configured` is (generator, record) of each build
-    folder that CMake knows. `present` are the packages whose prefix says they are complete. `news` are
-    source files that changed, by package, for explanations.
+    names an input that changed outside of the package, by package, with a digest of all such inputs now.
+    `folders` are the build folders that there are. `present` are the packages whose prefix says they are
+    complete. `news` are source files that changed, by package, for explanations.
     """
 
     records: Mapping[str, Record] = field(default_factory=dict)
     sources: Mapping[str, Mark] = field(default_factory=dict)
     installed: Mapping[str, Mark] = field(default_factory=dict)
-    moved: Mapping[str, str] = field(default_factory=dict)
-    configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    moved: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    folders: Mapping[str, Folder] = field(default_factory=dict)
     present: frozenset[str] = frozenset()
     news: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -264,6 +292,8 @@ class Step:
     """Variables set for this step alone, beyond the environment of its task."""
     record: tuple[Path, str] | None = None
     """A file that says this step was done: removed before it starts, written once it succeeded."""
+    replaces: tuple[str, ...] = ()
+    """Files that it made the last time; those that are links are removed before it starts."""
     meanings: tuple[tuple[int, str], ...] = ()
     """Exit codes that are no failure of the task, and what they say instead."""
     after: str = ""
@@ -294,6 +324,8 @@ class Task:
     """It runs only if a package that is built before it comes out different."""
     clean: tuple[Path, ...] = ()
     """Files and folders of an earlier build that are removed first, since the tools cannot be told."""
+    moved: str = ""
+    """The digest of inputs outside of the package, when one of them changed."""
     desk: str = "handover"
     """The folder below `build_dir` for what the steps see and the line that repeats the last of them."""
 

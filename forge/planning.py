@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
-from forge.freshness import Outlook, must_begin_anew, why_at_all, why_different
+from forge.freshness import Outlook, must_begin_anew, traces_of, why_at_all, why_different
 from forge.graph import closures, ordered_names
-from forge.model import BuildPlan, Parts, Task
+from forge.model import BuildPlan, Folder, Parts, Task, Traces
 from forge.names import did_you_mean
 from forge.recipes import RECIPES
 from forge.recipes.cmake import leftovers
@@ -16,7 +16,7 @@ from forge.recipes.cmake import leftovers
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from forge.model import Package, Pairs, Record, Selection, Snapshot
+    from forge.model import Package, Pairs, Record, Selection, Snapshot, Step
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
 
@@ -54,7 +54,6 @@ def make_plan(
         (*_unknown_types(names, provision), *_not_installed(names, provision, below, snapshot)),
         WorkspaceError,
     )
-    kitchen = replace(kitchen, configured=snapshot.configured)
     outlook = Outlook(provision.needs, {name: mark.digest for name, mark in snapshot.installed.items()})
     position = {name: index for index, name in enumerate(ordered)}
     tasks: dict[str, Task] = {}
@@ -130,17 +129,19 @@ def _task(
 ) -> Task:
     """Return the task as it is when everything depends on what its needs come out as."""
     name = package.name
-    record = snapshot.records.get(name)
+    sources = snapshot.sources[name]
     build = kitchen.layout.build_dir(name)
-    anew = must_begin_anew(parts, record, moved=name in snapshot.moved)
-    again = record is not None and (
-        record.sources.names != snapshot.sources[name].names or record.parts.needs != parts.needs
+    _, moved = snapshot.moved.get(name, ("", ""))
+    folder = snapshot.folders.get(name, Folder())
+    now, then = traces_of(parts, sources, moved), folder.traces
+    anew = then is not None and must_begin_anew(now, then)
+    other_options = then is not None and now.options != then.options
+    again = other_options or now.shape != (then or Traces()).shape
+    kitchen = replace(
+        kitchen,
+        configured={} if anew else {name: (folder.generator, folder.configured)},
+        reconfigure=frozenset({name}) if again else frozenset(),
     )
-    other_options = record is not None and record.parts.options != parts.options
-    if anew:
-        kitchen = replace(kitchen, configured={n: s for n, s in kitchen.configured.items() if n != name})
-    if again or other_options:
-        kitchen = replace(kitchen, reconfigure=frozenset({name}))
     recipe = RECIPES[package.build_type].recipe(package, kitchen.of(package))
     return Task(
         name=name,
@@ -148,14 +149,20 @@ def _task(
         prefix=kitchen.layout.prefix(name),
         build_dir=build,
         needs=needs,
-        steps=recipe.steps,
+        steps=_replacing(recipe.steps, snapshot.records.get(name)),
         reason="a package that it needs is built before it and may come out different",
         parts=parts,
-        sources=snapshot.sources[name],
+        sources=sources,
         files=recipe.files,
         conditional=True,
         clean=(build,) if anew else leftovers(build) if other_options else (),
+        moved=moved,
     )
+
+
+def _replacing(steps: tuple[Step, ...], record: Record | None) -> tuple[Step, ...]:
+    """Return the steps, of which the last, which installs, knows what is installed already."""
+    return (*steps[:-1], replace(steps[-1], replaces=record.files)) if record else steps
 
 
 def _unknown_types(names: Iterable[str], provision: Provision) -> Iterable[Problem]:

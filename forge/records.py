@@ -17,6 +17,7 @@ from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
 from forge.prefixes import find_underlays
+from forge.snapshot import moved_externals
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,13 +42,11 @@ class Records:
         self._layout = layout
         self._interpreter = interpreter
         self._outlook: Outlook | None = None
-        self._stale: set[str] = set()
         self._ran = False
 
     def confirm(self, plan: BuildPlan, snapshot: Snapshot, outlook: Outlook) -> None:
         """Take note of what the plan found fresh: new stamps, so that next time they are equal."""
         self._outlook = outlook
-        self._stale = set(snapshot.moved)
         for name in plan.fresh:
             record = self.journal.records[name]
             now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
@@ -70,14 +69,13 @@ class Records:
                 self._ran = True
                 if event.record is not None:
                     self._outlook.settle(name, event.record.installed.digest)
-                    self._stale.discard(name)
             case _:
                 pass
 
-    def began(self, name: str) -> float | None:
-        """Return when the last build of a package began, if there was one."""
-        record = self.journal.records.get(name)
-        return record.began if record else None
+    def begin(self, task: Task) -> None:
+        """Look at what is installed of a package now, so that afterwards it shows what is different."""
+        record = self.journal.records.get(task.name)
+        mark_files(record.files if record else (), self.table)
 
     def seconds(self) -> dict[str, float]:
         """Return how long each package took when it was last built."""
@@ -112,8 +110,13 @@ class Records:
         if self._ran or plan.tasks or not (install / STATE).is_file():
             chain = find_underlays(variables, install).chain
             finish_workspace(self._layout, chain, self._interpreter.path)
-        if not self._stale:
-            self.journal.agree(stamp_files(self.journal.externals))
+        if self._ran:
+            self.journal.doubt()
+        if not self.journal.stamp:
+            # First the stamp: what changes after it will show the next time.
+            stamp = stamp_files(self.journal.externals)
+            if not moved_externals(self.journal, self.table):
+                self.journal.agree(stamp)
 
     def close(self) -> None:
         """Write what is still to be written."""

@@ -12,6 +12,7 @@ import threading
 import time
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from forge.files import write_if_changed
@@ -20,7 +21,6 @@ from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Outp
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
 
     from forge.budget import Budget
     from forge.model import Event, Record, Step, Task
@@ -147,6 +147,8 @@ class ProcessRunner:
     ) -> int:
         if step.record:
             step.record[0].unlink(missing_ok=True)
+        for path in filter(os.path.islink, step.replaces):
+            Path(path).unlink()
         line = step_line(step, environment_file(task))
         write_if_changed(task.build_dir / task.desk / LAST_COMMAND, line + "\n")
         variables = {**environment, **dict(step.env)}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from forge.digests import contents_of, digest_of, mark_files, mark_tree, stamp_files
+from forge.folders import Folders
 from forge.model import Snapshot
 
 if TYPE_CHECKING:
@@ -17,15 +17,14 @@ if TYPE_CHECKING:
     from forge.layout import Layout
     from forge.model import Package
 
-_GENERATOR = re.compile(rb"^CMAKE_GENERATOR:INTERNAL=(.*)$", re.MULTILINE)
-
 
 def take_snapshot(
     root: Path, packages: Iterable[Package], layout: Layout, journal: Journal, table: FileTable
 ) -> Snapshot:
     """Look at the folders of `packages`, whose paths are below `root` unless they are absolute."""
     records = dict(journal.records)
-    sources, installed, configured, news, present = {}, {}, {}, {}, set()
+    sources, installed, news, present = {}, {}, {}, set()
+    moved = moved_externals(journal, table)
     for package in packages:
         name = package.name
         record = records.get(name)
@@ -35,16 +34,16 @@ def take_snapshot(
         news[name] = tuple(path[len(home) + 1 :] for path in sorted(table.news))
         if record:
             installed[name] = mark_files(record.files, table, record.installed)
+            if record.sources.linked != sources[name].linked:
+                path = next(iter(news[name]), "a link")
+                moved[name] = (path, sources[name].linked + moved.get(name, ("", ""))[1])
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
-        state = _configured(layout.build_dir(name))
-        if state:
-            configured[name] = state
-    return Snapshot(records, sources, installed, _moved(journal, table), configured, frozenset(present), news)
+    return Snapshot(records, sources, installed, moved, Folders(layout), frozenset(present), news)
 
 
-def _moved(journal: Journal, table: FileTable) -> dict[str, str]:
-    """Return an external input that changed, by package.
+def moved_externals(journal: Journal, table: FileTable) -> dict[str, tuple[str, str]]:
+    """Return an external input that changed and a digest of all, by package.
 
     Packages share most of these files, so one stamp of them all answers the usual case.
     """
@@ -52,26 +51,12 @@ def _moved(journal: Journal, table: FileTable) -> dict[str, str]:
     table.news.clear()
     if journal.stamp and stamp_files(paths) == journal.stamp:
         return {}
+    journal.doubt()
     contents = contents_of(paths, table)
-    moved: dict[str, str] = {}
+    moved: dict[str, tuple[str, str]] = {}
     for name, record in journal.records.items():
-        if record.complete and digest_of(record.externals, contents) != record.external:
+        digest = digest_of(record.externals, contents)
+        if record.external and digest != record.external:
             changed = [path for path in record.externals if path in table.news]
-            moved[name] = changed[0] if changed else "a header outside the workspace"
+            moved[name] = (changed[0] if changed else "a header outside the workspace", digest)
     return moved
-
-
-def _configured(build: Path) -> tuple[str, str] | None:
-    """Return (generator, record) of a build folder that CMake configured completely."""
-    try:
-        cache = (build / "CMakeCache.txt").read_bytes()
-    except OSError:
-        return None
-    match = _GENERATOR.search(cache)
-    if match is None or not any((build / name).is_file() for name in ("build.ninja", "Makefile")):
-        return (match.group(1).decode(errors="replace") if match else ""), ""
-    try:
-        record = (build / "handover" / "configured").read_text(encoding="utf-8")
-    except OSError:
-        record = ""
-    return match.group(1).decode(errors="replace"), record

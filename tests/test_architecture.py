@@ -24,7 +24,7 @@ FLOORS = {
         workspace
     """,
     3: """
-        budget capacity digests discovery execution explaining externals installation installed
+        budget capacity digests discovery execution explaining externals folders installation installed
         identification identity interpreter jobs jobserver journal limits overrides plain_packages
         prefixes records reporting runner snapshot sourcing toolchain
         tools transcript wheels

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from forge.errors import WorkspaceError
-from forge.freshness import Outlook
+from forge.freshness import Outlook, traces_of
 from forge.graph import ordered_names
 from forge.layout import Layout
-from forge.model import BuildPlan, Mark, Package, Record, Selection, Snapshot
+from forge.model import BuildPlan, Folder, Mark, Package, Record, Selection, Snapshot, Traces
 from forge.planning import Standing, make_plan, settled, wanted_names
 from forge.provision import Provision
 from forge.recipes.kitchen import Kitchen
@@ -61,9 +61,23 @@ def built(*names: str) -> Snapshot:
     for name, task in plan(*names).tasks.items():
         parts = replace(task.parts, needs=outlook.needs_of(name, task.needs) or ())
         records[name] = Record(parts, complete=True, sources=SOURCES[name], installed=INSTALLED[name])
+    folders = {
+        name: Folder("Ninja", _configured(name), traces_of(record.parts, record.sources, ""))
+        for name, record in records.items()
+    }
     return replace(
-        COMPLETE, records=records, installed={n: INSTALLED[n] for n in names}, present=frozenset(names)
+        COMPLETE,
+        records=records,
+        installed={n: INSTALLED[n] for n in names},
+        present=frozenset(names),
+        folders=folders,
     )
+
+
+def _configured(name: str) -> str:
+    """Return what the folder of a package says once it was configured."""
+    record = plan(name).tasks[name].steps[0].record
+    return record[1] if record else ""
 
 
 def test_a_cycle_is_named_by_its_shortest_way() -> None:
@@ -109,7 +123,10 @@ MAYBE = "maybe a package that it needs is built before it and may come out diffe
             "something that it had installed was changed or removed",
         ),
         (replace(AFTER, present=frozenset({"a"})), "something that it had installed was changed or removed"),
-        (replace(AFTER, moved={"e": "/usr/include/x.h"}), "'/usr/include/x.h', which it includes, changed"),
+        (
+            replace(AFTER, moved={"e": ("/usr/include/x.h", "digest")}),
+            "'/usr/include/x.h', which it includes, changed",
+        ),
         (
             replace(AFTER, sources={**SOURCES, "e": Mark("", "other")}, news={"e": ("x.cpp", "y.cpp")}),
             "'x.cpp' and 1 more changed",
@@ -178,6 +195,33 @@ def test_what_the_tools_cannot_notice_is_cleared_away() -> None:
     )
 
 
+def test_a_folder_that_says_nothing_of_its_contents_is_begun_anew() -> None:
+    """The journal may be lost, or the build killed before anything was cleared away."""
+    for traces in (Traces(), replace(traces_of(AFTER.records["a"].parts, SOURCES["a"], ""), base="other")):
+        folder = replace(AFTER.folders["a"], traces=traces)
+        lost = replace(AFTER, records={"e": AFTER.records["e"]}, folders={**AFTER.folders, "a": folder})
+        task = plan("a", snapshot=lost).tasks["a"]
+        assert task.clean == (LAYOUT.build_dir("a"),)
+        assert task.steps[0].label == "cmake"
+    foreign = replace(AFTER, records={}, folders={"a": Folder("Unix Makefiles")})
+    assert plan("a", snapshot=foreign).tasks["a"].clean == ()
+
+
+def test_what_moved_outside_is_cleared_away_once() -> None:
+    moved = replace(AFTER, moved={"a": ("/usr/include/x.h", "digest")})
+    task = plan("a", snapshot=moved).tasks["a"]
+    assert (task.clean, task.moved) == ((LAYOUT.build_dir("a"),), "digest")
+    begun = replace(AFTER.folders["a"], traces=traces_of(task.parts, task.sources, task.moved))
+    again = replace(moved, folders={**AFTER.folders, "a": begun})
+    assert plan("a", snapshot=again).tasks["a"].clean == ()
+
+
+def test_the_installing_step_knows_what_is_installed() -> None:
+    record = replace(AFTER.records["a"], files=("/ws/install/a/x",), complete=False)
+    steps = plan("a", snapshot=replace(AFTER, records={"a": record})).tasks["a"].steps
+    assert [step.replaces for step in steps] == [*[()] * (len(steps) - 1), ("/ws/install/a/x",)]
+
+
 def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
     with pytest.raises(WorkspaceError) as error:
         plan("b", "p", snapshot=Snapshot(sources=SOURCES))
@@ -211,9 +255,7 @@ def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> No
 
 
 def test_new_files_and_other_needs_configure_again() -> None:
-    record = plan("a").tasks["a"].steps[0].record
-    assert record is not None
-    configured = replace(AFTER, configured={"a": ("Ninja", record[1])})
+    configured = AFTER
     other = replace(configured, sources={**SOURCES, "a": Mark("", "other", "other names")})
     same = replace(configured, sources={**SOURCES, "a": Mark("", "other", "names")})
     assert labels(same) == ["build", "install"]
@@ -226,9 +268,7 @@ def labels(snapshot: Snapshot, kitchen: Kitchen = KITCHEN) -> list[str]:
 
 
 def test_a_folder_is_configured_again_only_when_something_was_said_differently() -> None:
-    record = plan("a").tasks["a"].steps[0].record
-    assert record is not None
-    configured = replace(COMPLETE, configured={"a": ("Ninja", record[1])})
+    configured = replace(AFTER, sources={**SOURCES, "a": Mark("", "other", "names")})
     assert labels(configured) == ["build", "install"]
     for kitchen in (
         replace(KITCHEN, cmake_args=("-DX=1",)),
@@ -254,7 +294,7 @@ def test_the_users_generator_wins_over_ninja(kitchen: Kitchen) -> None:
 
 
 def test_an_existing_folder_keeps_its_generator() -> None:
-    snapshot = replace(COMPLETE, configured={"a": ("Unix Makefiles", "")})
+    snapshot = replace(COMPLETE, folders={"a": Folder("Unix Makefiles")})
     argv = plan("a", snapshot=snapshot).tasks["a"].steps[0].argv
     assert argv[argv.index("-G") + 1] == "Unix Makefiles"
 

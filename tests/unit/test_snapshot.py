@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
 from forge.journal import open_journal
 from forge.layout import Layout
-from forge.model import Parts, Record
+from forge.model import Folder, Parts, Record, Traces
 from forge.snapshot import take_snapshot
 from tests.packages import package
 
@@ -42,11 +42,11 @@ def test_what_is_there_is_seen(tree: Tree) -> None:
     packages = [package(name) for name in "abcd"]
     snapshot = take_snapshot(root, packages, layout, journal, table)
     assert snapshot.present == {"a"}
-    assert snapshot.configured == {
-        "a": ("Ninja", "digest"),
-        "b": ("Ninja", ""),
-        "c": ("Ninja", ""),
-        "d": ("", ""),
+    assert dict(snapshot.folders) == {
+        "a": Folder("Ninja", "digest", Traces()),
+        "b": Folder("Ninja"),
+        "c": Folder("Ninja"),
+        "d": Folder(),
     }
     assert snapshot.installed["a"] == journal.records["a"].installed
     assert snapshot.news == dict.fromkeys("abcd", ("package.xml",))
@@ -71,10 +71,10 @@ def test_a_changed_header_outside_moves_those_that_read_it(tree: Tree) -> None:
     packages = [package("a"), package("b")]
     assert take_snapshot(root, packages, layout, journal, table).moved == {}
     (root / "usr/x.h").write_text("2")
-    assert take_snapshot(root, packages, layout, journal, table).moved == {"a": str(root / "usr/x.h")}
+    assert take_snapshot(root, packages, layout, journal, table).moved["a"][0] == str(root / "usr/x.h")
     (root / "usr/x.h").write_text("1")
     assert take_snapshot(root, packages, layout, journal, FileTable(root / "other")).moved == {}
     journal.remember("b", replace(journal.records["b"], complete=False))
     (root / "usr/y.h").unlink()
-    assert take_snapshot(root, packages, layout, journal, table).moved == {}
+    assert set(take_snapshot(root, packages, layout, journal, table).moved) == {"b"}
     journal.close()
