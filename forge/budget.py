@@ -81,7 +81,7 @@ class Budget:
         self, step: Step, variables: Mapping[str, str]
     ) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
         """Yield the environment of a step on top of `variables`, and the descriptors that it inherits."""
-        found = {name: value for name, value in variables.items() if name not in _SPOKEN}
+        found = without_jobs(variables)
         if step.label != BUILD:
             yield self._alone(found, 1), ()
         elif self._pool is not None and self._tool(step) in self._fluent:
@@ -232,6 +232,11 @@ class Budget:
             for token in [token for token in self._hand if token != _UNASKED][: max(0, count)]:
                 self._hand.remove(token)
                 self._pool.give(token)
+
+
+def without_jobs(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return an environment without what a make above us, or the user, says of jobs."""
+    return {name: value for name, value in variables.items() if name not in _SPOKEN}
 
 
 _SPOKEN = frozenset({"MAKEFLAGS", "MFLAGS", "CMAKE_BUILD_PARALLEL_LEVEL"})

@@ -78,9 +78,7 @@ def memory(root: Path = ROOT) -> Memory | None:
         limit = _first_number(folder, "memory.max", "memory.limit_in_bytes")
         used = _first_number(folder, "memory.current", "memory.usage_in_bytes")
         if 0 < limit < found.total and used >= 0:
-            # Pages of files that nobody reads can be taken back at any time.
-            idle = re.findall(r"^(?:total_)?inactive_file (\d+)", _text(folder / "memory.stat"), re.MULTILINE)
-            left = max(0, limit - used + (int(idle[-1]) if idle else 0))
+            left = max(0, limit - used + _reclaimable(folder))
             found = Memory(limit, min(found.available, left))
     return found
 
@@ -133,6 +131,15 @@ def _quota(folder: Path) -> tuple[int, int]:
     if words:
         return (int(words[0]) if words[0].isdigit() else -1), int(words[1])
     return _first_number(folder, "cpu.cfs_quota_us"), _first_number(folder, "cpu.cfs_period_us")
+
+
+def _reclaimable(folder: Path) -> int:
+    """Return the bytes that a cgroup uses and gives up when asked: pages of files, caches of the kernel."""
+    found = re.findall(r"^(\w+) (\d+)$", _text(folder / "memory.stat"), re.MULTILINE)
+    said: dict[str, str] = dict(found)
+    # Version 1 tells of the group alone, and by these longer names of all groups below it too.
+    names = ("inactive_file", "active_file", "slab_reclaimable")
+    return sum(int(said.get(f"total_{name}", said.get(name, "0"))) for name in names)
 
 
 def _first_number(folder: Path, *names: str) -> int:

@@ -24,6 +24,7 @@ COMMANDS = {
     "build": "build the packages of a workspace",
     "test": "run the tests of the packages of a workspace",
     "test-result": "show what the tests came to",
+    "clean": "remove what was built",
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",

@@ -134,32 +134,6 @@ class Workspace:
 
 
 @dataclass(frozen=True, slots=True)
-class Query:
-    """The selection options of a command line, as typed; None and () where an option was not given.
-
-    `above_depth` is (depth, names).
-    """
-
-    select: tuple[str, ...] | None = None
-    skip: tuple[str, ...] = ()
-    select_regex: tuple[str, ...] | None = None
-    skip_regex: tuple[str, ...] = ()
-    up_to: tuple[str, ...] = ()
-    up_to_regex: tuple[str, ...] = ()
-    above: tuple[str, ...] = ()
-    above_and_dependencies: tuple[str, ...] = ()
-    above_depth: tuple[int, tuple[str, ...]] = (0, ())
-    select_by_dep: tuple[str, ...] = ()
-    skip_by_dep: tuple[str, ...] = ()
-    skip_up_to: tuple[str, ...] = ()
-    start: str | None = None
-    end: str | None = None
-    ignore: tuple[str, ...] = ()
-    ignore_regex: tuple[str, ...] = ()
-    strict: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Selection:
     """The packages to work on, in topological order; `left_out` says why others are not."""
 

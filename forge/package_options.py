@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError
-from forge.model import Query
+from forge.selection import Query
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,6 +36,7 @@ _BY_RESULT = {
     "select-test-failures": "only those that failed their tests the last time",
     "skip-test-passed": "not those that passed their tests the last time",
 }
+_BY_CHANGE = ("packages_select_changed", "packages_above_changed")
 
 
 def add(parser: Parser) -> None:
@@ -128,6 +129,12 @@ def query_of(options: argparse.Namespace) -> Query:
         end=options.packages_end,
         strict=options.strict,
     )
+
+
+def chooses(options: argparse.Namespace) -> bool:
+    """Tell if any option says which packages count."""
+    flags = (*(f"packages_{word.replace('-', '_')}" for word in _BY_RESULT), *_BY_CHANGE)
+    return query_of(options) != Query() or any(getattr(options, flag) for flag in flags)
 
 
 def _depth(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:

@@ -7,11 +7,12 @@ the first a zero byte and the folder. Options name them all.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.graph import closure, closures, reverse
-from forge.model import Query, Selection
+from forge.model import Selection
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
@@ -21,6 +22,32 @@ if TYPE_CHECKING:
 
 Limit = tuple[str, frozenset[str]]
 """Why the rest is left out, and the names that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """The selection options of a command line, as typed; None and () where an option was not given.
+
+    `above_depth` is (depth, names).
+    """
+
+    select: tuple[str, ...] | None = None
+    skip: tuple[str, ...] = ()
+    select_regex: tuple[str, ...] | None = None
+    skip_regex: tuple[str, ...] = ()
+    up_to: tuple[str, ...] = ()
+    up_to_regex: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()
+    above_and_dependencies: tuple[str, ...] = ()
+    above_depth: tuple[int, tuple[str, ...]] = (0, ())
+    select_by_dep: tuple[str, ...] = ()
+    skip_by_dep: tuple[str, ...] = ()
+    skip_up_to: tuple[str, ...] = ()
+    start: str | None = None
+    end: str | None = None
+    ignore: tuple[str, ...] = ()
+    ignore_regex: tuple[str, ...] = ()
+    strict: bool = False
 
 
 def name_of(node: str) -> str:

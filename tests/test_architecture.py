@@ -29,6 +29,7 @@ FLOORS = {
         prefixes records reporting runner snapshot sourcing toolchain
         tools transcript wheels
         testing testing.* worker_client workspace_root
+        cleaning compile_commands
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """

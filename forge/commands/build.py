@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
+from forge.budget import without_jobs
+from forge.compile_commands import merge_compile_commands
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
@@ -81,7 +83,9 @@ def run(options: argparse.Namespace) -> int:
             closing(open_budget(options, kitchen, variables, plan)) as budget,
         ):
             report = Report(plan, loaded.packages, handlers, transcript.folder)
-            jobs = Jobs(loaded.provision, layout, interpreter, {**variables, **found_by}, records)
+            jobs = Jobs(
+                loaded.provision, layout, interpreter, {**without_jobs(variables), **found_by}, records
+            )
             runner = jobs.runner(
                 budget, None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
             )
@@ -93,6 +97,8 @@ def run(options: argparse.Namespace) -> int:
                     report.show(event)
             finally:
                 records.finish(plan, variables)
+                if handlers["compile_commands"]:
+                    merge_compile_commands(layout.build)
                 report.summarise(time.monotonic() - begun)
     return report.exit_code
 

@@ -106,7 +106,7 @@ def prepare_bench(options: argparse.Namespace, loaded: Loaded, names: Sequence[s
 
 
 def open_test_budget(options: argparse.Namespace, variables: Mapping[str, str]) -> Budget:
-    """Return a token for each package that may be tested at a time; those of a make above us, if it gives any.
+    """Return a token for each package that may be tested at a time; a make above us may give them.
 
     Each test runs one job, as far as forge knows: what programs under test start is theirs.
     """

@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import platform
+import resource
 import shutil
 import subprocess
 import sys
@@ -36,6 +37,8 @@ class Package:
     output: Path
     languages: tuple[str, ...]
     seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    busy: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    """The processor's time of the same runs, which other programs do not lengthen."""
     touched: tuple[str, ...] = ()
 
     def turn(self, number: int) -> None:
@@ -55,9 +58,10 @@ class Package:
         """Run the compiler; raises CalledProcessError when it fails."""
         languages = [word for language in self.languages for word in ("--lang", language)]
         argv = [sys.executable, "-m", "forge", "interface", "generate", "--package", "bench_msgs", *languages]
-        start = time.perf_counter()
+        start, before = time.perf_counter(), _children()
         subprocess.run([*argv, "--output", self.output, self.source], check=True, capture_output=True)
         self.seconds[kind].append(time.perf_counter() - start)
+        self.busy[kind].append(_children() - before)
 
     def marks(self) -> dict[str, int]:
         """Return the time of each output's last change."""
@@ -89,8 +93,15 @@ def main() -> int:
 
 def _summary(size: int, package: Package) -> dict[str, object]:
     medians = {f"{kind}_ms": round(1000 * median(package.seconds[kind]), 1) for kind in KINDS}
+    medians |= {f"{kind}_busy_ms": round(1000 * median(package.busy[kind]), 1) for kind in KINDS}
     each = {"first_ms_per_message": round(1000 * median(package.seconds["first"]) / size, 2)}
     return {**medians, **each, "touched": package.touched}
+
+
+def _children() -> float:
+    """Return the seconds that the processor has worked for children so far."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -110,7 +110,7 @@ FORGE = (sys.executable, "-m", "forge", "--log-base", os.devnull, "build")
 @pytest.fixture
 def workspace(tree: Tree) -> Path:
     """Return three packages of which the last needs the first."""
-    return tree({**package("a", 3), **package("b", 2), **package("c", 1, "a")})
+    return tree({**package("a", 2), **package("b", 2), **package("c", 1, "a")})
 
 
 def only(folder: Path, program: str) -> dict[str, str]:
@@ -139,7 +139,7 @@ def test_makes_never_run_more_compilers_than_jobs(workspace: Path) -> None:
 
 
 def test_the_users_makeflags_set_the_budget(workspace: Path) -> None:
-    watch = watched(workspace, *FORGE, env={"MAKEFLAGS": "-j1"})
+    watch = watched(workspace, *FORGE, "--packages-select", "a", env={"MAKEFLAGS": "-j1"})
     assert watch.most == 1
 
 
@@ -151,3 +151,38 @@ def test_a_make_above_shares_its_jobs(workspace: Path) -> None:
     (workspace / "Makefile").write_text(f"all: mine forge\nmine:\n{mine}forge:\n\t+{forge}\n")
     watch = watched(workspace, "make", "-j2")
     assert watch.most == 2
+
+
+BUSY = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+foreach(number RANGE 1 {count})
+  add_custom_command(OUTPUT done_${{number}} COMMAND sleep 0.1)
+  list(APPEND all done_${{number}})
+endforeach()
+add_custom_target(busy ALL DEPENDS ${{all}})
+"""
+
+
+def busy(name: str, count: int, *needs: str) -> dict[str, str]:
+    """Return a package with so many short jobs."""
+    depends = "".join(f"<depend>{need}</depend>" for need in needs)
+    return {
+        f"src/{name}/package.xml": manifest_text(name, depends, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": BUSY.format(name=name, count=count),
+    }
+
+
+@pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
+def test_a_large_package_keeps_no_small_one_from_beginning(tree: Tree, generator: str) -> None:
+    """Of three jobs the large one has two when 'x' ends, and must leave one to the second of two others."""
+    folder = tree({**busy("large", 40), **busy("x", 1), **busy("s1", 10, "x"), **busy("s2", 1, "x")})
+    ran = subprocess.run(
+        (*FORGE, "--jobs", "3"),
+        cwd=folder,
+        env={**surroundings(folder), "CMAKE_GENERATOR": generator},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    ended = [line.split()[2] for line in ran.stdout.splitlines() if line.startswith("Finished <<<")]
+    assert ended.index("s2") < ended.index("large")

@@ -66,7 +66,7 @@ def test_quotas_of_ours_and_of_groups_above_count_as_processors(
                 "proc/meminfo": MEMINFO,
                 "sys/fs/cgroup/user/memory.max": f"{4 * GIB}\n",
                 "sys/fs/cgroup/user/memory.current": f"{3 * GIB}\n",
-                "sys/fs/cgroup/user/memory.stat": f"anon 1\ninactive_file {GIB}\n",
+                "sys/fs/cgroup/user/memory.stat": f"anon 1\ninactive_file 1\nactive_file {GIB - 1}\n",
                 "sys/fs/cgroup/user/build/memory.max": "max\n",
                 "sys/fs/cgroup/user/build/memory.current": "1\n",
             },

@@ -15,9 +15,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.budget import BUILD, Budget
+from forge.execution import execute
 from forge.jobserver import FIFO, PIPE, TOKEN, common_style, is_blurb, joined_pool, own_pool, spoken
 from forge.makeflags import MakeFlags, read_make_flags
-from forge.model import Step
+from forge.model import BuildPlan, Parts, Record, Step, Task
+from forge.runner import ProcessRunner
+from forge.schedule import Board
+from tests.packages import package
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -305,3 +309,28 @@ def test_a_budget_that_nobody_uses_ends_at_once() -> None:
             threading.Event().wait(0.1)
     """
     subprocess.run((sys.executable, "-W", "error", "-c", program), check=True, timeout=20)
+
+
+def test_what_waits_for_a_token_is_aborted_with_the_build(tmp_path: Path) -> None:
+    """Two packages may begin, but there is one job: when the first fails, the second never ran."""
+    steps = {
+        "bad": "import time; time.sleep(0.3); raise SystemExit(1)",
+        "late": "print('never')",
+    }
+    tasks = {
+        name: Task(
+            name,
+            package(name),
+            tmp_path,
+            tmp_path / name,
+            (),
+            (Step("step", (sys.executable, "-c", code), tmp_path),),
+            "",
+        )
+        for name, code in steps.items()
+    }
+    plan = BuildPlan(tasks)
+    with closing(Budget(1)) as budget:
+        runner = ProcessRunner(lambda _: os.environ, lambda _: None, lambda _: Record(Parts()), budget)
+        events = list(execute(plan, runner, Board(plan, 2), lambda task: task))
+    assert [type(event).__name__ for event in events if event.task == "late"] == ["Started", "Aborted"]
