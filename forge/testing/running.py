@@ -7,7 +7,7 @@ import shutil
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from forge.jobs import clear
+from forge.folders import clear
 from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
 from forge.runner import ProcessRunner, environment_file, step_line
 from forge.sourcing import build_environment
