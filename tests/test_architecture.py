@@ -24,10 +24,10 @@ FLOORS = {
         workspace
     """,
     3: """
-        budget capacity digests discovery execution explaining externals folders installation installed
-        identification identity interpreter jobs jobserver journal limits overrides plain_packages
-        prefixes records reporting runner snapshot sourcing toolchain
-        tools transcript wheels
+        budget capacity digests discovery execution explaining externals folders installation
+        installed interpreter jobs jobserver journal occupancy prefixes records reporting runner snapshot
+        sourcing toolchain tools transcript wheels
+        identification identity limits overrides plain_packages
         testing testing.* worker_client workspace_root
         cleaning compile_commands
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
