@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge import package_options
 from forge.budget import without_jobs
 from forge.compile_commands import merge_compile_commands
 from forge.execution import execute
@@ -44,8 +45,7 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     """Add the options of `forge build`."""
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
     shared.add_budget(parser)
