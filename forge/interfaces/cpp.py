@@ -140,7 +140,7 @@ class Headers:
         views = [members_view(message.name, self.layouts) for message in self.messages]
         own = _detail(self.name, "cdr")
         needed = {_detail(name, "cdr") for view in views for name in view.needs} - {own}
-        headers = sorted({*needed, "forge_cdr/members.hpp", _detail(self.name, "struct")})
+        headers = sorted({*needed, _detail(self.name, "struct")})
         return self._detail_file("cdr", headers=headers, messages=views)
 
     def _detail_file(self, part: str, **names: object) -> File:

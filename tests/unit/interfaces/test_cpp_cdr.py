@@ -193,8 +193,5 @@ def test_a_header_includes_those_of_messages_that_stay_whole() -> None:
     }
     catalog = catalog_of("demo", definitions)
     text = next(file.text for file in cpp.files(catalog) if file.path.endswith("/a__cdr.hpp"))
-    included = [line.split('"')[1] for line in text.splitlines() if line.startswith("#include")]
-    assert included == [
-        *("demo/msg/detail/a__struct.hpp", *_headers(["element", "inner"])),
-        "forge_cdr/members.hpp",
-    ]
+    included = [line.split('"')[1] for line in text.splitlines() if line.startswith('#include "')]
+    assert included == ["demo/msg/detail/a__struct.hpp", *_headers(["element", "inner"])]

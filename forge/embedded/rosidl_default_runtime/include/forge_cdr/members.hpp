@@ -1,4 +1,4 @@
-// What generated headers need to say how their messages lie on the wire; the rest is forge_cdr/forge_cdr.hpp.
+// What generated headers say about messages, so that forge_cdr/forge_cdr.hpp can write and read them.
 
 #ifndef FORGE_CDR__MEMBERS_HPP_
 #define FORGE_CDR__MEMBERS_HPP_
@@ -8,7 +8,7 @@
 namespace forge_cdr
 {
 
-/// How a message lies on the wire; generated headers specialise it for every message.
+/// How a message lies on the wire; specialised beside every message.
 /**
  * least      the fewest bytes that such a message takes
  * packed     how many bytes every such message takes if it never has padding inside, else 0

@@ -3,12 +3,17 @@
 #ifndef ROBOT__ACTION__DETAIL__FETCH__CDR_HPP_
 #define ROBOT__ACTION__DETAIL__FETCH__CDR_HPP_
 
-#include "forge_cdr/members.hpp"
+#include <cstddef>
+
 #include "geometry_msgs/msg/detail/point__cdr.hpp"
 #include "robot/action/detail/fetch__struct.hpp"
 
 namespace forge_cdr
 {
+
+// What this is for stands in forge_cdr/members.hpp, which nobody needs who sends nothing.
+template<typename Message>
+struct Members;
 
 template<typename Allocator>
 struct Members<::robot::action::Fetch_Goal_<Allocator>>

@@ -3,11 +3,16 @@
 #ifndef ROBOT__SRV__DETAIL__MOVE_ROBOT__CDR_HPP_
 #define ROBOT__SRV__DETAIL__MOVE_ROBOT__CDR_HPP_
 
-#include "forge_cdr/members.hpp"
+#include <cstddef>
+
 #include "robot/srv/detail/move_robot__struct.hpp"
 
 namespace forge_cdr
 {
+
+// What this is for stands in forge_cdr/members.hpp, which nobody needs who sends nothing.
+template<typename Message>
+struct Members;
 
 template<typename Allocator>
 struct Members<::robot::srv::MoveRobot_Request_<Allocator>>
