@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
 from forge.externals import external_inputs
-from forge.installation import STATE, finish_workspace, installed_files, remove_file
+from forge.installation import installed_files
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
 from forge.prefixes import find_underlays
+from forge.results import STATE, remove_file
 from forge.snapshot import moved_externals
 
 if TYPE_CHECKING:
@@ -108,6 +109,8 @@ class Records:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""
         install = self._layout.install
         if self._ran or plan.tasks or not (install / STATE).is_file():
+            from forge.installation import finish_workspace  # noqa: PLC0415  (most builds change nothing)
+
             chain = find_underlays(variables, install).chain
             finish_workspace(self._layout, chain, self._interpreter.path)
         if self._ran:

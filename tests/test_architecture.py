@@ -20,13 +20,13 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = {
     4: """
-        __main__ cli commands commands.* options package_options preparation testing.preparing worker
+        __main__ cli commands commands.* options package_options preparation testing.preparing undertaking worker
         workspace
     """,
     3: """
         budget capacity digests discovery execution explaining externals folders installation
-        installed interpreter jobs jobserver journal occupancy prefixes records reporting runner snapshot
-        sourcing toolchain tools transcript wheels
+        installed interpreter jobs jobserver journal occupancy prefixes records reporting results runner snapshot
+        sourcing steps toolchain tools transcript wheels
         identification identity limits overrides plain_packages
         testing testing.* worker_client workspace_root
         cleaning compile_commands
