@@ -29,13 +29,13 @@ FLOORS = {
         toolchain
         tools transcript wheels
         testing testing.* worker_client workspace_root
-        cleaning compile_commands
+        cleaning compile_commands completion_words
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
         charts conditions creation diagnosis environment freshness graph hooks makeflags manifest
         planning provision recipes recipes.* schedule scripts selection xml_tree interfaces.*
-        testing.outcomes testing.recipes testing.showing
+        testing.outcomes testing.recipes testing.showing completing
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",
