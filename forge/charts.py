@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.graph import closures
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+from forge.selection import name_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import PurePath
 
     from forge.model import Package
 
@@ -18,43 +21,191 @@ LEGEND = (
     ". marks a package that depends on it indirectly",
     "",
 )
-_COLOURS = ((BUILD_KINDS, "#0000ff"), (RUN_KINDS, "#ff0000"), (TEST_KINDS, "#d2b48c"))
+_COLOURS = {"build": "#0000ff", "run": "#ff0000", "test": "#d2b48c"}
+_KINDS = {"build": BUILD_KINDS, "run": RUN_KINDS, "test": TEST_KINDS}
+_GREY = '[color = "gray" fontcolor = "gray"]'
 
 
-def matrix(ordered: Sequence[str], needs: Mapping[str, frozenset[str]]) -> Iterator[str]:
-    """Yield a row for each name: which of the columns, in the same order, depend on it."""
-    below = closures(needs, ordered)
-    width = max((len(name) for name in ordered), default=0) + 2
-    for row in ordered:
-        cells = (
-            "+" if column == row else "*" if row in needs[column] else "." if row in below[column] else " "
-            for column in ordered
-        )
-        yield f"{row:<{width}}{''.join(cells)}".rstrip()
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """All nodes in topological order, what each needs, its package, and which nodes are to be shown."""
+
+    ordered: Sequence[str]
+    needs: Mapping[str, frozenset[str]]
+    packages: Mapping[str, Package]
+    selected: frozenset[str]
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Return the selected nodes in topological order."""
+        return tuple(node for node in self.ordered if node in self.selected)
 
 
-def density(ordered: Sequence[str], needs: Mapping[str, frozenset[str]]) -> float:
+@dataclass(frozen=True, slots=True)
+class _Edge:
+    start: str
+    end: str
+    categories: tuple[str, ...]
+    direct: bool
+
+
+def matrix(chart: Chart) -> Iterator[str]:
+    """Yield a row for each node: which of the columns, in the same order, depend on it."""
+    below = closures(chart.needs, chart.ordered)
+    shown = chart.shown
+    width = max((len(name_of(node)) for node in shown), default=0) + 2
+    for row in shown:
+        cells = (_cell(row, column, chart, below) for column in shown)
+        yield f"{name_of(row):<{width}}{''.join(cells)}"
+
+
+def density(chart: Chart) -> float:
     """Return the percentage of dependencies, direct or not, out of all that an order allows."""
-    pairs = len(ordered) * (len(ordered) - 1)
-    found = sum(len(below & frozenset(ordered)) for below in closures(needs, ordered).values())
-    return 200.0 * found / pairs if pairs else 0.0
+    shown = chart.shown
+    below = closures(chart.needs, chart.ordered)
+    cells = [_cell(row, column, chart, below) for row in shown for column in shown if row != column]
+    return 200.0 * (1.0 - cells.count(" ") / len(cells)) if cells else 0.0
 
 
-def dot(
-    ordered: Sequence[str], needs: Mapping[str, frozenset[str]], packages: Mapping[str, Package]
-) -> Iterator[str]:
-    """Yield the lines of a digraph of the direct dependencies, coloured by their category."""
+def dot(chart: Chart, *, cluster: bool = False, skipped: bool = False, legend: bool = False) -> Iterator[str]:
+    """Yield the lines of a digraph: nodes, edges coloured by category, dashed where they lead over others."""
+    nodes = [node for node in reversed(chart.ordered) if skipped or node in chart.selected]
+    labels = _labels(nodes, chart, skipped=skipped)
     yield "digraph graphname {"
-    for name in reversed(ordered):
-        yield f'  "{name}";'
-    for name in reversed(ordered):
-        for need in sorted(needs[name]):
-            if need in needs:
-                yield f'  "{name}" -> "{need}" [color="{_colours(packages[name], need)}"];'
+    if cluster and nodes:
+        yield from _clusters(nodes, labels, chart)
+    else:
+        yield from (f"  {_id(labels[node])};" for node in nodes)
+    for edge in _edges(chart, frozenset(nodes), skipped=skipped):
+        alpha = "" if {edge.start, edge.end} <= chart.selected else "77"
+        colours = ":".join(_COLOURS[category] + alpha for category in edge.categories)
+        style = "" if edge.direct else ', style="dashed"'
+        start, end = (labels[node][0] for node in (edge.start, edge.end))
+        yield f'  "{start}" -> "{end}" [color="{colours}"{style}];'
+    if legend:
+        yield from _legend()
     yield "}"
 
 
-def _colours(package: Package, need: str) -> str:
-    """Return a colour per category; an edge that no tag names, such as to an alias, counts as build."""
-    found = [colour for kinds, colour in _COLOURS if need in package.manifest.names(kinds)]
-    return ":".join(found or [_COLOURS[0][1]])
+def plain(chart: Chart) -> dict[str, object]:
+    """Return the graph as values for JSON."""
+    edges = _edges(chart, chart.selected, skipped=False)
+    paths = {node: str(chart.packages[node].path) for node in chart.shown}
+    return {
+        "packages": [{"name": name_of(node), "path": path} for node, path in paths.items()],
+        "dependencies": [
+            {
+                "from": name_of(edge.start),
+                "to": name_of(edge.end),
+                "categories": list(edge.categories),
+                "direct": edge.direct,
+            }
+            for edge in edges
+        ],
+    }
+
+
+def _cell(row: str, column: str, chart: Chart, below: Mapping[str, frozenset[str]]) -> str:
+    if column == row:
+        return "+"
+    if row in chart.needs[column]:
+        return "*"
+    return "." if row in below[column] else " "
+
+
+def _edges(chart: Chart, nodes: frozenset[str], *, skipped: bool) -> Iterator[_Edge]:
+    """Yield direct edges between the nodes, then those that lead over packages left out."""
+    direct = [
+        _Edge(node, need, _categories(chart, node, need), direct=True)
+        for node in reversed(chart.ordered)
+        if node in nodes
+        for need in sorted(chart.needs[node] & nodes)
+    ]
+    yield from direct
+    if skipped:
+        return
+    known = {(edge.start, edge.end) for edge in direct}
+    below = closures(chart.needs, chart.ordered)
+    for node in reversed(chart.ordered):
+        if node in nodes:
+            yield from _indirect(chart, node, nodes, known, below)
+
+
+def _indirect(
+    chart: Chart,
+    node: str,
+    nodes: frozenset[str],
+    known: set[tuple[str, str]],
+    below: Mapping[str, frozenset[str]],
+) -> Iterator[_Edge]:
+    found: dict[str, set[str]] = {}
+    for need in sorted(chart.needs[node] - nodes):
+        for end in sorted(below[need] & nodes):
+            if (node, end) not in known:
+                found.setdefault(end, set()).update(_categories(chart, node, need))
+    for end, categories in found.items():
+        yield _Edge(node, end, tuple(word for word in _COLOURS if word in categories), direct=False)
+
+
+def _categories(chart: Chart, node: str, need: str) -> tuple[str, ...]:
+    """Return why a package is needed; an edge that no tag names, such as to an alias, counts as build."""
+    manifest = chart.packages[node].manifest
+    found = (word for word, kinds in _KINDS.items() if name_of(need) in manifest.names(kinds))
+    return tuple(found) or ("build",)
+
+
+def _labels(nodes: Sequence[str], chart: Chart, *, skipped: bool) -> dict[str, tuple[str, str]]:
+    """Return the id and the attributes of each node; ids are names with a number where names repeat."""
+    names = [name_of(node) for node in nodes]
+    if len(set(names)) < len(names):
+        numbers = {node: number for number, node in enumerate(sorted(nodes), 1)}
+        return {node: (f"{name_of(node)}_{numbers[node]}", f' [label = "{name_of(node)}"]') for node in nodes}
+    grey = {node: _GREY for node in nodes if skipped and node not in chart.selected}
+    return {node: (node, grey.get(node, "")) for node in nodes}
+
+
+def _id(label: tuple[str, str]) -> str:
+    name, attributes = label
+    return f'"{name}"{attributes}'
+
+
+def _clusters(nodes: Iterable[str], labels: Mapping[str, tuple[str, str]], chart: Chart) -> Iterator[str]:
+    """Yield the nodes of each folder in a frame of their own, those of the common folder without."""
+    folders: dict[PurePath, list[str]] = {}
+    for node in nodes:
+        folders.setdefault(chart.packages[node].path.parent, []).append(node)
+    common = _common(list(folders))
+    for number, (folder, members) in enumerate(folders.items()):
+        frame = folder != common
+        if frame:
+            yield f"  subgraph cluster_{number} {{"
+            yield f'    label = "{folder.relative_to(common).as_posix()}";'
+        indent = "    " if frame else "  "
+        yield from (f"{indent}{_id(labels[node])};" for node in members)
+        if frame:
+            yield "  }"
+
+
+def _common(folders: Sequence[PurePath]) -> PurePath:
+    """Return the deepest folder that all of them are in."""
+    first, *others = folders
+    candidates = (first, *first.parents)
+    return next(folder for folder in candidates if all(other.is_relative_to(folder) for other in others))
+
+
+def _legend() -> Iterator[str]:
+    """Yield an edge of each kind between nodes that are not seen."""
+    yield "  subgraph cluster_legend {"
+    yield "    color=gray"
+    yield '    label="Legend";'
+    yield "    margin=0;"
+    yield '    node [label="", shape=none];'
+    places = ["_legend_first", *(f"_legend_{word}" for word in _COLOURS), "_legend_last"]
+    for (word, colour), start, end in zip(_COLOURS.items(), places, places[1:], strict=False):
+        yield f'    {start} -> {end} [label="{word} dep.", color="{colour}"];'
+    yield f'    {places[-2]} -> {places[-1]} [label="indirect dep.", style="dashed"];'
+    yield "    {"
+    yield "      rank=same;"
+    yield from (f"      {place};" for place in places)
+    yield "    }"
+    yield "  }"

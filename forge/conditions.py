@@ -129,8 +129,6 @@ def _tokens(text: str) -> list[tuple[str, str, int]]:
         column = match.start(match.lastindex or 0) + 1
         kind = ("(", ")", "comparison", "word", "quoted", "quoted")[(match.lastindex or 1) - 1]
         value = match.group(match.lastindex or 0)
-        if kind == "quoted" and not value:
-            raise ConditionError("empty text cannot be compared", column)
         found.append((kind, value, column))
         at = match.end()
     found.append(("end", "", len(text) + 1))

@@ -1,45 +1,48 @@
-"""Folders to packages: walk below the base paths, honour ignore marks, read every package.xml."""
+"""Folders to packages: walk below the base paths, ask of each folder what it is."""
 
 from __future__ import annotations
 
+import glob
 import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.errors import Place, Problem, WorkspaceError
-from forge.manifest import parse_manifest
+from forge.identification import TELLING, identify, read_package
+from forge.identity import NOTHING
 from forge.model import Dependency, Kind, Package, Workspace
+from forge.overrides import Overrides
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
-IGNORE_MARKS = frozenset({"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"})
-_FOREIGN_INSTALLS = frozenset({"_order_isolated_packages.py", "_setup_util.py"})
+    from forge.errors import Problem
+    from forge.identity import Identity
 
 ROS_DEFAULTS = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "humble"}
 """What manifests may ask about and a machine without ROS does not say."""
 
 
-def discover(root: Path, base_paths: Iterable[str], variables: Mapping[str, str]) -> Workspace:
-    """Return the packages below the base paths; relative ones are below `root`.
+def discover(
+    root: Path,
+    base_paths: Iterable[str],
+    variables: Mapping[str, str],
+    *,
+    paths: Iterable[str] = (),
+    overrides: Overrides | None = None,
+) -> Workspace:
+    """Return the packages below the base paths and those in `paths` themselves.
 
-    Paths of packages are spelled as the base path was. Conditions see `variables`, completed with
-    ROS_DEFAULTS. A base path that does not exist holds no packages.
+    Relative ones are below `root`; '*' and its kin mean all folders that fit. Packages are spelled as
+    the base path was, those of `paths` absolute. Conditions see `variables`, completed with
+    ROS_DEFAULTS. A folder that does not exist holds no packages.
     """
-    conditions = {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}
-    packages: dict[str, Package] = {}
-    problems: list[Problem] = []
-    for folder in _package_folders(root, base_paths):
-        try:
-            package = read_package(root, folder, conditions)
-        except WorkspaceError as error:
-            problems += error.problems
-            continue
-        first = packages.setdefault(package.name, package)
-        if first is not package:
-            problems.append(_duplicate(first, package))
-    return Workspace(root, _with_groups(packages), tuple(problems))
+    walk = _Walk(root, {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}, overrides)
+    for path in _expanded(root, paths):
+        walk.look(os.path.join(root, path))  # noqa: PTH118  (a path as typed: '..' after a link stays)
+    for base in _expanded(root, base_paths):
+        walk.look(base, below=True)
+    return walk.workspace()
 
 
 def discover_embedded() -> Mapping[str, Package]:
@@ -50,37 +53,63 @@ def discover_embedded() -> Mapping[str, Package]:
     return {p.name: replace(p, embedded=True) for p in packages}
 
 
-def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Package:
-    """Return the package in `folder` (relative ones are below `root`); raises WorkspaceError."""
-    path = folder / "package.xml"
-    try:
-        content = (root / path).read_bytes()
-    except OSError as error:
-        raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Place(path))) from None
-    manifest = parse_manifest(content, path, variables)
-    actions = root / folder / "action"
-    has_actions = actions.is_dir() and next(actions.glob("*.action"), None) is not None
-    return Package(folder, manifest, has_actions=has_actions)
+class _Walk:
+    """One walk over folders; no folder is seen twice, however linked."""
 
+    def __init__(self, root: Path, variables: Mapping[str, str], overrides: Overrides | None) -> None:
+        self.root = root
+        self.variables = variables
+        self.overrides = overrides or Overrides()
+        self.visited: set[tuple[int, int]] = set()
+        self.packages: dict[str, Package] = {}
+        self.twins: list[Package] = []
+        self.problems: list[Problem] = []
+        self.notes: list[Problem] = []
 
-def _package_folders(root: Path, base_paths: Iterable[str]) -> Iterator[Path]:
-    """Yield folders that hold a package.xml, in sorted order; no folder twice, however linked."""
-    visited: set[tuple[int, int]] = set()
-    for base in base_paths:
-        start = os.path.join(root, base)  # noqa: PTH118  (a walk of 2,000 folders: text is 10 times faster)
-        waiting = [(start, os.path.normpath(base))]
+    def look(self, base: str, *, below: bool = False) -> None:
+        """See what a folder is and, where it is no package, what the folders below it are."""
+        waiting = [(os.path.join(self.root, base), str(Path(base)))]  # noqa: PTH118  (2,000 folders: text is 10 times faster)
         while waiting:
             folder, spelling = waiting.pop()
-            entries = _entries(folder, visited)
-            if entries is None or not entries.keys().isdisjoint(IGNORE_MARKS | _FOREIGN_INSTALLS):
+            entries = _entries(folder, self.visited)
+            if entries is None:
                 continue
-            if "package.xml" in entries:
-                yield Path(spelling)
-                continue
-            for name in sorted(entries, reverse=True):
+            identity = self.identity(spelling, entries)
+            self.take(identity)
+            for name in sorted(entries, reverse=True) if below and identity.descend else ():
                 if entries[name] and not name.startswith("."):
                     child = name if spelling == "." else f"{spelling}/{name}"
                     waiting.append((f"{folder}/{name}", child))
+
+    def identity(self, spelling: str, entries: Mapping[str, bool]) -> Identity:
+        if TELLING.isdisjoint(entries) and not self.overrides.by_path:
+            return NOTHING
+        return identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
+
+    def take(self, identity: Identity) -> None:
+        self.problems += identity.problems
+        self.notes += identity.notes
+        package = identity.package
+        if package is not None and self.packages.setdefault(package.name, package) is not package:
+            self.twins.append(package)
+
+    def workspace(self) -> Workspace:
+        found = _with_groups([*self.packages.values(), *self.twins])
+        count = len(self.packages)
+        packages = {package.name: package for package in found[:count]}
+        notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
+        return Workspace(self.root, packages, tuple(self.problems), tuple(found[count:]), notes)
+
+
+def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
+    """Yield paths with patterns replaced by the folders that they fit, as a shell would."""
+    for path in paths:
+        if "*" not in path:
+            yield path
+            continue
+        for found in sorted(glob.glob(path, root_dir=root)):  # noqa: PTH207  (as typed, not as Path would say)
+            if os.path.isdir(os.path.join(root, found)):  # noqa: PTH112, PTH118  (as above)
+                yield found
 
 
 def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | None:
@@ -105,27 +134,19 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def _duplicate(first: Package, second: Package) -> Problem:
-    return Problem(
-        f"two packages are called '{first.name}': '{first.path}' and '{second.path}'",
-        Place(second.manifest.path),
-        f"rename one, or put an empty file COLCON_IGNORE into its folder, as '{second.path}/COLCON_IGNORE'",
-    )
-
-
-def _with_groups(packages: dict[str, Package]) -> dict[str, Package]:
+def _with_groups(packages: Sequence[Package]) -> list[Package]:
     """Return the packages with their group dependencies turned into dependencies (REP 149)."""
     members: dict[str, list[str]] = {}
-    for package in packages.values():
+    for package in packages:
         for group in package.manifest.groups:
             members.setdefault(group, []).append(package.name)
-    found = {}
-    for name, package in packages.items():
+    found = []
+    for package in packages:
         manifest = package.manifest
         wanted = {member for group in manifest.group_dependencies for member in members.get(group, ())}
         if wanted:
             kinds = frozenset({Kind.BUILD, Kind.BUILD_EXPORT, Kind.EXEC})
-            extra = tuple(Dependency(member, kinds) for member in sorted(wanted - {name}))
+            extra = tuple(Dependency(member, kinds) for member in sorted(wanted - {package.name}))
             manifest = replace(manifest, dependencies=manifest.dependencies + extra)
-        found[name] = package if manifest is package.manifest else replace(package, manifest=manifest)
+        found.append(package if manifest is package.manifest else replace(package, manifest=manifest))
     return found

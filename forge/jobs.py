@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge import folders, installation
 from forge.model import RUN_KINDS
+from forge.occupancy import VARIABLE
 from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
 from forge.tools import CMAKE_TYPES
@@ -49,6 +50,7 @@ class Jobs:
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = [(need, self.layout.prefix(need)) for need in task.needs]
         found = build_environment(below, self.variables)
+        found[VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join((sys.executable, "-m", "forge"))
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
         return {name: value for name, value in found.items() if value or name in self.variables}

@@ -82,13 +82,19 @@ class Manifest:
 
 @dataclass(frozen=True, slots=True)
 class Package:
-    """A folder with a manifest. `embedded` ones forge brought along."""
+    """A folder that can be built. `embedded` ones forge brought along."""
 
     path: Path
     manifest: Manifest
     embedded: bool = False
     has_actions: bool = False
     """There are .action files, which need interfaces that nobody writes into a manifest."""
+    ros: bool = True
+    """The manifest is a package.xml; else it was gathered from CMakeLists.txt or Python's metadata."""
+    settings: Mapping[str, object] = field(default_factory=dict, hash=False)
+    """Options for this package alone, by their name without dashes: colcon.pkg, *.meta, forge.toml."""
+    hooks: tuple[str, ...] = ()
+    """Scripts, relative to the prefix, that its environment sources too."""
 
     @property
     def name(self) -> str:
@@ -100,28 +106,31 @@ class Package:
         """The manifest's build type, such as ament_cmake."""
         return self.manifest.build_type
 
+    @property
+    def type(self) -> str:
+        """What colcon calls its type: ros.ament_cmake, or cmake for one without a package.xml."""
+        return f"ros.{self.build_type}" if self.ros else self.build_type
+
+    def words(self, option: str) -> tuple[str, ...]:
+        """Return the package's own values of an option that takes a list of words."""
+        value = self.settings.get(option, ())
+        return tuple(map(str, value)) if isinstance(value, list | tuple) else (str(value),)
+
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
     """All packages below the base paths, by name.
 
-    `problems` are manifests that could not be read and names that two folders claim: a build
-    refuses to start with any, a listing shows the rest. Of equal names the first folder counts.
+    Of equal names the first folder counts; `twins` are the packages in the others. `problems` are
+    manifests that could not be read: a build refuses to start with any, a listing shows the rest.
+    `notes` are what deserves a warning in any case.
     """
 
     root: Path
     packages: Mapping[str, Package]
     problems: tuple[Problem, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Query:
-    """The selection options of a command line, as typed."""
-
-    select: tuple[str, ...] | None = None
-    skip: tuple[str, ...] = ()
-    up_to: tuple[str, ...] = ()
-    above: tuple[str, ...] = ()
+    twins: tuple[Package, ...] = ()
+    notes: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,35 +10,14 @@ from typing import TYPE_CHECKING
 from forge.capacity import MemoryLimit, memory_limit
 from forge.errors import Problem, SelectionError
 from forge.layout import Layout
-from forge.model import Query
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from forge.cli import Parser
 
 LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 50}
 """How much forge says about itself: from info on why packages are built, from debug on every command."""
-
-
-def add_discovery(parser: Parser) -> None:
-    """Add where packages are looked for."""
-    group = parser.add_argument_group("where packages are")
-    group.add_argument(
-        "--base-paths",
-        nargs="*",
-        default=["."],
-        metavar="PATH",
-        help="folders to walk (default: the current one)",
-    )
-
-
-def add_selection(parser: Parser) -> None:
-    """Add which packages count."""
-    group = parser.add_argument_group("which packages")
-    names = {"nargs": "*", "metavar": "PKG"}
-    group.add_argument("--packages-select", **names, help="only these")  # type: ignore[arg-type]
-    group.add_argument("--packages-skip", **names, default=[], help="not these")  # type: ignore[arg-type]
-    group.add_argument("--packages-up-to", **names, default=[], help="these and all they need")  # type: ignore[arg-type]
-    group.add_argument("--packages-above", **names, default=[], help="these and all that need them")  # type: ignore[arg-type]
 
 
 def add_layout(parser: Parser) -> None:
@@ -73,20 +52,19 @@ def add_budget(parser: Parser) -> None:
     )
 
 
-def query_of(options: argparse.Namespace) -> Query:
-    """Return the selection options as typed."""
-    select = options.packages_select
-    return Query(
-        select=None if select is None else tuple(select),
-        skip=tuple(options.packages_skip),
-        up_to=tuple(options.packages_up_to),
-        above=tuple(options.packages_above),
-    )
+def setting(name: str, variables: Mapping[str, str]) -> str | None:
+    """Return what the environment says about forge: FORGE_NAME, else colcon's COLCON_NAME."""
+    return variables.get(f"FORGE_{name}") or variables.get(f"COLCON_{name}") or None
+
+
+def home(variables: Mapping[str, str]) -> Path:
+    """Return the folder of the user's own settings, which forge shares with colcon."""
+    return Path(setting("HOME", variables) or "~/.colcon").expanduser()
 
 
 def layout_of(options: argparse.Namespace, root: Path) -> Layout:
     """Return the absolute folders that the options name; the null device means no logs."""
-    logs = options.log_base or os.environ.get("FORGE_LOG_PATH") or os.environ.get("COLCON_LOG_PATH") or "log"
+    logs = options.log_base or setting("LOG_PATH", os.environ) or "log"
     return Layout(
         build=_absolute(options.build_base, root),
         install=_absolute(options.install_base, root),
@@ -101,7 +79,7 @@ def log_level_of(options: argparse.Namespace) -> int:
 
     Raises SelectionError for a word that is no level.
     """
-    word = str(options.log_level or os.environ.get("COLCON_LOG_LEVEL") or "warning").lower()
+    word = str(options.log_level or setting("LOG_LEVEL", os.environ) or "warning").lower()
     if word.isdigit():
         return int(word)
     if word not in LOG_LEVELS:

@@ -100,7 +100,7 @@ def settled(task: Task, outlook: Outlook, record: Record | None) -> Task | None:
 def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen, standing: Standing) -> Parts:
     return Parts(
         forge=standing.forge,
-        options=RECIPES[package.build_type].options(package, kitchen),
+        options=RECIPES[package.build_type].options(package, kitchen.of(package)),
         tools=standing.tools,
         environment=standing.environment,
         sources=snapshot.sources[package.name].digest,
@@ -142,7 +142,7 @@ def _task(
         configured={} if anew else {name: (folder.generator, folder.configured)},
         reconfigure=frozenset({name}) if again else frozenset(),
     )
-    recipe = RECIPES[package.build_type].recipe(package, kitchen)
+    recipe = RECIPES[package.build_type].recipe(package, kitchen.of(package))
     return Task(
         name=name,
         package=package,

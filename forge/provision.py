@@ -95,14 +95,15 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
     """Return what stops a build of `names`, and what merely deserves a warning.
 
     A package that CMake builds cannot do without its build dependencies; a Python package is installed
-    without them, and so is a package that needs them only to run. What only tests need is left alone.
+    without them, and so is a package that needs them only to run. What only tests need is left alone. A
+    package without a package.xml may get along: its find_package may be one of several ways.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
     for name in names:
         package = provision.packages[name]
-        python = package.build_type == "ament_python"
-        required = set() if python else set(package.manifest.names(BUILD_KINDS))
+        lenient = package.build_type == "ament_python" or not package.ros
+        required = set() if lenient else set(package.manifest.names(BUILD_KINDS))
         used = set(package.manifest.names(BUILD_KINDS | RUN_KINDS))
         for dependency in provision.missing.get(name, ()):
             if dependency in used:

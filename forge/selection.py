@@ -1,60 +1,213 @@
-"""Selection options to package names, and why the others are left out; pure."""
+"""Selection options to package names, and why the others are left out; pure.
+
+Packages of one name in several folders are nodes of their own in a listing: the name, and for all but
+the first a zero byte and the folder. Options name them all.
+"""
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError, raise_if_any
-from forge.graph import closure, reverse
-from forge.model import Query, Selection
+from forge.graph import closure, closures, reverse
+from forge.model import Selection
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+    Graph = Mapping[str, frozenset[str]]
+
+Limit = tuple[str, frozenset[str]]
+"""Why the rest is left out, and the names that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """The selection options of a command line, as typed; None and () where an option was not given.
+
+    `above_depth` is (depth, names).
+    """
+
+    select: tuple[str, ...] | None = None
+    skip: tuple[str, ...] = ()
+    select_regex: tuple[str, ...] | None = None
+    skip_regex: tuple[str, ...] = ()
+    up_to: tuple[str, ...] = ()
+    up_to_regex: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()
+    above_and_dependencies: tuple[str, ...] = ()
+    above_depth: tuple[int, tuple[str, ...]] = (0, ())
+    select_by_dep: tuple[str, ...] = ()
+    skip_by_dep: tuple[str, ...] = ()
+    skip_up_to: tuple[str, ...] = ()
+    start: str | None = None
+    end: str | None = None
+    ignore: tuple[str, ...] = ()
+    ignore_regex: tuple[str, ...] = ()
+    strict: bool = False
+
+
+def name_of(node: str) -> str:
+    """Return the package name of a node of the graph."""
+    return node.partition("\0")[0]
+
+
+def twin(name: str, folder: object) -> str:
+    """Return the node of a package whose name another folder has, too."""
+    return f"{name}\0{folder}"
 
 
 def select(
-    query: Query, ordered: Sequence[str], needs: Mapping[str, frozenset[str]]
+    query: Query,
+    ordered: Sequence[str],
+    needs: Graph,
+    limits: Iterable[Limit] = (),
+    known: Collection[str] | None = None,
 ) -> tuple[Selection, tuple[Problem, ...]]:
-    """Return what `query` keeps of the names, in their topological order, and warnings.
+    """Return what `query` and `limits` keep of the nodes, in their topological order, and warnings.
 
-    Every filter only deselects (workspace spec 4). A name that --packages-select or --packages-skip
-    does not know is a warning; one that --packages-up-to or --packages-above does not know raises
-    SelectionError, since nothing sensible is left to do.
+    Every filter only deselects (workspace spec 4). Names that --packages-select, -skip and -ignore do
+    not know are warnings, errors when the query is strict; where nothing sensible is left to do, as for
+    --packages-up-to, SelectionError is raised. `known` are the names that may be used: all of the
+    workspace, ignored ones included.
     """
-    unknown = [
-        *_unknown("--packages-up-to", query.up_to, needs),
-        *_unknown("--packages-above", query.above, needs),
-    ]
-    raise_if_any(unknown, SelectionError)
+    names = frozenset(map(name_of, ordered)) if known is None else frozenset(known)
+    doubts = tuple(_doubts(query, names))
+    raise_if_any((*_faults(query, names), *(doubts if query.strict else ())), SelectionError)
     left_out: dict[str, str] = {}
-    for reason, kept in _filters(query, needs):
-        for name in ordered:
-            if name not in kept:
-                left_out.setdefault(name, reason)
-    names = tuple(name for name in ordered if name not in left_out)
-    warnings = (
-        *_unknown("--packages-select", query.select or (), needs),
-        *_unknown("--packages-skip", query.skip, needs),
-    )
-    return Selection(names, left_out), warnings
+    by_name = ((reason, frozenset(_nodes(kept, ordered))) for reason, kept in limits)
+    for reason, kept in (*_filters(query, ordered, needs), *by_name):
+        for node in ordered:
+            if node not in kept:
+                left_out.setdefault(node, reason)
+    return Selection(tuple(node for node in ordered if node not in left_out), left_out), doubts
 
 
-def _filters(query: Query, needs: Mapping[str, frozenset[str]]) -> Iterable[tuple[str, frozenset[str]]]:
-    """Yield (why the rest is left out, names kept) for each option that was given."""
-    if query.skip:
-        yield "named by --packages-skip", frozenset(needs) - frozenset(query.skip)
-    if query.select is not None:
-        yield "not named by --packages-select", frozenset(query.select)
+def ignored(query: Query, names: Iterable[str]) -> frozenset[str]:
+    """Return the names that --packages-ignore and its regex make disappear."""
+    return frozenset(name for name in names if _named(name, query.ignore, query.ignore_regex))
+
+
+def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[Limit]:
+    """Yield what each option that was given keeps."""
+    yield from _by_name(query, ordered)
+    nodes = frozenset(ordered)
     if query.up_to:
-        yield "not needed by --packages-up-to", closure(needs, query.up_to)
+        yield "not needed by --packages-up-to", closure(needs, _nodes(query.up_to, ordered))
+    if query.up_to_regex:
+        wanted = [node for node in ordered if _fits(name_of(node), query.up_to_regex)]
+        yield "not needed by --packages-up-to-regex", closure(needs, wanted)
     if query.above:
-        yield "does not need --packages-above", closure(reverse(needs), query.above)
+        yield "does not need --packages-above", closure(reverse(needs), _nodes(query.above, ordered))
+    if query.above_and_dependencies:
+        above = closure(reverse(needs), _nodes(query.above_and_dependencies, ordered))
+        yield "neither above --packages-above-and-dependencies nor needed there", closure(needs, above)
+    if query.above_depth[1]:
+        depth, names = query.above_depth
+        kept = _near(reverse(needs), _nodes(names, ordered), depth)
+        yield "not so near above --packages-above-depth", kept
+    below = closures(needs, ordered) if query.select_by_dep or query.skip_by_dep else {}
+    if query.select_by_dep:
+        by = frozenset(_nodes(query.select_by_dep, ordered))
+        yield "does not need --packages-select-by-dep", frozenset(n for n in nodes if below[n] & by)
+    if query.skip_by_dep:
+        by = frozenset(_nodes(query.skip_by_dep, ordered))
+        yield "needs --packages-skip-by-dep", frozenset(n for n in nodes if not below[n] & by)
+    if query.skip_up_to:
+        skipped = closure(needs, _nodes(query.skip_up_to, ordered))
+        yield "needed by --packages-skip-up-to", nodes - skipped
+    if query.start or query.end:
+        yield "outside of --packages-start and --packages-end", frozenset(_range(query, ordered))
 
 
-def _unknown(option: str, names: Iterable[str], known: Iterable[str]) -> list[Problem]:
-    return [
-        Problem(f"{option} names '{name}', which is not in the workspace", hint=did_you_mean(name, known))
-        for name in names
-        if name not in known
-    ]
+def _by_name(query: Query, ordered: Sequence[str]) -> Iterator[Limit]:
+    if query.skip or query.skip_regex:
+        gone = {node for node in ordered if _named(node, query.skip, query.skip_regex)}
+        yield "named by --packages-skip", frozenset(ordered) - gone
+    if query.select is not None or query.select_regex is not None:
+        by_name, patterns = query.select or (), query.select_regex or ()
+        kept = frozenset(node for node in ordered if _named(node, by_name, patterns))
+        yield "not named by --packages-select", kept
+
+
+def _named(node: str, names: Collection[str], patterns: Iterable[str]) -> bool:
+    return name_of(node) in names or _fits(name_of(node), patterns)
+
+
+def _nodes(names: Collection[str], ordered: Sequence[str]) -> list[str]:
+    return [node for node in ordered if name_of(node) in names]
+
+
+def _near(dependents: Graph, nodes: Iterable[str], depth: int) -> frozenset[str]:
+    """Return the nodes and what needs them over at most `depth` steps."""
+    found = layer = frozenset(nodes)
+    for _ in range(depth):
+        layer = frozenset[str]().union(*(dependents[node] for node in layer)) - found
+        if not layer:
+            break
+        found |= layer
+    return found
+
+
+def _range(query: Query, ordered: Sequence[str]) -> Sequence[str]:
+    """Return the part of the order from --packages-start to --packages-end, both included."""
+    positions = {
+        name: [i for i, node in enumerate(ordered) if name_of(node) == name] for name in _ends(query)
+    }
+    first = min(positions.get(query.start or "", ()), default=0)
+    last = max(positions.get(query.end or "", ()), default=len(ordered) - 1)
+    if last < first:
+        message = f"--packages-end '{query.end}' comes before --packages-start '{query.start}'"
+        raise SelectionError(Problem(message, hint="'forge list -t' prints the order"))
+    return ordered[first : last + 1]
+
+
+def _ends(query: Query) -> tuple[str, ...]:
+    return tuple(filter(None, (query.start, query.end)))
+
+
+def _fits(name: str, patterns: Iterable[str]) -> bool:
+    """Tell if any pattern fits the beginning of a name."""
+    return any(re.match(pattern, name) for pattern in patterns)
+
+
+def _faults(query: Query, known: frozenset[str]) -> Iterator[Problem]:
+    """Yield unknown names in options that cannot do without."""
+    yield from _unknown("--packages-up-to", query.up_to, known)
+    yield from _unfitting("--packages-up-to-regex", query.up_to_regex, known)
+    yield from _unknown("--packages-above", query.above, known)
+    yield from _unknown("--packages-above-and-dependencies", query.above_and_dependencies, known)
+    yield from _unknown("--packages-above-depth", query.above_depth[1], known)
+    yield from _unknown("--packages-start", filter(None, (query.start,)), known)
+    yield from _unknown("--packages-end", filter(None, (query.end,)), known)
+
+
+def _doubts(query: Query, known: frozenset[str]) -> Iterator[Problem]:
+    """Yield unknown names in options that do without."""
+    yield from _unknown("--packages-select", query.select or (), known)
+    yield from _unknown("--packages-skip", query.skip, known)
+    yield from _unfitting("--packages-select-regex", query.select_regex or (), known)
+    yield from _unfitting("--packages-skip-regex", query.skip_regex, known)
+    yield from _unknown("--packages-ignore", query.ignore, known)
+    yield from _unfitting("--packages-ignore-regex", query.ignore_regex, known)
+    if query.strict:
+        yield from _unknown("--packages-select-by-dep", query.select_by_dep, known)
+        yield from _unknown("--packages-skip-by-dep", query.skip_by_dep, known)
+        yield from _unknown("--packages-skip-up-to", query.skip_up_to, known)
+
+
+def _unknown(option: str, names: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
+    for name in names:
+        if name not in known:
+            message = f"{option} names '{name}', which is not in the workspace"
+            yield Problem(message, hint=did_you_mean(name, known))
+
+
+def _unfitting(option: str, patterns: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
+    for pattern in patterns:
+        if not any(re.match(pattern, name) for name in known):
+            hint = f"it fits from the beginning of a name; anywhere in it: '.*{pattern}'"
+            yield Problem(f"{option} has '{pattern}', which fits no package", hint=hint)

@@ -2,7 +2,7 @@
 
 The package's own backend (PEP 517; setuptools for a setup.py) makes the wheel in the workspace's
 interpreter, the `installer` library unpacks it: console scripts go to lib/<package>, where `run`
-looks for them, modules to the site-packages folder, data files to where the package says.
+looks for them, or to bin, modules to the site-packages folder, data files to where the package says.
 What an earlier build installed and this one does not is removed.
 """
 
@@ -62,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
         "--python", required=True, metavar="PATH", help="the interpreter to build with and for"
     )
     parser.add_argument("--site-packages", required=True, metavar="DIR", help="relative to the prefix")
+    parser.add_argument("--scripts", metavar="DIR", help="relative to the prefix (default: lib/PACKAGE)")
     parser.add_argument("--link", action="store_true", help="link files to their sources instead of copying")
     return parser
 
@@ -137,7 +138,7 @@ def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
     schemes = {
         "purelib": str(site),
         "platlib": str(site),
-        "scripts": str(options.prefix / "lib" / options.package),
+        "scripts": str(options.prefix / (options.scripts or f"lib/{options.package}")),
         "data": str(options.prefix),
         "headers": str(options.prefix / "include" / options.package),
     }

@@ -3,38 +3,43 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+from forge import options as shared
+from forge import package_options
 from forge.discovery import discover, discover_embedded
+from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.graph import ordered_names
-from forge.options import query_of
+from forge.limits import limits_of
+from forge.overrides import read_overrides
 from forge.prefixes import find_underlays, provider, system_prefixes
-from forge.provision import Provision, provide
-from forge.selection import select
+from forge.provision import ALL_KINDS, Provision, provide
+from forge.selection import ignored, select, twin
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from forge.errors import Problem
     from forge.model import Package, Selection, Workspace
 
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A workspace with its order and what was selected of it, embedded packages where asked for."""
+    """A workspace with its order and what was selected of it, embedded packages where asked for.
+
+    `packages`, `needs` and `ordered` have a node for each package: its name, but for further packages
+    of a name (see forge.selection), which only listings have.
+    """
 
     workspace: Workspace
     provision: Provision
     selection: Selection
-
-    @property
-    def packages(self) -> Mapping[str, Package]:
-        """All packages by name."""
-        return self.provision.packages
+    packages: Mapping[str, Package]
+    needs: Mapping[str, frozenset[str]]
+    ordered: tuple[str, ...]
 
 
 def load_workspace(
@@ -48,22 +53,51 @@ def load_workspace(
     """Return the workspace that the options describe.
 
     `embedded` adds the packages that forge brings along; `install` is the workspace's own install
-    folder, which is no underlay of its own. Manifests that cannot be read are told on stderr.
-    Raises WorkspaceError for a cycle, SelectionError for names that cannot be selected.
+    folder, which is no underlay of its own: a command that has none lists packages, several of one name
+    included. Manifests that cannot be read are then told on stderr. Raises WorkspaceError for a cycle and,
+    but in a listing, for two selected packages of one name; SelectionError for names that cannot be selected.
     """
-    workspace = discover(root, options.base_paths, variables)
+    query = package_options.query_of(options)
+    found = _discovered(root, options, variables)
+    workspace = _without(found, ignored(query, found.packages))
     provision = _provision(workspace, variables, install or root / "install", embedded=embedded)
-    own = {name: needs & workspace.packages.keys() for name, needs in provision.needs.items()}
-    graph = own if not embedded else provision.needs
-    selection, warnings = select(query_of(options), ordered_names(graph), graph)
-    warn((*(() if embedded else workspace.problems), *warnings))
-    return Loaded(workspace, provision, selection)
+    listing = install is None
+    twins = workspace.twins if listing else ()
+    packages = {**provision.packages, **{twin(other.name, other.path): other for other in twins}}
+    needs = _needs(provision, twins)
+    limits = limits_of(options, root, workspace.packages, provision.needs)
+    ordered = ordered_names(needs)
+    selection, warnings = select(query, ordered, needs, limits, found.packages)
+    clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
+    if not listing:
+        raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
+    told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
+    warn((*told, *workspace.notes, *warnings))
+    return Loaded(workspace, provision, selection, packages, needs, ordered)
 
 
 def warn(problems: Iterable[Problem]) -> None:
     """Say on stderr what does not stop the command."""
     for problem in problems:
         print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (stderr is talk)
+
+
+def _discovered(root: Path, options: argparse.Namespace, variables: Mapping[str, str]) -> Workspace:
+    overrides = read_overrides(
+        root, options.metas, None if options.ignore_user_meta else shared.home(variables)
+    )
+    return discover(
+        root, package_options.base_paths_of(options), variables, paths=options.paths, overrides=overrides
+    )
+
+
+def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
+    """Return the workspace as if packages of these names were not there."""
+    if not names:
+        return workspace
+    packages = {name: package for name, package in workspace.packages.items() if name not in names}
+    twins = tuple(other for other in workspace.twins if other.name not in names)
+    return replace(workspace, packages=packages, twins=twins)
 
 
 def _provision(
@@ -76,4 +110,26 @@ def _provision(
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
     return provide(
         workspace.packages, discover_embedded(), cache(lambda name: provider(name, underlays, system))
+    )
+
+
+def _needs(provision: Provision, twins: Iterable[Package]) -> Mapping[str, frozenset[str]]:
+    """Return the graph with further packages of a name in it: who needs the name needs them all."""
+    others: dict[str, set[str]] = {}
+    for other in twins:
+        others.setdefault(other.name, set()).add(twin(other.name, other.path))
+    if not others:
+        return provision.needs
+    needs = dict(provision.needs)
+    for other in twins:
+        wanted = frozenset(other.manifest.names(ALL_KINDS)) - {other.name}
+        needs[twin(other.name, other.path)] = wanted & provision.packages.keys()
+    return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
+
+
+def _clash(first: Package, second: Package) -> Problem:
+    return Problem(
+        f"two packages are called '{first.name}': '{first.path}' and '{second.path}'",
+        Place(second.manifest.path),
+        f"rename one, or put an empty file COLCON_IGNORE into its folder, as '{second.path}/COLCON_IGNORE'",
     )

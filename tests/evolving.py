@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
 ENVIRONMENT = ("CXXFLAGS", "CMAKE_WORD")
 """Variables that edits set: one that compilers read, one that a CMakeLists.txt of ours does."""

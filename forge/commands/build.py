@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge import package_options
 from forge.budget import without_jobs
 from forge.compile_commands import merge_compile_commands
 from forge.execution import execute
 from forge.explaining import commands, explain, last_command
 from forge.installation import begin_workspace
 from forge.jobs import Jobs
+from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
@@ -43,8 +45,7 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     """Add the options of `forge build`."""
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
     shared.add_budget(parser)
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     refuse_what_cannot_work(loaded, names)
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
     begin_workspace(layout)
-    with closing(open_records(root, layout, interpreter)) as records:
+    with occupied(layout.build), closing(open_records(root, layout, interpreter)) as records:
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
         plan, outlook = make_plan(
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)

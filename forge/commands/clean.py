@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge import package_options
 from forge.cleaning import BASES, left_over, litter_of_package, litter_of_workspace, made_packages, remove
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.installation import STATE, finish_workspace, recorded_python
 from forge.journal import open_journal
-from forge.model import Query
 from forge.names import did_you_mean
 from forge.prefixes import LAYOUT_MARKER
 from forge.preparation import build_variables
@@ -44,8 +44,7 @@ def register(parser: Parser) -> None:
     parser.add_argument(
         "--base-select", nargs="+", choices=BASES, default=list(BASES), help="for 'workspace': only these"
     )
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add(parser)
     shared.add_layout(parser)
 
 
@@ -82,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
 def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
     """Return the packages to remove; raises SelectionError for words that make no sense."""
     made = made_packages(layout, journal.records)
-    chosen = shared.query_of(options) != Query()
+    chosen = package_options.chooses(options)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
         raise SelectionError(Problem(f"'clean {options.what}' takes no packages", hint=hint))

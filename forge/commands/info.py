@@ -2,65 +2,114 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
-from forge.commands.list import type_word
-from forge.errors import Problem, SelectionError, raise_if_any
-from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Person
+from forge import package_options
+from forge.errors import Problem, SelectionError
+from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.names import did_you_mean
-from forge.workspace import load_workspace
+from forge.workspace import load_workspace, warn
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterator
 
     from forge.cli import Parser
-    from forge.model import Package
+    from forge.model import Package, Person
+    from forge.workspace import Loaded
 
 _CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
 
 
 def register(parser: Parser) -> None:
     """Add the options of `forge info`."""
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add_listing(parser)
     parser.add_argument("names", nargs="*", metavar="PKG", help="which packages (default: all)")
-    parser.add_argument("--embedded", action="store_true", help="with the packages that forge brings along")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print a paragraph for each package, sorted by name."""
     loaded = load_workspace(Path.cwd(), options, os.environ, embedded=options.embedded)
-    names = options.names or loaded.selection.names
-    raise_if_any(
-        (
-            Problem(f"package '{name}' is not in the workspace", hint=did_you_mean(name, loaded.packages))
-            for name in names
-            if name not in loaded.packages
-        ),
-        SelectionError,
-    )
-    for name in sorted(names):
-        print(*_paragraph(loaded.packages[name], options), sep="\n")
+    packages = _asked(loaded, tuple(name.lstrip() for name in options.names))
+    packages.sort(key=lambda package: (package.name, str(package.path)))
+    if options.json:
+        print(json.dumps([_plain(package, options) for package in packages], indent=2, default=str))
+        return 0
+    for package in packages:
+        print(*_paragraph(package, options), sep="\n")
     return 0
 
 
+def _asked(loaded: Loaded, names: tuple[str, ...]) -> list[Package]:
+    """Return the selected packages of these names, of any name when there are none.
+
+    An unknown name is a warning beside known ones. Raises SelectionError when nothing at all is left.
+    """
+    known = {package.name for package in loaded.packages.values()}
+    unknown = [
+        Problem(f"package '{name}' is not in the workspace", hint=did_you_mean(name, known))
+        for name in names
+        if name not in known
+    ]
+    if not known:
+        hint = "go to the folder that has 'src' in it"
+        raise SelectionError(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
+    if names and len(unknown) == len(names):
+        raise SelectionError(*unknown)
+    warn(unknown)
+    selected = (loaded.packages[node] for node in loaded.selection.names)
+    return [package for package in selected if not names or package.name in names]
+
+
 def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
-    manifest = package.manifest
     yield f"path: {shared.spelled(package.path, options)}"
-    yield f"  type: {type_word(package)}"
+    yield f"  type: {package.type}"
     yield f"  name: {package.name}"
-    categories = {word: sorted(set(manifest.names(kinds))) for word, kinds in _CATEGORIES}
-    if any(categories.values()):
+    dependencies = _dependencies(package)
+    if dependencies:
         yield "  dependencies:"
-        yield from (f"    {word}: {' '.join(names)}".rstrip() for word, names in categories.items())
-    yield "  metadata:"
-    yield f"    maintainers: {[_said(person) for person in manifest.maintainers]}"
-    yield f"    version: {manifest.version}"
+        yield from (f"    {word}: {' '.join(names)}" for word, names in dependencies.items())
+    if package.hooks:
+        yield f"  hooks: {' '.join(package.hooks)}"
+    metadata = _metadata(package)
+    if metadata:
+        yield "  metadata:"
+        yield from (f"    {key}: {metadata[key]}" for key in sorted(metadata))
+
+
+def _plain(package: Package, options: argparse.Namespace) -> dict[str, object]:
+    return {
+        "path": shared.spelled(package.path, options),
+        "type": package.type,
+        "name": package.name,
+        "dependencies": _dependencies(package),
+        "hooks": list(package.hooks),
+        "metadata": _metadata(package),
+    }
+
+
+def _dependencies(package: Package) -> dict[str, list[str]]:
+    """Return the dependencies by category; what CMake's files tell knows nothing of tests."""
+    found = {word: sorted(set(package.manifest.names(kinds))) for word, kinds in _CATEGORIES}
+    if package.type == "cmake" and not found["test"]:
+        del found["test"]
+    return found
+
+
+def _metadata(package: Package) -> dict[str, object]:
+    manifest = package.manifest
+    found: dict[str, object] = {}
+    people = [_said(person) for person in manifest.maintainers if person.email]
+    if people:
+        found["maintainers"] = people
+    if manifest.version:
+        found["version"] = manifest.version
+    return {**found, **package.settings}
 
 
 def _said(person: Person) -> str:
-    return f"{person.name} <{person.email}>" if person.email else person.name
+    return f"{person.name} <{person.email}>"

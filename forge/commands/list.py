@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge import package_options
+from forge.errors import Problem, SelectionError
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
@@ -15,22 +18,42 @@ if TYPE_CHECKING:
     from forge.cli import Parser
     from forge.model import Package
 
+_GRAPH = {
+    "topological_graph": "forge graph",
+    "topological_graph_dot": "forge graph --dot",
+    "topological_graph_density": "forge graph --density",
+    "topological_graph_legend": "forge graph --legend",
+    "topological_graph_dot_cluster": "forge graph --dot --dot-cluster",
+    "topological_graph_dot_include_skipped": "forge graph --dot --dot-include-skipped",
+}
+
 
 def register(parser: Parser) -> None:
     """Add the options of `forge list`."""
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add_listing(parser)
     parser.add_argument("-t", "--topological-order", action="store_true", help="in the order of building")
     only = parser.add_mutually_exclusive_group()
     only.add_argument("-n", "--names-only", action="store_true", help="names alone")
     only.add_argument("-p", "--paths-only", action="store_true", help="paths alone")
-    parser.add_argument("--embedded", action="store_true", help="with the packages that forge brings along")
+    older = parser.add_argument_group("older words for forge graph")
+    for name, command in _GRAPH.items():
+        flags = (["-g"] if name == "topological_graph" else []) + [f"--{name.replace('_', '-')}"]
+        older.add_argument(*flags, action="store_true", help=f"what '{command}' prints")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print a line for each selected package, sorted as text or in topological order."""
+    if any(getattr(options, name) for name in _GRAPH):
+        return _graph(options)
     loaded = load_workspace(Path.cwd(), options, os.environ, embedded=options.embedded)
-    lines = [_line(loaded.packages[name], options) for name in loaded.selection.names]
+    packages = [loaded.packages[node] for node in loaded.selection.names]
+    if not options.topological_order:
+        packages.sort(key=lambda package: (package.name, str(package.path)))
+    if options.json:
+        rows = [{"name": p.name, "path": shared.spelled(p.path, options), "type": p.type} for p in packages]
+        print(json.dumps(rows, indent=2))
+        return 0
+    lines = [_line(package, options) for package in packages]
     for line in lines if options.topological_order else sorted(lines):
         print(line)
     return 0
@@ -41,9 +64,21 @@ def _line(package: Package, options: argparse.Namespace) -> str:
         return package.name
     if options.paths_only:
         return shared.spelled(package.path, options)
-    return f"{package.name}\t{shared.spelled(package.path, options)}\t({type_word(package)})"
+    return f"{package.name}\t{shared.spelled(package.path, options)}\t({package.type})"
 
 
-def type_word(package: Package) -> str:
-    """Return colcon's word for a package's type."""
-    return f"ros.{package.build_type}"
+def _graph(options: argparse.Namespace) -> int:
+    """Do what `forge graph` does with the options of the same meaning."""
+    from forge.commands import graph  # noqa: PLC0415  (a listing needs no charts)
+
+    options.dot = options.topological_graph_dot
+    if not (options.dot or options.topological_graph):
+        hint = "add '--topological-graph' or '--topological-graph-dot', or use 'forge graph'"
+        raise SelectionError(
+            Problem("these options say how a graph looks, but not that you want one", hint=hint)
+        )
+    options.density = options.topological_graph_density and not options.dot
+    options.legend = options.topological_graph_legend
+    options.dot_cluster = options.topological_graph_dot_cluster
+    options.dot_include_skipped = options.topological_graph_dot_include_skipped
+    return graph.run(options)

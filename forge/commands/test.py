@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge import package_options
 from forge.errors import WorkspaceError
 from forge.execution import execute
 from forge.installation import begin_workspace
@@ -42,8 +43,7 @@ if TYPE_CHECKING:
 
 def register(parser: Parser) -> None:
     """Add the options of `forge test`."""
-    shared.add_discovery(parser)
-    shared.add_selection(parser)
+    package_options.add(parser)
     shared.add_layout(parser)
     _add_how_to_test(parser)
     shared.add_budget(parser)

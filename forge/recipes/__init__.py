@@ -17,4 +17,5 @@ RECIPES: Mapping[str, BuildType] = {
     "ament_cmake": BuildType(cmake.ament_recipe, cmake.ament_options),
     "cmake": BuildType(cmake.plain_recipe, cmake.plain_options),
     "ament_python": BuildType(python.recipe, places),
+    "python": BuildType(python.plain_recipe, places),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -41,6 +41,16 @@ class Kitchen:
     environment_generator: str | None = None
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     reconfigure: frozenset[str] = frozenset()
+
+    def of(self, package: Package) -> Kitchen:
+        """Return the kitchen with what the package's own settings add to the options of all."""
+        if not package.settings:
+            return self
+        return replace(
+            self,
+            cmake_args=(*self.cmake_args, *package.words("cmake-args")),
+            ament_cmake_args=(*self.ament_cmake_args, *package.words("ament-cmake-args")),
+        )
 
 
 @dataclass(frozen=True, slots=True)

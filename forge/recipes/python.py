@@ -13,7 +13,17 @@ if TYPE_CHECKING:
 
 
 def recipe(package: Package, kitchen: Kitchen) -> Recipe:
-    """Return the one step; `python -m forge.wheels` says what it does."""
+    """Return the one step; its scripts go to lib/<package>, where `ros2 run` looks."""
+    return _recipe(package, kitchen)
+
+
+def plain_recipe(package: Package, kitchen: Kitchen) -> Recipe:
+    """Return the one step for a package that knows nothing of ROS: its scripts go onto the PATH."""
+    return _recipe(package, kitchen, "--scripts", "bin")
+
+
+def _recipe(package: Package, kitchen: Kitchen, *more: str) -> Recipe:
+    """Return the step that starts `python -m forge.wheels`, which says what it does."""
     build = kitchen.layout.build_dir(package.name)
     interpreter, *words = kitchen.forge
     argv = (
@@ -30,6 +40,7 @@ def recipe(package: Package, kitchen: Kitchen) -> Recipe:
         str(kitchen.python),
         "--site-packages",
         kitchen.site_packages,
+        *more,
         *(("--link",) if kitchen.layout.symlink and not package.embedded else ()),
     )
     return Recipe((Step("install", argv, build),))

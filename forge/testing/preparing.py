@@ -125,7 +125,11 @@ def make_test_plan(names: Sequence[str], loaded: Loaded, bench: Bench) -> BuildP
     raise_if_any(_without_pytest([loaded.packages[name] for name in names], bench, looks), EnvironmentFault)
     if bench.coverage and "pytest_cov" not in bench.modules:
         warn([Problem("there is no coverage: the interpreter has no pytest-cov")])
-    return BuildPlan({name: _task(loaded.packages[name], bench, looks[name]) for name in names})
+    tasks = {}
+    for name in names:
+        package = loaded.packages[name]
+        tasks[name] = _task(package, bench.of(package), looks[name])
+    return BuildPlan(tasks)
 
 
 def _task(package: Package, bench: Bench, seen: Look) -> Task:
@@ -151,7 +155,7 @@ def _without_pytest(
         package.name
         for package in packages
         if package.build_type not in CMAKE_TYPES
-        and framework(package, bench, looks[package.name]) == "pytest"
+        and framework(package, bench.of(package), looks[package.name]) == "pytest"
     ]
     if wanting and "pytest" not in bench.modules:
         who = ", ".join(f"'{name}'" for name in wanting)

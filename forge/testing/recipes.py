@@ -50,6 +50,18 @@ class Bench:
         """Return the absolute folder of a package."""
         return self.root / package.path
 
+    def of(self, package: Package) -> Bench:
+        """Return the bench with what the package's own settings add to the options of all."""
+        if not package.settings:
+            return self
+        return replace(
+            self,
+            framework=self.framework or next(iter(package.words("python-testing")), None),
+            ctest_args=(*self.ctest_args, *package.words("ctest-args")),
+            pytest_args=(*self.pytest_args, *package.words("pytest-args")),
+            unittest_args=(*self.unittest_args, *package.words("unittest-args")),
+        )
+
     def results_of(self, name: str) -> Path:
         """Return the folder that the results of a package go to."""
         return (self.results or self.layout.build) / name

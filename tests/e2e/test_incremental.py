@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,7 +17,6 @@ from tests.snippets import shell
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
 
     from tests.conftest import Forge, Ran
 
@@ -66,23 +66,15 @@ class Clean:
         return self._trees[key]
 
 
-@pytest.fixture(scope="module")
-def clean() -> Clean:
-    """Return the clean builds of this module."""
-    return Clean()
-
-
-@pytest.fixture(scope="module")
-def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Build everything that interface packages need, once; return the environment that has it."""
-    root = tmp_path_factory.mktemp("underlay")
-    (root / "src").mkdir()
+def underlay(root: Path) -> dict[str, str]:
+    """Build everything that interface packages need; return the environment that has it."""
+    (root / "src").mkdir(parents=True)
     (root / "src" / "package.xml").write_text(UNDERLAY, encoding="utf-8")
     (root / "src" / "CMakeLists.txt").write_text("project(all_of_it NONE)\n", encoding="utf-8")
     shell("forge build --merge-install", root)
     printed = shell(". install/setup.sh && env -0", root)
     variables = dict(entry.split("=", 1) for entry in printed.split("\0") if "=" in entry)
-    return {n: v for n, v in variables.items() if n.endswith("_PATH") or n == "PYTHONPATH"}
+    return {n: v for n, v in variables.items() if n == "PYTHONPATH" or n.endswith("PREFIX_PATH")}
 
 
 def play(forge: Forge, clean: Clean, workspace: Evolving, steps: Sequence[Sequence[tuple[str, int]]]) -> None:
@@ -117,34 +109,38 @@ def play(forge: Forge, clean: Clean, workspace: Evolving, steps: Sequence[Sequen
         may = set()
 
 
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """What the plays of this module share."""
+
+    root: Path
+    clean: Clean
+    underlay: dict[str, str]
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
+    """Return a folder for all plays, which is the same for each, and an underlay."""
+    root = tmp_path_factory.mktemp("stage")
+    return Stage(root / "play", Clean(), underlay(root / "underlay"))
+
+
 @given(merged=st.booleans(), python=st.booleans(), steps=STEPS)
 @SETTINGS
 def test_plain_packages_are_as_built_anew(
-    forge: Forge,
-    clean: Clean,
-    tmp_path_factory: pytest.TempPathFactory,
-    *,
-    merged: bool,
-    python: bool,
-    steps: list[list[tuple[str, int]]],
+    forge: Forge, stage: Stage, *, merged: bool, python: bool, steps: list[list[tuple[str, int]]]
 ) -> None:
-    workspace = Evolving(tmp_path_factory.getbasetemp() / "evolving", merged=merged)
+    workspace = Evolving(stage.root, merged=merged)
     workspace.write({**PLAIN, **(PYTHON if python else {})})
-    play(forge, clean, workspace, steps)
+    play(forge, stage.clean, workspace, steps)
 
 
 @given(merged=st.booleans(), steps=STEPS)
 @SETTINGS
 def test_interface_packages_are_as_built_anew(
-    forge: Forge,
-    clean: Clean,
-    underlay: dict[str, str],
-    tmp_path_factory: pytest.TempPathFactory,
-    *,
-    merged: bool,
-    steps: list[list[tuple[str, int]]],
+    forge: Forge, stage: Stage, *, merged: bool, steps: list[list[tuple[str, int]]]
 ) -> None:
-    workspace = Evolving(tmp_path_factory.getbasetemp() / "evolving", merged=merged)
+    workspace = Evolving(stage.root, merged=merged)
     workspace.write(MESSAGES)
-    workspace.variables.update(underlay)
-    play(forge, clean, workspace, steps)
+    workspace.variables.update(stage.underlay)
+    play(forge, stage.clean, workspace, steps)

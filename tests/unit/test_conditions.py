@@ -39,7 +39,6 @@ def test_a_condition_compares_texts_and_binds_and_before_or(condition: str, expe
         ("a == b c", 8),
         ("(a == b", 8),
         ("", 1),
-        ("a == ''", 7),
         ("1.0 == 1", 2),
         ("(" * 60 + "a == b" + ")" * 60, 51),
     ],

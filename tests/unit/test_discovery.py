@@ -67,8 +67,8 @@ def test_faults_and_equal_names_are_told_and_the_rest_is_found(tree: Tree) -> No
     (root / "e" / "package.xml").mkdir(parents=True)
     workspace = discover(root, ["."], os.environ)
     assert sorted(workspace.packages) == ["d", "same"]
+    assert [str(other.path) for other in workspace.twins] == ["b"]
     assert [problem.message for problem in workspace.problems] == [
-        "two packages are called 'same': 'a' and 'b'",
         "not well-formed XML: unclosed token",
         "cannot read the manifest: Is a directory",
     ]

@@ -3,8 +3,7 @@
 import pytest
 
 from forge.errors import SelectionError
-from forge.model import Query
-from forge.selection import select
+from forge.selection import Query, select
 
 NEEDS = {"a": frozenset[str](), "b": frozenset({"a"}), "c": frozenset({"b"}), "d": frozenset[str]()}
 ORDERED = ("a", "d", "b", "c")

@@ -1,0 +1,145 @@
+"""Folders without a package.xml that can be built all the same: with CMake, or with a Python backend."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.cmake_reading import cmake_dependencies, is_catkin_toplevel, names_no_literal, project_name
+from forge.errors import Place, Problem
+from forge.formats import read_toml
+from forge.identity import Identity
+from forge.model import Dependency, Kind, Manifest, Package
+from forge.overrides import COLCON_PKG
+from forge.python_reading import (
+    PythonFacts,
+    leaves_all_to_setup_cfg,
+    read_pyproject,
+    read_setup_cfg,
+    read_setup_py,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.identity import Folder
+
+
+def identify_plain(folder: Folder) -> Identity | None:
+    """Return what CMake's or Python's files say the folder is, or None when they say nothing.
+
+    Raises WorkspaceError for a pyproject.toml that is malformed, OSError for files that cannot be read.
+    """
+    for step in (_ambiguous, _cmake_package, _python_package, _project):
+        identity = step(folder)
+        if identity is not None:
+            return identity
+    return None
+
+
+def _ambiguous(folder: Folder) -> Identity | None:
+    """Refuse to guess when CMake and Python both claim a folder with equal right."""
+    if folder.type is not None or not folder.has("CMakeLists.txt", "setup.py", "setup.cfg"):
+        return None
+    if (
+        not leaves_all_to_setup_cfg(folder.text("setup.py"))
+        or not read_setup_cfg(folder.text("setup.cfg")).name
+    ):
+        return None
+    message = "the folder has a CMakeLists.txt and a setup.cfg, and is left out since either could be meant"
+    hint = f"say which one in '{folder.path / COLCON_PKG}': 'type: cmake' or 'type: python'"
+    return Identity(notes=(Problem(message, Place(folder.path), hint),))
+
+
+def _cmake_package(folder: Folder) -> Identity | None:
+    if not folder.may_be("cmake") or not folder.has("CMakeLists.txt"):
+        return None
+    text = folder.text("CMakeLists.txt")
+    path = folder.path / "CMakeLists.txt"
+    if is_catkin_toplevel(text):
+        return Identity(
+            descend=True, notes=(Problem("left out: catkin_make wrote it above its packages", Place(path)),)
+        )
+    name = project_name(text)
+    notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
+    name = name or folder.place.resolve().name
+    wanted = cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
+    kinds = frozenset({Kind.BUILD, Kind.EXEC})
+    dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
+    return Identity(_plain(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
+
+
+def _python_package(folder: Folder) -> Identity | None:
+    """Read what setup.py says, completed by setup.cfg and pyproject.toml as setuptools does."""
+    if not folder.may_be("python") or not folder.has("setup.py"):
+        return None
+    path = folder.path / "setup.py"
+    try:
+        facts = read_setup_py(folder.text("setup.py"))
+    except (SyntaxError, ValueError, RecursionError) as error:
+        line = getattr(error, "lineno", None)
+        return Identity(notes=(Problem(f"cannot read it: {error.args[0]}", Place(path, line)),), descend=True)
+    if facts is None:
+        return None
+    return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonFacts()), path)
+
+
+def _project(folder: Folder) -> Identity | None:
+    """Read pyproject.toml, which alone is enough for any backend (PEP 517)."""
+    if not folder.may_be("python") or not folder.has("pyproject.toml"):
+        return None
+    facts, below = _toml_facts(folder), _cfg_facts(folder)
+    if facts is None and below.name is None:
+        return None
+    return _python(folder, (facts or PythonFacts()).over(below), folder.path / "pyproject.toml")
+
+
+def _python(folder: Folder, facts: PythonFacts, path: Path) -> Identity:
+    if folder.name and facts.name and folder.name != facts.name:
+        message = f"the user calls it '{folder.name}' and Python '{facts.name}': it is left out"
+        hint = "a Python package cannot have two names; remove the one in colcon.pkg or in the *.meta file"
+        return Identity(problems=(Problem(message, Place(path), hint),))
+    notes = () if facts.name or folder.name else (_no_literal(folder, path),)
+    name = folder.name or facts.name or folder.place.resolve().name
+    package = _plain(folder, name, "python", path, facts.dependencies)
+    manifest = replace(package.manifest, version=facts.version, maintainers=facts.maintainers)
+    return Identity(replace(package, manifest=manifest), notes=notes)
+
+
+def _cfg_facts(folder: Folder) -> PythonFacts:
+    return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonFacts()
+
+
+def _toml_facts(folder: Folder) -> PythonFacts | None:
+    if not folder.has("pyproject.toml"):
+        return None
+    return read_pyproject(read_toml(folder.text("pyproject.toml"), folder.place / "pyproject.toml"))
+
+
+def _plain(
+    folder: Folder, name: str, build_type: str, path: Path, dependencies: tuple[Dependency, ...]
+) -> Package:
+    """Return a package for which nobody wrote a package.xml."""
+    own = tuple(dependency for dependency in dependencies if dependency.name != name)
+    return Package(folder.path, Manifest(name, "", "", build_type, own, path), ros=False)
+
+
+def _cmake_texts(folder: Path) -> Iterator[str]:
+    """Yield the CMake files below a folder but its own CMakeLists.txt; hidden folders are left out."""
+    for place, names, files in os.walk(folder):
+        names[:] = sorted(name for name in names if not name.startswith("."))
+        for file in sorted(files):
+            path = Path(place) / file
+            if (file == "CMakeLists.txt" and path.parent != folder) or file.endswith(".cmake"):
+                yield path.read_text(encoding="utf-8", errors="replace")
+
+
+def _no_literal(folder: Folder, path: Path) -> Problem:
+    name = folder.place.resolve().name
+    return Problem(
+        f"the name is not written as a literal; the package goes by its folder's, '{name}'",
+        Place(path),
+        f"to give it another, write 'name: NAME' into '{folder.path / COLCON_PKG}'",
+    )

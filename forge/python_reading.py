@@ -1,0 +1,186 @@
+"""What setup.cfg, setup.py and pyproject.toml say about a Python package; nothing is run, pure.
+
+setup.py is read as a syntax tree: literals count, and names that the module binds to literals.
+"""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from forge.model import Dependency, Kind, Person
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+_REQUIREMENT = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
+_TEST_EXTRAS = ("test", "tests", "testing")
+_KINDS = {
+    "setup_requires": frozenset({Kind.BUILD}),
+    "install_requires": frozenset({Kind.EXEC}),
+    "tests_require": frozenset({Kind.TEST}),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PythonFacts:
+    """What could be read of a package; `name` is None where it is not said as a literal."""
+
+    name: str | None = None
+    version: str = ""
+    dependencies: tuple[Dependency, ...] = ()
+    maintainers: tuple[Person, ...] = ()
+
+    def over(self, below: PythonFacts) -> PythonFacts:
+        """Return these facts, completed with others where they say nothing."""
+        return PythonFacts(
+            self.name or below.name,
+            self.version or below.version,
+            self.dependencies or below.dependencies,
+            self.maintainers or below.maintainers,
+        )
+
+
+def read_setup_cfg(text: str) -> PythonFacts:
+    """Return what the sections metadata and options say; nothing when the file is malformed."""
+    parser = configparser.RawConfigParser()
+    try:
+        parser.read_string(text)
+    except configparser.Error:
+        return PythonFacts()
+    metadata = dict(parser["metadata"]) if parser.has_section("metadata") else {}
+    options = dict(parser["options"]) if parser.has_section("options") else {}
+    extras = "options.extras_require"
+    values: dict[str, Any] = {key: _listed(options.get(key, "")) for key in _KINDS}
+    values["extras_require"] = (
+        {key: _listed(value) for key, value in parser[extras].items()} if parser.has_section(extras) else {}
+    )
+    for key in ("name", "version", "maintainer", "maintainer_email", "author", "author_email"):
+        value = metadata.get(key) or metadata.get(key.replace("_", "-"))
+        # 'attr: module.value' is known to who runs the module, which nobody does here.
+        if value and not value.startswith(("attr:", "file:")):
+            values[key] = value
+    return _facts(values)
+
+
+def read_setup_py(text: str) -> PythonFacts | None:
+    """Return what the call of setup() says, or None when there is no such call.
+
+    Raises SyntaxError as Python would.
+    """
+    tree = ast.parse(text)
+    call = next(filter(_is_setup, (node for node in ast.walk(tree) if isinstance(node, ast.Call))), None)
+    if call is None:
+        return None
+    names = dict(_constants(tree))
+    values = {word.arg: _literal(word.value, names) for word in call.keywords if word.arg}
+    return _facts({key: value for key, value in values.items() if value is not None})
+
+
+def leaves_all_to_setup_cfg(text: str) -> bool:
+    """Tell if colcon takes setup.cfg for the whole truth about a package with this setup.py."""
+    return "setup()" in text or "setup(cmdclass=cmdclass)" in text
+
+
+def read_pyproject(table: Mapping[str, Any]) -> PythonFacts | None:
+    """Return what a pyproject.toml says of a project, or None when it only configures tools (PEP 621)."""
+    project = table.get("project")
+    if not isinstance(project, dict):
+        poetry = table.get("tool", {}).get("poetry")
+        if isinstance(poetry, dict) and isinstance(poetry.get("name"), str):
+            return PythonFacts(poetry["name"], str(poetry.get("version", "")))
+        return None
+    values: dict[str, Any] = {
+        "name": project.get("name"),
+        "version": project.get("version", ""),
+        "setup_requires": table.get("build-system", {}).get("requires", []),
+        "install_requires": project.get("dependencies", []),
+        "extras_require": project.get("optional-dependencies", {}),
+    }
+    people = project.get("maintainers") or project.get("authors") or []
+    persons = tuple(
+        Person(person.get("name", ""), person["email"])
+        for person in people
+        if isinstance(person, dict) and person.get("email")
+    )
+    return PythonFacts(maintainers=persons).over(_facts(values))
+
+
+def _facts(values: Mapping[str, Any]) -> PythonFacts:
+    """Return the facts in setuptools' own words; what is of another type than it should be is left out."""
+    name, version = values.get("name"), values.get("version", "")
+    return PythonFacts(
+        name if isinstance(name, str) and name else None,
+        version if isinstance(version, str) else "",
+        tuple(_dependencies(values)),
+        tuple(_people(values)),
+    )
+
+
+def _dependencies(values: Mapping[str, Any]) -> Iterator[Dependency]:
+    for key, kinds in _KINDS.items():
+        yield from (Dependency(name, kinds) for name in _required(values.get(key, ())))
+    extras = values.get("extras_require")
+    if isinstance(extras, dict):
+        for extra in _TEST_EXTRAS:
+            yield from (Dependency(name, frozenset({Kind.TEST})) for name in _required(extras.get(extra, ())))
+
+
+def _required(said: object) -> Iterator[str]:
+    """Yield the distribution names of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
+    lines = said.splitlines() if isinstance(said, str) else said if isinstance(said, list | tuple) else ()
+    for line in lines:
+        match = _REQUIREMENT.match(line) if isinstance(line, str) else None
+        if match:
+            yield match[1]
+
+
+def _people(values: Mapping[str, Any]) -> Iterator[Person]:
+    role = "maintainer" if "maintainer" in values else "author"
+    names, emails = values.get(role), values.get(f"{role}_email")
+    if isinstance(names, str) and isinstance(emails, str):
+        for name, email in zip(names.split(","), emails.split(","), strict=False):
+            yield Person(name.strip(), email.strip())
+
+
+def _listed(value: str) -> list[str]:
+    """Return setuptools' lists: one entry a line, or on one line with semicolons."""
+    entries: Iterable[str] = value.splitlines() if "\n" in value else value.split(";")
+    return [entry for raw in entries if (entry := raw.partition(" #")[0].strip()) and entry[0] != "#"]
+
+
+def _is_setup(call: ast.Call) -> bool:
+    match call.func:
+        case ast.Name(id="setup") | ast.Attribute(attr="setup"):
+            return True
+        case _:
+            return False
+
+
+def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
+    """Yield the names that a module binds to literals, at its top level."""
+    for node in tree.body:
+        match node:
+            case (
+                ast.Assign(targets=[ast.Name(id=name)], value=value)
+                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
+            ):
+                literal = _literal(value, {})
+                if literal is not None:
+                    yield name, literal
+
+
+def _literal(node: ast.expr, names: Mapping[str, object]) -> object:
+    """Return the value of a literal, or of a name that stands for one; None for anything else."""
+    if isinstance(node, ast.Name):
+        return names.get(node.id)
+    if isinstance(node, ast.List | ast.Tuple):
+        values = [_literal(element, names) for element in node.elts]
+        return [value for value in values if value is not None]
+    try:
+        return ast.literal_eval(node)
+    except (ValueError, TypeError, MemoryError, RecursionError):
+        return None

@@ -1,0 +1,109 @@
+"""forge and colcon on the same workspaces: what scripts read must be the same.
+
+docs/reference/from-colcon.md lists what is meant to differ.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.peers import Colcon
+from tests.random_workspaces import Shape, random_options, write_random_workspace
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran
+
+pytestmark = pytest.mark.needs("colcon")
+
+VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
+SEEDS = range(8)
+
+
+@pytest.fixture(scope="module")
+def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
+    """Start colcon for all tests, far from the user's own settings."""
+    home = tmp_path_factory.mktemp("home")
+    variables = {**VARIABLES, "HOME": str(home), "COLCON_HOME": str(home), "COLCON_LOG_PATH": "/dev/null"}
+    running = Colcon(variables)
+    yield running
+    running.end()
+
+
+def workspace(tmp_path: Path, seed: int, **shape: bool) -> Path:
+    """Return the workspace of a seed."""
+    return write_random_workspace(tmp_path / "ws", random.Random(seed), Shape(**shape))  # noqa: S311
+
+
+def both(colcon: Colcon, forge: Forge, root: Path, *argv: str) -> tuple[Ran, Ran]:
+    """Run the same words with both."""
+    ours = forge(*argv, cwd=root, env=VARIABLES)
+    theirs = colcon(*argv, cwd=root)
+    assert (ours.code == 0) == (theirs.code == 0), f"{argv}\n{ours}\n{theirs}"
+    return ours, theirs
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_same_packages_are_found_and_selected_in_the_same_order(
+    colcon: Colcon, forge: Forge, tmp_path: Path, seed: int
+) -> None:
+    root = workspace(tmp_path, seed)
+    chance = random.Random(seed)  # noqa: S311
+    for options in ([], *(random_options(chance) for _ in range(4))):
+        for form in ([], ["-t", chance.choice(("-n", "-p"))]):
+            ours, theirs = both(colcon, forge, root, "list", *form, *options)
+            assert ours.out == theirs.out, f"{form} {options}\n{theirs.err}"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_graphs_are_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
+    root = workspace(tmp_path, seed, faults=False)
+    chance = random.Random(seed)  # noqa: S311
+    for options in ([], *(random_options(chance) for _ in range(2))):
+        form = chance.choice(([], ["--density"]))
+        ours, theirs = both(colcon, forge, root, "graph", *form, *options)
+        assert ours.out == theirs.out, f"{form} {options}"
+        form = chance.choice(([], ["--dot-include-skipped"], ["--dot-cluster"], ["--legend"]))
+        ours, theirs = both(colcon, forge, root, "graph", "--dot", *form, *options)
+        assert _parts(ours.out) == _parts(theirs.out), f"{form} {options}"
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_info_says_the_same(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
+    root = workspace(tmp_path, seed)
+    for names in ([], ["a", "b", "nobody"]):
+        ours, theirs = both(colcon, forge, root, "info", *names)
+        # Meant: colcon prints how it reads Python's metadata, a function.
+        said = re.sub(r"    get_python_setup_options: .*\n", "", theirs.out)
+        assert ours.out == said
+
+
+@pytest.mark.parametrize("seed", SEEDS[:2])
+def test_a_circle_is_an_error_of_both(colcon: Colcon, forge: Forge, tmp_path: Path, seed: int) -> None:
+    root = workspace(tmp_path, seed, cycles=True)
+    for command in ("list", "graph", "info"):
+        ours, _ = both(colcon, forge, root, command)
+        assert ours.code != 0
+
+
+@pytest.mark.parametrize("seed", SEEDS[:6])
+def test_packages_of_one_name_are_listed_both(
+    colcon: Colcon, forge: Forge, tmp_path: Path, seed: int
+) -> None:
+    root = workspace(tmp_path, seed, duplicates=True)
+    chance = random.Random(seed)  # noqa: S311
+    for options in ([], *(random_options(chance) for _ in range(2))):
+        options = [word for word in options if word not in {"--packages-start", "--packages-end"}]  # noqa: PLW2901
+        ours, theirs = both(colcon, forge, root, "list", *options)
+        assert ours.out == theirs.out, f"{options}"
+
+
+def _parts(text: str) -> list[str]:
+    """Return the lines of a dot file in an order that does not depend on that of a set."""
+    return sorted(re.sub(r"cluster_\d+", "cluster_N", line) for line in text.splitlines())
