@@ -26,6 +26,7 @@ COMMANDS = {
     "test": "run the tests of the packages of a workspace",
     "test-result": "show what the tests came to",
     "clean": "remove what was built",
+    "completion": "print a script that completes command lines",
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",
@@ -80,7 +81,7 @@ def _run(arguments: Sequence[str]) -> int:
     if root != origin:
         arguments = typed_elsewhere(arguments, origin, root)
     with standing_in(root):
-        options = _parser(arguments).parse_args(arguments)
+        options = parser_of(arguments).parse_args(arguments)
         options.origin = os.path.relpath(origin, root)
         for dest, value in getattr(options, "general", {}).items():
             if getattr(options, dest) is None:
@@ -144,7 +145,7 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(EXIT_USER)
 
 
-def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser that knows every command, and the options of the one that is asked for."""
     # Abbreviations would be looked for in what `forge run` hands on, too: '--log' of a program is not ours.
     description = "Build ROS 2 workspaces and compile ROS 2 interfaces."

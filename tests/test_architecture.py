@@ -29,13 +29,14 @@ FLOORS = {
         sourcing toolchain tools transcript wheels
         configuration identification identity limits mixins overrides plain_packages
         testing testing.* worker_client workspace_root
-        cleaning compile_commands
+        cleaning compile_commands completion_words
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
         charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks makeflags
         manifest planning provision python_reading recipes recipes.* schedule settings scripts selection
         xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
+        completing
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",

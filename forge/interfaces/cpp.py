@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from forge.interfaces.cpp_cdr import members_view
 from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.cpp_traits import type_traits, yaml_view
 from forge.interfaces.headers import detail_path, guard, handles, main_path, needed, services_of
 from forge.interfaces.model import Action, File, Sequence, messages_of
+from forge.interfaces.unfolding import Layouts
 from forge.templating import render
 
 if TYPE_CHECKING:
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 
     from forge.interfaces.model import Catalog, Interface, Message, TypeName
 
-_PARTS = ("struct", "builder", "traits", "type_support")
+_PARTS = ("struct", "builder", "traits", "type_support", "cdr")
 _ACTION_HEADERS = (
     "action_msgs/msg/goal_info.hpp",
     "action_msgs/msg/goal_status_array.hpp",
@@ -52,6 +54,7 @@ class Headers:
     """The headers of one interface."""
 
     interface: Interface
+    layouts: Layouts
 
     @property
     def name(self) -> TypeName:
@@ -132,6 +135,14 @@ class Headers:
             handles=found,
         )
 
+    def cdr(self) -> File:
+        """Return the header that says how messages lie on the wire."""
+        views = [members_view(message.name, self.layouts) for message in self.messages]
+        own = _detail(self.name, "cdr")
+        needed = {_detail(name, "cdr") for view in views for name in view.needs} - {own}
+        headers = sorted({*needed, _detail(self.name, "struct")})
+        return self._detail_file("cdr", headers=headers, messages=views)
+
     def _detail_file(self, part: str, **names: object) -> File:
         namespace = f"{self.name.package}::{self.name.kind}"
         return self._file(_detail(self.name, part), part, namespace=namespace, **names)
@@ -144,8 +155,9 @@ class Headers:
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the headers of every interface; paths are relative to the include folder."""
     yield from package_files(catalog)
+    headers_of = interface_files(catalog)
     for interface in catalog.interfaces.values():
-        yield from _headers_of(interface)
+        yield from headers_of(interface)
 
 
 def package_files(catalog: Catalog) -> Iterator[File]:
@@ -155,18 +167,20 @@ def package_files(catalog: Catalog) -> Iterator[File]:
     yield File(path, text)
 
 
-def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the headers of one interface."""
-    return _headers_of
+def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the headers of one interface of the catalog."""
+    layouts = Layouts(catalog.known)
 
+    def headers_of(interface: Interface) -> Iterator[File]:
+        headers = Headers(interface, layouts)
+        yield headers.main()
+        yield headers.struct()
+        yield headers.builder()
+        yield headers.traits()
+        yield headers.type_support()
+        yield headers.cdr()
 
-def _headers_of(interface: Interface) -> Iterator[File]:
-    headers = Headers(interface)
-    yield headers.main()
-    yield headers.struct()
-    yield headers.builder()
-    yield headers.traits()
-    yield headers.type_support()
+    return headers_of
 
 
 def _visibility_path(package: str) -> str:

@@ -17,6 +17,9 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+collect_ignore = ["shapes"]
+"""Packages with tests of their own."""
+
 ROOT = Path(__file__).parents[2]
 EMBEDDED = ROOT / "forge" / "embedded"
 CMAKE = os.environ.get("FORGE_TEST_CMAKE", "cmake")

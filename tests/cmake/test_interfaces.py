@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import sysconfig
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,8 +15,6 @@ import pytest
 from .conftest import PYTHON_VERSION
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from .conftest import Ament, Project
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
@@ -364,3 +364,20 @@ def test_without_forge_the_reason_is_clear(rosidl: Ament) -> None:
     if outcome.code == 0:
         pytest.skip("an installed forge is on PATH")
     assert "put 'forge' on PATH" in outcome.flat
+
+
+def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
+    """A package that finds PythonExtra needs no headers of Python, and hears of them where they are."""
+    demo = rosidl(
+        "find_package(python_cmake_module REQUIRED)\nfind_package(PythonExtra REQUIRED)\n"
+        'message(STATUS "suffix=${PythonExtra_EXTENSION_SUFFIX}${PythonExtra_EXTENSION_EXTENSION}")\n'
+        'message(STATUS "version=${PYTHON_VERSION_MAJOR}.${PYTHON_VERSION_MINOR}")\n'
+        'message(STATUS "headers=${PythonExtra_INCLUDE_DIRS}")'
+    )
+    for _ in range(2):
+        outcome = demo.configure()
+        assert outcome.code == 0, outcome.text
+        assert outcome.said("suffix") == sysconfig.get_config_var("EXT_SUFFIX")
+        assert outcome.said("version") == sysconfig.get_python_version()
+        headers = sysconfig.get_path("include", vars={"installed_base": sys.base_prefix})
+        assert outcome.said("headers") == (headers if Path(headers).exists() else "")

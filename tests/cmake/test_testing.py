@@ -138,6 +138,9 @@ ament_add_gtest_test(two TEST_NAME two_again)
 ament_add_gtest_test(not_there)
 ament_add_gmock(three one.cpp)
 ament_add_google_benchmark(four one.cpp)
+ament_add_google_benchmark_executable(five one.cpp)
+ament_add_google_benchmark_test(five TIMEOUT 9)
+ament_add_google_benchmark_test(not_there)
 ament_package()
 """
 
@@ -151,10 +154,10 @@ def test_without_google_test_targets_exist_and_tests_are_skipped(ament: Ament) -
     demo.make()
     tests = registered(demo)
     assert tests["one"]["TIMEOUT"] == 7.0
-    assert tests.keys() == {"one", "two_again", "three", "four"}
+    assert tests.keys() == {"one", "two_again", "three", "four", "five"}
     ran = demo.test()
     assert ran.code == 0, ran.text
-    assert ran.text.count("***Skipped") == 4
+    assert ran.text.count("***Skipped") == 5
 
 
 FAKE_GTEST = """
@@ -186,6 +189,35 @@ def test_google_test_is_built_from_sources_where_they_are(ament: Ament) -> None:
     demo.make()
     assert demo.test().code == 0
     assert registered(demo)["one"]["LABELS"] == ["gtest"]
+
+
+INSTALLED_GTEST = """
+add_library(GTest::gtest INTERFACE IMPORTED)
+set_property(TARGET GTest::gtest PROPERTY INTERFACE_INCLUDE_DIRECTORIES "${CMAKE_CURRENT_LIST_DIR}")
+add_library(GTest::gtest_main INTERFACE IMPORTED)
+"""
+
+
+@pytest.mark.needs("g++")
+def test_an_installed_google_test_is_taken_before_sources_of_the_system(ament: Ament) -> None:
+    """Also under the short names, and in folders that do not know of each other."""
+    demo = ament(
+        "find_package(ament_cmake_gtest REQUIRED)\nset(GTest_DIR ${CMAKE_CURRENT_SOURCE_DIR}/installed)\n"
+        "add_subdirectory(a)\nadd_subdirectory(b)",
+        files={
+            "a/CMakeLists.txt": "ament_add_gtest(one ../one.cpp)\ntarget_link_libraries(one gtest)",
+            "b/CMakeLists.txt": "ament_add_gtest(two ../one.cpp)\n"
+            'message(STATUS "libraries=${GTEST_BOTH_LIBRARIES} ${GTEST_INCLUDE_DIRS}")',
+            "one.cpp": "#include <fake.h>\nint main() {}\n",
+            "installed/GTestConfig.cmake": INSTALLED_GTEST,
+            "installed/fake.h": "",
+        },
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert outcome.said("libraries") == f"gtest_main;gtest {demo.source}/installed"
+    demo.make()
+    assert registered(demo).keys() == {"one", "two"}
 
 
 def test_pytest_runs_and_leaves_a_result(ament: Ament) -> None:
@@ -267,6 +299,35 @@ def test_linters_run_late_where_there_is_work_and_may_be_turned_off(ament: Ament
     assert tests["cppcheck"]["LABELS"] == ["cppcheck", "linter"]
     assert demo.test().code == 0
     assert "--include_dirs inc" in (demo.build / "ament_cppcheck/cppcheck.txt").read_text(encoding="utf-8")
+
+
+COMPLAINT = '#!/bin/sh\nfor file; do :; done\necho "$file:3:1: too $1"\nexit 1\n'
+
+
+def test_linters_run_as_people_have_them_installed(ament: Ament, tmp_path: Path) -> None:
+    """Without ament's own programs: files are found, options translated, complaints told file by file."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for name, text in (("flake8", COMPLAINT), ("xmllint", "#!/bin/sh\n"), ("uncrustify", COMPLAINT)):
+        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).chmod(0o755)
+    demo = ament(
+        f"{LINT_AUTO}find_package(ament_cmake_flake8 REQUIRED)\n"
+        "ament_flake8(TESTNAME mine MAX_LINE_LENGTH 120 EXCLUDE b)\nament_package()",
+        manifest=LINT_DEPENDS,
+        files={"b/bad.py": "", "b/good.py": "", "x.hpp": "", "third/AMENT_IGNORE": "", "third/no.py": ""},
+    )
+    demo = replace(demo, variables={"PATH": f"{folder}:/usr/local/bin:/usr/bin:/bin"})
+    assert demo.configure().code == 0
+    assert {"flake8", "mine", "xmllint", "uncrustify"} <= registered(demo).keys()
+    ran = demo.test()
+    results = demo.build / "test_results/demo"
+    assert "The following tests FAILED" in ran.text
+    flake8 = ET.fromstring((results / "flake8.xunit.xml").read_text(encoding="utf-8"))  # noqa: S314  (forge's)
+    assert [(case.get("name"), len(case)) for case in flake8] == [("b/bad.py", 0), ("b/good.py", 1)]
+    assert flake8[1][0].get("message") == "b/good.py:3:1: too --max-line-length=99"
+    assert "no configuration was given" in (results / "uncrustify.xunit.xml").read_text(encoding="utf-8")
+    assert "nothing to look at" in (results / "mine.xunit.xml").read_text(encoding="utf-8")
 
 
 def test_without_testing_nothing_is_registered(ament: Ament) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
@@ -31,14 +32,19 @@ from forge.interfaces.resolution import resolve
 from forge.interfaces.sources import Library, read_folder
 from tests.conftest import GOLDEN, Golden
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 ESCAPE = re.compile(r'\\([0-7]{3}|u[0-9a-f]{4}|U[0-9a-f]{8}|x[0-9a-f]{4}" u"|.)')
 ESCAPED = {"n": "\n", "r": "\r", "t": "\t", '"': '"', "\\": "\\", "?": "?"}
 POINT = Named(TypeName("geometry_msgs", "msg", "Point"))
 
 
-def texts(*messages: Message) -> dict[str, str]:
-    """Return the headers of a package 'demo' by path."""
-    catalog = Catalog("demo", {message.name: message for message in messages}, {}, {})
+def texts(*messages: Message, others: Iterable[Named] = (POINT,)) -> dict[str, str]:
+    """Return the headers of a package 'demo' by path; other packages' messages have one member."""
+    elsewhere = (Message(other.name, (Field("x", Primitive("double")),)) for other in others)
+    known = {message.name: message for message in (*messages, *elsewhere)}
+    catalog = Catalog("demo", {message.name: message for message in messages}, known, {})
     return {file.path: file.text for file in cpp.files(catalog)}
 
 
@@ -70,6 +76,7 @@ def test_every_interface_has_rosidls_headers() -> None:
     """Names are in snake case; the visibility header lies in msg."""
     assert sorted(texts(message(name="UInt8"))) == [
         "demo/msg/detail/u_int8__builder.hpp",
+        "demo/msg/detail/u_int8__cdr.hpp",
         "demo/msg/detail/u_int8__struct.hpp",
         "demo/msg/detail/u_int8__traits.hpp",
         "demo/msg/detail/u_int8__type_support.hpp",
@@ -100,8 +107,8 @@ def test_a_header_includes_what_its_members_need_once() -> None:
     ]
     types: list[Type] = [POINT, Array(POINT, 2), Sequence(POINT), *parts]
     fields = [Field(f"f{position}", type_) for position, type_ in enumerate(types)]
-    header = texts(message(*fields))["demo/msg/detail/thing__struct.hpp"]
-    assert re.findall(r'#include "([^"]*)"', header) == [
+    headers = texts(message(*fields), others=[POINT, *parts])
+    assert re.findall(r'#include "([^"]*)"', headers["demo/msg/detail/thing__struct.hpp"]) == [
         "geometry_msgs/msg/detail/point__struct.hpp",
         "other/action/detail/go_on__struct.hpp",
         "other/srv/detail/ask_me__struct.hpp",

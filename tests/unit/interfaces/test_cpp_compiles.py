@@ -23,6 +23,7 @@ from forge.interfaces.model import (
     Source,
     Text,
     TypeName,
+    messages_of,
 )
 from forge.interfaces.parsing import parse_all
 from forge.interfaces.resolution import resolve
@@ -47,6 +48,7 @@ PACKAGES = (
 )
 SAMPLE = (
     "example_interfaces/action/detail/fibonacci__builder.hpp",
+    "example_interfaces/action/detail/fibonacci__cdr.hpp",
     "example_interfaces/action/detail/fibonacci__struct.hpp",
     "example_interfaces/action/detail/fibonacci__traits.hpp",
     "example_interfaces/action/detail/fibonacci__type_support.hpp",
@@ -161,7 +163,6 @@ def wide() -> Message:
         Field("letter", Primitive("wchar")),
         Field("letters", Sequence(Primitive("wchar"))),
         Field("text", Text(wide=True)),
-        Field("precise", Primitive("long double"), 1.5),
         Field("signs", Array(Primitive("char"), 2)),
     )
     return Message(TypeName("probe", "msg", "Wide"), fields)
@@ -176,7 +177,7 @@ def catalogs() -> Iterator[Catalog]:
     sources = [Source("probe", f"msg/{n}.msg", Path(n), text) for n, text in DEFINITIONS.items()]
     probe = resolve("probe", parse_all(sources), library)
     extra = {message.name: message for message in (constants(), wide())}
-    yield Catalog("probe", {**probe.interfaces, **extra}, probe.known, probe.sources)
+    yield Catalog("probe", {**probe.interfaces, **extra}, {**probe.known, **extra}, probe.sources)
 
 
 @pytest.fixture(scope="module")
@@ -200,7 +201,9 @@ def odd_packages() -> Iterator[Catalog]:
             Message(TypeName(package, "srv", "Ask_Request"), (Field("one", own),)),
             Message(TypeName(package, "srv", "Ask_Response")),
         )
-        yield Catalog(package, {i.name: i for i in (inner, outer, service)}, {}, {})
+        interfaces = (inner, outer, service)
+        known = {message.name: message for each in interfaces for message in messages_of(each)}
+        yield Catalog(package, {each.name: each for each in interfaces}, known, {})
 
 
 def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str | Path) -> None:

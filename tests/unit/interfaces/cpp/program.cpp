@@ -399,11 +399,13 @@ void yaml()
   wide.letter = u'\u00e9';
   wide.text = u"a\u00e9\u65e5\"";
   wide.letters = {u'a'};
-  wide.precise = 0.5L;
   READS(
     probe::msg::to_yaml(wide),
-    "letter: \"\\u00e9\"\nletters:\n- \"\\u0061\"\ntext: \"a\\xe9\\u65e5\"\"\nprecise: 0.500000\n"
+    "letter: \"\\u00e9\"\nletters:\n- \"\\u0061\"\ntext: \"a\\xe9\\u65e5\"\"\n"
     "signs:\n- 0x00\n- 0x00\n");
+  rosidl_runtime_cpp::YamlWriter writer(false);
+  writer.scalar("precise", 0.5L);
+  READS(writer.text(), "precise: 0.500000\n");
 
   probe::msg::HTTPServer server;
   server.high = UINT64_MAX;

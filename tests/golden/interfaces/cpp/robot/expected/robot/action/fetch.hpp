@@ -7,5 +7,6 @@
 #include "robot/action/detail/fetch__builder.hpp"
 #include "robot/action/detail/fetch__traits.hpp"
 #include "robot/action/detail/fetch__type_support.hpp"
+#include "robot/action/detail/fetch__cdr.hpp"
 
 #endif  // ROBOT__ACTION__FETCH_HPP_

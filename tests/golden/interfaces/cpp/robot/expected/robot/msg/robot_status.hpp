@@ -7,5 +7,6 @@
 #include "robot/msg/detail/robot_status__builder.hpp"
 #include "robot/msg/detail/robot_status__traits.hpp"
 #include "robot/msg/detail/robot_status__type_support.hpp"
+#include "robot/msg/detail/robot_status__cdr.hpp"
 
 #endif  // ROBOT__MSG__ROBOT_STATUS_HPP_

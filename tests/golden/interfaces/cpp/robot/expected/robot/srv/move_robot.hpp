@@ -7,5 +7,6 @@
 #include "robot/srv/detail/move_robot__builder.hpp"
 #include "robot/srv/detail/move_robot__traits.hpp"
 #include "robot/srv/detail/move_robot__type_support.hpp"
+#include "robot/srv/detail/move_robot__cdr.hpp"
 
 #endif  // ROBOT__SRV__MOVE_ROBOT_HPP_

@@ -1,0 +1,1 @@
+extern "C" int part_number() {return 1;}

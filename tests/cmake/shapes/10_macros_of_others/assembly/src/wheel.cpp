@@ -1,0 +1,3 @@
+#include "part_loader/part_loader.hpp"
+
+extern "C" int part_number() {return 4;}

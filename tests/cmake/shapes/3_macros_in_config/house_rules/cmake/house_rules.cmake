@@ -1,0 +1,10 @@
+# What every package of the house agrees on; warnings are errors, in generated code as well.
+macro(house_rules)
+  if(NOT CMAKE_BUILD_TYPE)
+    set(CMAKE_BUILD_TYPE "Release" CACHE STRING "Chosen by house_rules" FORCE)
+  endif()
+  if(NOT CMAKE_CXX_STANDARD)
+    set(CMAKE_CXX_STANDARD 17)
+  endif()
+  add_compile_options(-Wall -Wextra -Wpedantic -Werror -Wdeprecated -fPIC)
+endmacro()

@@ -1,0 +1,1 @@
+include("${house_rules_DIR}/house_rules.cmake")

@@ -1,0 +1,3 @@
+"""Which colour a door has."""
+
+DOOR = "green"

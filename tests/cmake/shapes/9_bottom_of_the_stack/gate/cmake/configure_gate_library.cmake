@@ -1,0 +1,6 @@
+function(configure_gate_library target)
+  cmake_parse_arguments(ARG "" "LANGUAGE" "" ${ARGN})
+  if(ARG_LANGUAGE STREQUAL "C")
+    target_compile_definitions(${target} PRIVATE "GATE_IN_C")
+  endif()
+endfunction()

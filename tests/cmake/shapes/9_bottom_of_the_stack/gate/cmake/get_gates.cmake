@@ -1,0 +1,10 @@
+# Which packages registered a gate: none is no error.
+function(get_gates variable)
+  ament_index_get_resources(gates "gates")
+  set(result "")
+  foreach(gate ${gates})
+    ament_index_get_resource(kinds "gates" "${gate}")
+    list(APPEND result ${kinds})
+  endforeach()
+  set(${variable} "${result}" PARENT_SCOPE)
+endfunction()

@@ -1,0 +1,5 @@
+from text_tools import HELLO
+
+
+def test_hello():
+    assert HELLO == "hello"

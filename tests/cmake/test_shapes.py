@@ -1,0 +1,168 @@
+"""The ten shapes of tests/cmake/shapes, built by forge: copied and linked, with tests and without."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.cmake.conftest import CMAKE, ROOT
+
+if TYPE_CHECKING:
+    from tests.conftest import Golden
+
+SHAPES = Path(__file__).parent / "shapes"
+MESSAGES = 260
+BUILD_TOOLS = ("ament_cmake", "ament_lint_auto", "rosidl_default_generators")
+PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """A workspace of all shapes that was built in one way."""
+
+    root: Path
+    words: tuple[str, ...]
+
+    @property
+    def packages(self) -> list[str]:
+        """The packages of the shapes; those that forge added are left out."""
+        own = {path.parent.name for path in self.root.glob("src/**/package.xml")}
+        return sorted(own - {"src"})
+
+    def run(self, *argv: str, sourced: bool = False) -> str:
+        """Run a program, which must succeed, far from other workspaces and with no forge on PATH."""
+        kept = {key: os.environ[key] for key in ("PATH", "HOME", "TMPDIR") if key in os.environ}
+        if Path(CMAKE).is_absolute():
+            kept["PATH"] = os.pathsep.join((str(Path(CMAKE).parent), kept["PATH"]))
+        if sourced:
+            argv = ("sh", "-c", '. install/setup.sh && exec "$@"', "sh", *argv)
+        done = subprocess.run(
+            argv,
+            cwd=self.root,
+            env=kept,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout
+        return done.stdout
+
+    def build(self) -> str:
+        """Build the workspace and return what was said."""
+        return self.run("env", f"PYTHONPATH={ROOT}", sys.executable, "-m", "forge", "build", *self.words)
+
+
+def _workspace(root: Path, *words: str) -> Built:
+    """Copy the shapes, write the many messages, build."""
+    shutil.copytree(SHAPES, root / "src", ignore=shutil.ignore_patterns("README.md"))
+    folder = root / "src/4_many_messages/many_msgs/msg"
+    folder.mkdir()
+    for number in range(MESSAGES):
+        before = f"Number{number - 1}[<=2] before\n" if number % 4 else ""
+        (folder / f"Number{number}.msg").write_text(
+            f"clock_types/Stamp stamp\nfloat64[{number + 1}] values\nstring name\n{before}", encoding="utf-8"
+        )
+    built = Built(root, words)
+    built.build()
+    return built
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    """Build with tests, by copies."""
+    return _workspace(tmp_path_factory.mktemp("copied"))
+
+
+@pytest.fixture(scope="module")
+def linked(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    """Build without tests, by links, into one prefix."""
+    root = tmp_path_factory.mktemp("linked")
+    return _workspace(root, "--symlink-install", "--merge-install", "--cmake-args", "-DBUILD_TESTING=OFF")
+
+
+def test_every_shape_is_built_and_installs_what_it_should(copied: Built, golden: Golden) -> None:
+    golden(
+        "cmake/shapes", {f"{name}.txt": _listing(copied.root / "install" / name) for name in copied.packages}
+    )
+
+
+def _listing(prefix: Path) -> str:
+    """Return what is installed, a path per line; what generated code is made of inside is left out."""
+    paths = sorted(str(path.relative_to(prefix)) for path in prefix.rglob("*") if not path.is_dir())
+    inside = re.compile(r"__pycache__|/detail/|/_[a-z]|[nN]umber_?(?!1\.)\d")
+    version = re.compile(rf"{PYTHON}|py{PYTHON.removeprefix('python')}")
+    return "".join(f"{version.sub('pythonX.Y', path)}\n" for path in paths if not inside.search(path))
+
+
+def test_a_second_build_has_nothing_to_do(copied: Built) -> None:
+    assert "Starting" not in copied.build()
+    for name in copied.packages:
+        assert "no work to do" in copied.run("cmake", "--build", f"build/{name}"), name
+
+
+def test_the_shapes_own_tests_pass(copied: Built) -> None:
+    for name in copied.packages:
+        copied.run("ctest", "--test-dir", f"build/{name}", "--output-on-failure", sourced=True)
+
+
+def test_linters_that_are_missing_are_skipped_tests(copied: Built) -> None:
+    listing = copied.run("ctest", "--test-dir", "build/late_lib", "-N")
+    assert set(re.findall(r"#\d+: (\w+)$", listing, re.MULTILINE)) == {
+        *("copyright", "cppcheck", "cpplint", "flake8", "lint_cmake", "pep257", "uncrustify", "xmllint"),
+        "test_late",
+    }
+
+
+def test_users_of_every_style_run(copied: Built) -> None:
+    programs = sorted((copied.root / "install/users/lib/users").iterdir())
+    assert len(programs) == 20
+    for program in programs:
+        copied.run(str(program), sourced=True)
+
+
+def test_macros_of_others_leave_programs_and_index_entries(copied: Built) -> None:
+    prefix = copied.root / "install/assembly"
+    copied.run(str(prefix / "lib/assembly/wheel_runner"), sourced=True)
+    assert (prefix / "share/ament_index/resource_index/parts/assembly").read_text(encoding="utf-8") == (
+        "assembly::Wheel;lib/libwheel.so\nassembly::Engine;lib/libengine.so\nassembly::Pump;lib/libengine.so\n"
+    )
+
+
+def test_python_beside_generated_python_is_imported(copied: Built) -> None:
+    code = "from sample_msgs.readings import sample_reading; import frame_msgs; print(sample_reading())"
+    assert "high=4.5" in copied.run(sys.executable, "-c", code, sourced=True)
+
+
+def test_plain_cmake_uses_every_shape_without_ament(copied: Built) -> None:
+    """Neither forge nor any build tool is there: only what the packages themselves installed."""
+    prefixes = [path for path in (copied.root / "install").iterdir() if path.name not in BUILD_TOOLS]
+    where = ";".join(str(path) for path in prefixes if path.is_dir())
+    copied.run("cmake", "-S", "src/users/plain", "-B", "plain", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={where}")
+    copied.run("cmake", "--build", "plain")
+    programs = [
+        *(copied.root / "plain").glob("*_by_targets"),
+        *(copied.root / "plain").glob("*_by_variables"),
+    ]
+    assert len(programs) == 19
+    for program in programs:
+        copied.run(str(program), sourced=True)
+
+
+def test_linked_without_tests_everything_works_as_well(linked: Built) -> None:
+    header = linked.root / "install/include/late_lib/late_lib/late.hpp"
+    assert header.readlink() == linked.root / "src/6_late_library/late_lib/include/late_lib/late.hpp"
+    assert (linked.root / "install/lib/liblate_lib.so").is_symlink()
+    for program in sorted((linked.root / "install/lib/users").iterdir()):
+        linked.run(str(program), sourced=True)
+    for name in linked.packages:
+        assert "Total Tests: 0" in linked.run("ctest", "--test-dir", f"build/{name}", "-N"), name
+    assert "Starting" not in linked.build()
