@@ -12,15 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.errors import EnvironmentFault, Problem
-
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 _MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
 
 _ONE_PATH = ("--build-base", "--install-base", "--log-base", "--test-result-base")
-_MANY_PATHS = ("--base-paths", "--paths", "--metas")
+_MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
 
 
 def find_root(start: Path, home: Path) -> Path:
@@ -67,6 +65,9 @@ def standing_in(folder: Path) -> Iterator[None]:
     try:
         os.chdir(folder)
     except OSError as error:
+        # Not above: completion imports this module for each press of a key.
+        from forge.errors import EnvironmentFault, Problem  # noqa: PLC0415
+
         raise EnvironmentFault(Problem(f"cannot go to '{folder}': {error.strerror}")) from None
     try:
         yield

@@ -68,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
         _say(plan, options, level)
         if options.dry_run:
             return 0
+        records.retire(loaded.provision.superseded)
         if not plan.tasks:
             records.finish(plan, variables)
             Report(plan, loaded.packages, handlers, None).summarise(time.monotonic() - begun)

@@ -1,0 +1,166 @@
+"""What may be typed after `forge` as shell text for bash, zsh and fish, pure.
+
+Options and words are written into the scripts; names of packages are asked for when a key is pressed.
+"""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.templating import render
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+SHELLS = ("bash", "zsh", "fish")
+
+PACKAGES, INSTALLED, WORDS, FOLDERS, FILES, ANYTHING = (
+    *("packages", "installed", "words"),
+    *("folders", "files", "anything"),
+)
+"""Kinds of things: names that are asked for, words that are given, what shells find by themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What follows an option, or stands alone: its kind, whether several may follow, and WORDS themselves."""
+
+    kind: str
+    several: bool = False
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option with all its spellings; `expected` is None for one that stands alone."""
+
+    flags: tuple[str, ...]
+    summary: str
+    expected: Expected | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What may follow the words `path`: further words with their summaries, options, other things."""
+
+    path: tuple[str, ...]
+    words: tuple[tuple[str, str], ...] = ()
+    options: tuple[Option, ...] = ()
+    expected: Expected | None = None
+
+
+def completion(shell: str, contexts: Sequence[Context], answer: Sequence[str]) -> str:
+    """Return the script for a shell; `answer` is the argv that prints names."""
+    program = shlex.join(answer)
+    if shell == "fish":
+        return render(
+            "completion/fish.j2",
+            answer=program,
+            lines=list(_fish(contexts)),
+            paths=_paths(contexts),
+            one=_valued(contexts, several=False),
+            many=_valued(contexts, several=True),
+        )
+    return render(
+        f"completion/{shell}.j2",
+        answer=program,
+        offers=[_Row(_pattern(context), _quoted(_offered(context))) for context in contexts],
+        words=[
+            _Row(_pattern(context), "|".join(map(shlex.quote, (word for word, _ in context.words))))
+            for context in contexts
+            if context.words
+        ],
+        values=[row for context in contexts for row in _values(context)],
+        rest=[_Row(_pattern(context), _kind(context.expected)) for context in contexts if context.expected],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A row of a shell's case: its pattern, and finished words."""
+
+    pattern: str
+    words: str
+
+
+def _pattern(context: Context) -> str:
+    return shlex.quote(" ".join(context.path))
+
+
+def _offered(context: Context) -> Iterator[str]:
+    """Yield words and options, long spellings only where there are such."""
+    yield from (word for word, _ in context.words)
+    for option in context.options:
+        yield from [flag for flag in option.flags if flag.startswith("--")] or option.flags
+
+
+def _values(context: Context) -> Iterator[_Row]:
+    for option in context.options:
+        if option.expected:
+            pattern = "|".join(shlex.quote(" ".join((*context.path, flag))) for flag in option.flags)
+            yield _Row(pattern, _kind(option.expected))
+
+
+def _kind(expected: Expected) -> str:
+    """Return what the shell functions read: one or many, the kind, and words."""
+    return shlex.quote(" ".join(("many" if expected.several else "one", expected.kind, *expected.words)))
+
+
+def _quoted(words: Iterable[str]) -> str:
+    return " ".join(map(shlex.quote, words))
+
+
+def _paths(contexts: Sequence[Context]) -> str:
+    """Return the paths of all contexts as fish has a list of strings."""
+    return " ".join(_fish_quoted(" ".join(context.path)) for context in contexts if context.path)
+
+
+def _valued(contexts: Sequence[Context], *, several: bool) -> str:
+    """Return all options that one value follows, or several."""
+    options = [option for context in contexts for option in context.options]
+    found = (option for option in options if option.expected and option.expected.several is several)
+    return " ".join(sorted({flag for option in found for flag in option.flags}))
+
+
+def _fish(contexts: Sequence[Context]) -> Iterator[str]:
+    """Yield a line for each word, option and name."""
+    for context in contexts:
+        where = _fish_quoted(" ".join(context.path))
+        at = f"complete -c forge -n {_fish_quoted(f'__forge_at {where}')}"
+        for word, summary in context.words:
+            yield f"{at} -f -a {_fish_quoted(word)} -d {_fish_quoted(summary)}"
+        for option in context.options:
+            spellings = " ".join(map(_fish_flag, option.flags))
+            follows = f" {_fish_expected(option.expected)}" if option.expected else " -f"
+            yield f"{at} {spellings}{follows} -d {_fish_quoted(option.summary)}"
+            if option.expected and option.expected.several:
+                after = f"__forge_after {where} {' '.join(option.flags)}"
+                yield f"complete -c forge -n {_fish_quoted(after)} {_fish_expected(option.expected)}"
+        if context.expected:
+            yield f"{at} {_fish_expected(context.expected)}"
+
+
+def _fish_flag(flag: str) -> str:
+    return f"-l {flag[2:]}" if flag.startswith("--") else f"-s {flag[1:]}"
+
+
+def _fish_expected(expected: Expected) -> str:
+    match expected.kind:
+        case "packages" | "installed":
+            return f"-x -a '(__forge_answer {expected.kind})'"
+        case "words":
+            return f"-x -a {_fish_quoted(' '.join(expected.words))}"
+        case "folders":
+            return "-x -a '(__fish_complete_directories)'"
+        case "files":
+            return "-r -F"
+        case _:
+            return "-x"
+
+
+def _fish_quoted(text: str) -> str:
+    """Return a string between single quotes, in which fish knows two escapes."""
+    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
+    return f"'{escaped}'"
