@@ -211,7 +211,7 @@ class Evolving:
         return (*words, *(["--cmake-args", *sorted(self.arguments)] if self.arguments else ()))
 
     def above(self, *names: str) -> set[str]:
-        """Return the packages and all that need them."""
+        """Return the packages and all that need them, of those that there are."""
         found: set[str] = set()
         waiting = [*names]
         while waiting:
@@ -249,7 +249,10 @@ def look(folder: Path) -> dict[str, Entry]:
 
 
 def differences(actual: Mapping[str, Entry], expected: Mapping[str, Entry]) -> list[str]:
-    """Return what is not as in a clean build, one line each."""
+    """Return what is not as in a clean build, one line each; folders count by what is in them."""
+    actual, expected = (
+        {name: entry for name, entry in tree.items() if entry != ("folder",)} for tree in (actual, expected)
+    )
     lines = [f"left behind: {name}" for name in sorted(actual.keys() - expected.keys())]
     lines += [f"missing: {name}" for name in sorted(expected.keys() - actual.keys())]
     both = sorted(name for name in actual.keys() & expected.keys() if actual[name] != expected[name])
@@ -283,6 +286,8 @@ def _remark(workspace: Evolving, number: int) -> set[str]:
 def _change(workspace: Evolving, number: int) -> set[str]:
     """Change what a file says, in place."""
     path = _changeable(workspace, number)
+    if path is None:
+        return set()
     _rewrite(path, number)
     return workspace.above(_package(workspace, path))
 
@@ -290,6 +295,8 @@ def _change(workspace: Evolving, number: int) -> set[str]:
 def _replace_by_older(workspace: Evolving, number: int) -> set[str]:
     """Put another file in its place that carries an old time, as tools do that keep times."""
     path = _changeable(workspace, number)
+    if path is None:
+        return set()
     other = workspace.root / "other"
     shutil.copyfile(path, other)
     other.chmod(path.stat().st_mode)
@@ -302,6 +309,8 @@ def _replace_by_older(workspace: Evolving, number: int) -> set[str]:
 def _change_in_place_keeping_times(workspace: Evolving, number: int) -> set[str]:
     """Change what a file says and set its time back, as an editor with a bad clock would."""
     path = _changeable(workspace, number)
+    if path is None:
+        return set()
     before = path.stat()
     _rewrite(path, number)
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
@@ -601,13 +610,13 @@ _CHANGEABLE = {
 """What files say after a change: the number is in it. A length stays as it was where that is easy."""
 
 
-def _changeable(workspace: Evolving, number: int) -> Path:
+def _changeable(workspace: Evolving, number: int) -> Path | None:
     def can(path: Path) -> bool:
         own = path.name in _CHANGEABLE and _package(workspace, path) not in workspace.broken
         return own and not (path.name == "main.cpp" and _package(workspace, path) == "listener")
 
     paths = [path for path in _sources(workspace) if can(path)]
-    return paths[number % len(paths)]
+    return paths[number % len(paths)] if paths else None
 
 
 def _rewrite(path: Path, number: int, like: Path | None = None) -> None:

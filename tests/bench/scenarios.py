@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tests.bench import builds
 from tests.bench.timing import Variant
 from tests.bench.workspaces import write_workspace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,13 +25,13 @@ class Peers:
 def start(folder: Path, peers: Peers) -> tuple[Variant, ...]:
     """Measure how long forge takes to say what it can do, beside a bare interpreter."""
     del peers
-    return _base(folder), Variant("forge --help", (*_forge(), "--help"), folder)
+    return _base(folder), Variant("forge --help", (*builds.forge(), "--help"), folder)
 
 
 def list_100(folder: Path, peers: Peers) -> tuple[Variant, ...]:
     """Measure the listing of 100 packages among 2,000 files."""
     root = write_workspace(folder, 100)
-    variants = [_base(root), Variant("forge list", (*_forge(), "list"), root)]
+    variants = [_base(root), Variant("forge list", (*builds.forge(), "list"), root)]
     if peers.colcon:
         variants.append(Variant("colcon list", (peers.colcon, "--log-base", "/dev/null", "list"), root))
     return tuple(variants)
@@ -39,14 +40,9 @@ def list_100(folder: Path, peers: Peers) -> tuple[Variant, ...]:
 SCENARIOS: Mapping[str, Callable[[Path, Peers], tuple[Variant, ...]]] = {
     "start": start,
     "list-100": list_100,
+    **builds.SCENARIOS,
 }
 
 
 def _base(folder: Path) -> Variant:
     return Variant("python -c pass", (sys.executable, "-c", "pass"), folder)
-
-
-def _forge() -> tuple[str, ...]:
-    """Return the argv of the forge command beside this interpreter, else of its module."""
-    script = Path(sys.executable).with_name("forge")
-    return (str(script),) if script.is_file() else (sys.executable, "-m", "forge")

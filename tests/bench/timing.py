@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
 
@@ -20,6 +21,19 @@ class Variant:
     name: str
     argv: tuple[str, ...]
     cwd: Path
+    before: tuple[str, ...] = ()
+    """What is run before each of its runs and does not count."""
+    env: Mapping[str, str] = field(default_factory=dict)
+    """Variables on top of those of this process."""
+
+    def run(self) -> float:
+        """Run the command line once and return the seconds; raises CalledProcessError when it fails."""
+        environment = {**os.environ, **self.env}
+        if self.before:
+            subprocess.run(self.before, cwd=self.cwd, env=environment, check=True, capture_output=True)
+        start = time.perf_counter()
+        subprocess.run(self.argv, cwd=self.cwd, env=environment, check=True, capture_output=True)
+        return time.perf_counter() - start
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +61,7 @@ def compare(variants: Sequence[Variant], runs: int) -> tuple[Timing, ...]:
     seconds: dict[str, list[float]] = {variant.name: [] for variant in variants}
     for turn in range(runs + 1):
         for variant in variants:
-            taken = _run(variant)
+            taken = variant.run()
             if turn:
                 seconds[variant.name].append(taken)
     return tuple(Timing(name, tuple(taken)) for name, taken in seconds.items())
-
-
-def _run(variant: Variant) -> float:
-    start = time.perf_counter()
-    subprocess.run(variant.argv, cwd=variant.cwd, check=True, capture_output=True)
-    return time.perf_counter() - start

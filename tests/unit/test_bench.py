@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from tests.bench import builds
 from tests.bench.scenarios import SCENARIOS, Peers
 from tests.bench.timing import Timing, Variant, compare
-from tests.bench.workspaces import write_workspace
+from tests.bench.workspaces import write_ament_workspace, write_workspace
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,5 +52,20 @@ def test_a_reader_gets_milliseconds() -> None:
 
 def test_every_scenario_has_a_base_to_compare_with(tmp_path: Path) -> None:
     for name, scenario in SCENARIOS.items():
+        if name in builds.SCENARIOS:
+            continue  # these build, and compare the tools with each other
         (tmp_path / name).mkdir()
         assert scenario(tmp_path / name, Peers(colcon="colcon"))[0].name.startswith("python"), name
+
+
+def test_what_is_run_before_does_not_count(tmp_path: Path) -> None:
+    script = "import os; open('turns', 'a').write(os.environ['WORD'])"
+    before = (sys.executable, "-c", "import time; time.sleep(1); open('turns', 'a').write('-')")
+    variant = Variant("A", (sys.executable, "-c", script), tmp_path, before, {"WORD": "x"})
+    assert variant.run() < 1
+    assert (tmp_path / "turns").read_text(encoding="utf-8") == "-x"
+
+
+def test_ament_packages_are_built_by_forge(forge: Forge, tmp_path: Path) -> None:
+    root = write_ament_workspace(tmp_path, 3)
+    assert len(forge("list", "--names-only", cwd=root).out.split()) == 3
