@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
+from forge.configuration import GENERAL, configured
 from forge.errors import ForgeError, Problem
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
@@ -29,6 +30,8 @@ COMMANDS = {
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",
+    "extensions": "show what forge knows: build types, event handlers, shells",
+    "mixin": "list and show named sets of options",
     "interface": "compile, list and show .msg, .srv and .action files",
     "pkg": "create a package; ask about installed ones",
     "run": "run an executable of an installed package",
@@ -80,8 +83,14 @@ def _run(arguments: Sequence[str]) -> int:
     with standing_in(root):
         options = parser_of(arguments).parse_args(arguments)
         options.origin = os.path.relpath(origin, root)
+        for dest, value in getattr(options, "general", {}).items():
+            if getattr(options, dest) is None:
+                setattr(options, dest, value)
         code: int = options.run(options)
     return code
+
+
+_NOT_GIVEN = object()
 
 
 class Parser(argparse.ArgumentParser):
@@ -92,12 +101,31 @@ class Parser(argparse.ArgumentParser):
     """
 
     greedy: frozenset[str] = frozenset()
+    verb: str | None = None
+    """The command whose options files may say, too."""
 
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
         """Parse after shielding the values of greedy options with a blank, as colcon's users do."""
-        return super().parse_known_args(self._shielded(args or ()), namespace)
+        shielded = self._shielded(args or ())
+        if self.verb is None:
+            return super().parse_known_args(shielded, namespace)
+        actions = [action for action in self._actions if action.default is not argparse.SUPPRESS]
+        namespace = argparse.Namespace(**dict.fromkeys((action.dest for action in actions), _NOT_GIVEN))
+        options, rest = super().parse_known_args(shielded, namespace)
+        given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
+        said = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
+        # What may stand before the command, too, must not win over that.
+        general = {dest: said.pop(dest) for dest in GENERAL if dest in said}
+        defaults = {action.dest: self._default(action) for action in actions}
+        values = {**defaults, **given, **said, "given": frozenset(given), "general": general}
+        return argparse.Namespace(**values), rest
+
+    def _default(self, action: argparse.Action) -> object:
+        """Return the value of an option that nobody gave; a text is converted as if typed."""
+        default = action.default
+        return self._get_value(action, default) if isinstance(default, str) else default
 
     def _shielded(self, arguments: Sequence[str]) -> list[str]:
         shielded: list[str] = []
@@ -137,6 +165,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"forge.commands.{word.replace('-', '_')}")
             module.register(command)
             command.set_defaults(run=module.run)
+            command.verb = word if word in _IN_WORKSPACE else None
     return parser
 
 

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING
 from forge.capacity import MemoryLimit, memory_limit
 from forge.errors import Problem, SelectionError
 from forge.layout import Layout
+from forge.settings import setting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from forge.cli import Parser
 
 LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 50}
 """How much forge says about itself: from info on why packages are built, from debug on every command."""
+
+
+EXECUTORS = ("parallel", "sequential")
 
 
 def add_layout(parser: Parser) -> None:
@@ -43,23 +45,13 @@ def add_budget(parser: Parser) -> None:
     group.add_argument(
         "--parallel-workers", type=int, default=0, metavar="N", help="packages at a time (default: --jobs)"
     )
-    group.add_argument("--executor", choices=["parallel", "sequential"], default="parallel")
+    group.add_argument("--executor", choices=EXECUTORS, default=_executor())
     group.add_argument(
         "--memory-limit", type=_size, metavar="SIZE", help="add no job above this, as 80%%, 12G or none"
     )
     group.add_argument(
         "--load-limit", type=float, metavar="X", help="add no job while the load is above this"
     )
-
-
-def setting(name: str, variables: Mapping[str, str]) -> str | None:
-    """Return what the environment says about forge: FORGE_NAME, else colcon's COLCON_NAME."""
-    return variables.get(f"FORGE_{name}") or variables.get(f"COLCON_{name}") or None
-
-
-def home(variables: Mapping[str, str]) -> Path:
-    """Return the folder of the user's own settings, which forge shares with colcon."""
-    return Path(setting("HOME", variables) or "~/.colcon").expanduser()
 
 
 def layout_of(options: argparse.Namespace, root: Path) -> Layout:
@@ -94,6 +86,12 @@ def spelled(path: Path | str, options: argparse.Namespace) -> str:
     if origin == os.curdir or Path(path).is_absolute():
         return str(path)
     return os.path.relpath(path, origin)
+
+
+def _executor() -> str:
+    """Return the executor that the environment prefers, if it is one."""
+    word = setting("DEFAULT_EXECUTOR", os.environ)
+    return word if word in EXECUTORS else EXECUTORS[0]
 
 
 def _absolute(path: str, root: Path) -> Path:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.configuration import package_options
 from forge.errors import Place, Problem, WorkspaceError
 from forge.formats import read_yaml
 from forge.model import Dependency, Kind
@@ -46,7 +47,7 @@ class Overrides:
 
 
 def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overrides:
-    """Return what the files say: those below `home`/metadata, then each of `metas`.
+    """Return what the files say: those below `home`/metadata, each of `metas`, forge.toml.
 
     A folder among `metas` means the colcon.meta in it; one that is not there says nothing. Raises
     WorkspaceError for files that are malformed.
@@ -59,6 +60,8 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
             for name, values in _section(said, key, path).items():
                 merged = target.setdefault(name if key == "names" else _real(path, name), {})
                 merge(merged, values)
+    for name, values in package_options(root).items():
+        merge(by_name.setdefault(name, {}), values)
     return Overrides(by_name, by_path)
 
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from forge.cli import Parser
 
-_HERE = ["."]
 _BY_NAME = {
     "select": "only these",
     "skip": "not these",
@@ -43,12 +42,13 @@ def add(parser: Parser) -> None:
     """Add where packages are looked for, and which of them count."""
     _add_discovery(parser)
     _add_selection(parser)
+    _add_sets(parser)
 
 
 def _add_discovery(parser: Parser) -> None:
     """Add where packages are looked for."""
     group = parser.add_argument_group("where packages are")
-    _paths(group, "--base-paths", _HERE, "folders to walk (default: the current one)")
+    _paths(group, "--base-paths", ["."], "folders to walk (default: the current one)")
     _paths(group, "--paths", [], "folders of packages; 'src/*' means all in it")
     _paths(group, "--metas", ["colcon.meta"], "files with options for packages (default: colcon.meta)")
     group.add_argument(
@@ -90,6 +90,16 @@ def _add_selection(parser: Parser) -> None:
     group.add_argument("--strict", action="store_true", help="a name that no package has is always an error")
 
 
+def _add_sets(parser: Parser) -> None:
+    """Add where further options come from; forge.configuration reads them."""
+    group = parser.add_argument_group("options from files")
+    group.add_argument("--profile", metavar="NAME", help="those of a profile in forge.toml")
+    group.add_argument("--mixin", nargs="*", metavar="NAME", help="those of mixins: 'forge mixin list'")
+    group.add_argument(
+        "--mixin-files", nargs="*", metavar="FILE", help="files with mixins, beside the user's own"
+    )
+
+
 def add_listing(parser: Parser) -> None:
     """Add all that a command takes which shows packages, and builds none."""
     add(parser)
@@ -101,8 +111,17 @@ def add_listing(parser: Parser) -> None:
 
 
 def base_paths_of(options: argparse.Namespace) -> Sequence[str]:
-    """Return the folders to walk: none by default where --paths names the packages."""
-    return () if options.paths and options.base_paths is _HERE else options.base_paths
+    """Return the folders to walk: none where the command line has --paths, and not --base-paths."""
+    given = getattr(options, "given", ())
+    if "paths" in given and options.paths and "base_paths" not in given:
+        return ()
+    return tuple(options.base_paths)
+
+
+def paths_of(options: argparse.Namespace) -> Sequence[str]:
+    """Return the folders that are packages themselves: the command line's --base-paths put files' aside."""
+    given = getattr(options, "given", ())
+    return () if "base_paths" in given and "paths" not in given else tuple(options.paths)
 
 
 def query_of(options: argparse.Namespace) -> Query:

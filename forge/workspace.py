@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from forge import options as shared
 from forge import package_options
 from forge.discovery import discover, discover_embedded
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
@@ -17,6 +16,7 @@ from forge.overrides import read_overrides
 from forge.prefixes import find_underlays, provider, system_prefixes
 from forge.provision import ALL_KINDS, Provision, provide
 from forge.selection import ignored, select, twin
+from forge.settings import home
 
 if TYPE_CHECKING:
     import argparse
@@ -83,11 +83,13 @@ def warn(problems: Iterable[Problem]) -> None:
 
 
 def _discovered(root: Path, options: argparse.Namespace, variables: Mapping[str, str]) -> Workspace:
-    overrides = read_overrides(
-        root, options.metas, None if options.ignore_user_meta else shared.home(variables)
-    )
+    overrides = read_overrides(root, options.metas, None if options.ignore_user_meta else home(variables))
     return discover(
-        root, package_options.base_paths_of(options), variables, paths=options.paths, overrides=overrides
+        root,
+        package_options.base_paths_of(options),
+        variables,
+        paths=package_options.paths_of(options),
+        overrides=overrides,
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
 
 _ONE_PATH = ("--build-base", "--install-base", "--log-base", "--test-result-base")
-_MANY_PATHS = ("--base-paths", "--paths", "--metas")
+_MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
 
 
 def find_root(start: Path, home: Path) -> Path:

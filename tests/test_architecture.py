@@ -27,14 +27,14 @@ FLOORS = {
         budget capacity digests discovery execution explaining externals folders installation
         installed interpreter jobs jobserver journal occupancy prefixes records reporting runner snapshot
         sourcing toolchain tools transcript wheels
-        identification identity limits overrides plain_packages
+        configuration identification identity limits mixins overrides plain_packages
         testing testing.* worker_client workspace_root
         cleaning compile_commands completion_words
         interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
         charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks makeflags
-        manifest planning provision python_reading recipes recipes.* schedule scripts selection
+        manifest planning provision python_reading recipes recipes.* schedule settings scripts selection
         xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing
     """,

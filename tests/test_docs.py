@@ -21,6 +21,7 @@ TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, a
 
 
 VERBS = {
+    "mixin": ("list", "show"),
     "interface": ("list", "package", "packages", "show", "proto", "hash", "schema", "generate"),
     "pkg": ("create", "list", "executables", "prefix", "xml"),
 }

@@ -78,6 +78,7 @@ def run(options: argparse.Namespace) -> int:
         _say(plan, options, level)
         if options.dry_run:
             return 0
+        records.retire(loaded.provision.superseded)
         with (
             closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
             warm_worker(plan) as found_by,
