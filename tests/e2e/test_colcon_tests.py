@@ -104,6 +104,22 @@ def test_unittest_leaves_results_where_colcon_fails(colcon: Colcon, forge: Forge
     assert notes(root) == {"u_test": "test failures\n"}
 
 
+def test_results_of_ament_go_where_both_were_told(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "src/a_test/package.xml": manifest_text("a_test", "<depend>ament_cmake</depend>"),
+            "src/a_test/CMakeLists.txt": AMENT,
+        }
+    )
+    option = ("--test-result-base", "results")
+    assert forge("build", *option, cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
+    assert forge("test", *option, cwd=root, env=VARIABLES).code == 0
+    ran = forge("test-result", *option, cwd=root)
+    assert ran.out.endswith("\nSummary: 2 tests, 0 errors, 1 failure, 0 skipped\n")
+    assert (root / "results/a_test/bad.xml").is_file()
+    assert (root / "results/a_test/Testing/TAG").is_file()
+
+
 @pytest.mark.parametrize("seed", range(25))
 def test_results_of_all_shapes_are_read_alike(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
     root = tree(dict(random_results(random.Random(seed))))  # noqa: S311  (no secrets)
