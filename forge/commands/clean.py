@@ -14,12 +14,13 @@ from forge import package_options
 from forge.cleaning import BASES, left_over, litter_of_package, litter_of_workspace, made_packages, remove
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
-from forge.installation import STATE, finish_workspace, recorded_python
+from forge.installation import finish_workspace
 from forge.journal import open_journal
 from forge.names import did_you_mean
 from forge.occupancy import occupied
 from forge.prefixes import LAYOUT_MARKER
 from forge.preparation import build_variables
+from forge.results import STATE, recorded_python
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
