@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
-from forge.installation import MANIFESTS, remove_file
+from forge.installation import MANIFESTS
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
+from forge.results import remove_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

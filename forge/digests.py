@@ -128,9 +128,12 @@ def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
     return hashlib.blake2b(said.encode(errors="surrogateescape"), digest_size=16).hexdigest()
 
 
-def source_files(root: str) -> Iterator[str]:
-    """Yield the paths of the files that count as sources, sorted folder by folder."""
-    return (path for path, _, _ in _below(root, (os.path.realpath(root),)))
+def source_files(root: str, without: str | None = None) -> Iterator[str]:
+    """Yield the paths of the files that count as sources, sorted folder by folder.
+
+    Folders of the name `without` are left out.
+    """
+    return (path for path, _, _ in _below(root, (os.path.realpath(root),), without))
 
 
 def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
@@ -140,7 +143,9 @@ def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
             yield path, status
 
 
-def _below(folder: str, real: tuple[str, ...]) -> Iterator[tuple[str, os.stat_result, bool]]:
+def _below(
+    folder: str, real: tuple[str, ...], without: str | None = None
+) -> Iterator[tuple[str, os.stat_result, bool]]:
     """Yield each file below a folder with its stat, and if a link to a folder led there.
 
     `real` are the real folders on the way, which are not entered again.
@@ -153,14 +158,14 @@ def _below(folder: str, real: tuple[str, ...]) -> Iterator[tuple[str, os.stat_re
     for entry in entries:
         name = entry.name
         if entry.is_dir(follow_symlinks=False):
-            if name not in _LITTER_FOLDERS and not name.endswith(".egg-info"):
-                yield from _below(entry.path, real)
+            if name not in _LITTER_FOLDERS and name != without and not name.endswith(".egg-info"):
+                yield from _below(entry.path, real, without)
         elif not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS)):
             yield entry.path, entry.stat(follow_symlinks=False), len(real) > 1
             if entry.is_symlink() and entry.is_dir():
                 target = os.path.realpath(entry.path)
                 if not any(f"{way}/".startswith(f"{target}/") for way in real):
-                    yield from _below(entry.path, (*real, target))
+                    yield from _below(entry.path, (*real, target), without)
 
 
 def _mark(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError
-from forge.runner import LAST_COMMAND, step_line
+from forge.steps import LAST_COMMAND, step_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

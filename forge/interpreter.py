@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,6 +113,8 @@ def _ask_missing(interpreter: Interpreter, names: list[str]) -> list[str]:
 
 def _ask(path: Path, program: str, *arguments: str) -> str:
     """Run a line of Python in another interpreter and return what it prints."""
+    import subprocess  # noqa: PLC0415  (our own interpreter need not be asked)
+
     try:
         done = subprocess.run([path, "-c", program, *arguments], capture_output=True, text=True, check=True)
     except OSError as error:

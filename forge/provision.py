@@ -44,11 +44,13 @@ class Provision:
 
     `needs` has an edge for every dependency of any kind that one of `packages` answers to.
     `missing` maps a package to its dependencies that look like ROS packages and that nobody provides.
+    `superseded` are embedded packages that must not be there, since somebody else answers for them.
     """
 
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
     missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    superseded: frozenset[str] = frozenset()
 
 
 def provide(
@@ -81,7 +83,9 @@ def provide(
             if other and other.name not in packages:
                 packages[other.name] = other
                 waiting.append(other.name)
-    return Provision(packages, needs, missing)
+    standing = {package.name for package in answers.values()}
+    superseded = (name for name in embedded if name not in standing or provider(name))
+    return Provision(packages, needs, missing, frozenset(superseded) - workspace.keys())
 
 
 def is_ros_name(name: str) -> bool:

@@ -10,17 +10,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.cleaning import litter_of_package, remove
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
 from forge.externals import external_inputs
-from forge.installation import STATE, finish_workspace, installed_files, remove_file
+from forge.installation import installed_files
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
 from forge.prefixes import find_underlays
+from forge.results import STATE, remove_file
 from forge.snapshot import moved_externals
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from forge.freshness import Outlook
     from forge.interpreter import Interpreter
@@ -52,6 +54,17 @@ class Records:
             now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
             if now != record:
                 self.journal.remember(name, now)
+
+    def retire(self, names: Iterable[str]) -> None:
+        """Remove what was built of embedded packages that have stepped aside.
+
+        They would be found before the real ones: by CMake in a merged install and where its cache names
+        them, by shells that source the workspace.
+        """
+        for name in sorted(self.journal.records.keys() & set(names)):
+            remove(tuple(litter_of_package(name, self._layout, self.journal.records)))
+            self.journal.forget(name)
+            self._ran = True
 
     def settle(self, task: Task) -> Task | None:
         """Return the task as it is to run, or None when what it needs came out as before."""
@@ -108,6 +121,8 @@ class Records:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""
         install = self._layout.install
         if self._ran or plan.tasks or not (install / STATE).is_file():
+            from forge.installation import finish_workspace  # noqa: PLC0415  (most builds change nothing)
+
             chain = find_underlays(variables, install).chain
             finish_workspace(self._layout, chain, self._interpreter.path)
         if self._ran:

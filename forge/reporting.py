@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from forge.diagnosis import FirstError, first_error
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.model import (
     TEST_FAILURES,
@@ -22,12 +21,13 @@ from forge.model import (
     StepStarted,
 )
 from forge.names import did_you_mean
-from forge.runner import environment_file, step_line
+from forge.steps import environment_file, step_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from forge.diagnosis import FirstError
     from forge.model import BuildPlan, Event, Package
 
 HANDLERS = {
@@ -191,6 +191,8 @@ class Report:
 
     def _fail(self, event: Finished) -> None:
         """Name the package, the step, the first error, the log and the command to repeat."""
+        from forge.diagnosis import first_error  # noqa: PLC0415  (only a failure pays for it)
+
         task = event.task
         text = [line.decode(errors="replace") for line, _ in self._output.get(task, [])]
         error = first_error(text)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 from forge.files import write_if_changed
 from forge.jobserver import is_blurb
 from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Output, StepFinished, StepStarted
+from forge.steps import LAST_COMMAND, environment_file, step_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -28,22 +29,7 @@ if TYPE_CHECKING:
 GRACE_SECONDS = 5.0
 """How long an interrupted program may take to end before it is told again, and harder."""
 
-LAST_COMMAND = "last_command"
-"""The file on a task's desk with the line that repeats its last step."""
-
 _NOT_STARTED = 127
-
-
-def environment_file(task: Task) -> Path:
-    """Return the file on a task's desk that exports what its programs see."""
-    return task.build_dir / task.desk / "environment.sh"
-
-
-def step_line(step: Step, environment: Path | None = None) -> str:
-    """Return a step as a line for a shell, in the environment that a file of exports describes."""
-    source = f". {shlex.quote(str(environment))} && " if environment else ""
-    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
-    return f"{source}cd {shlex.quote(str(step.cwd))} && {variables}{shlex.join(step.argv)}"
 
 
 class Runner(Protocol):

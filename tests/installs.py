@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.installation import begin_workspace, finish_workspace, install_package, uninstall_markers
+from forge.installation import finish_workspace, install_package, uninstall_markers
 from forge.interpreter import Interpreter
 from forge.layout import Layout
+from forge.results import begin_workspace
 from tests.packages import manifest_text, package
 
 if TYPE_CHECKING:

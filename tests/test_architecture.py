@@ -20,22 +20,21 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = {
     4: """
-        __main__ cli commands commands.* options package_options preparation testing.preparing worker
-        workspace
+        __main__ cli commands commands.* options package_options preparation testing.preparing
+        undertaking worker workspace
     """,
     3: """
         budget capacity digests discovery execution explaining externals folders installation
-        installed interpreter jobs jobserver journal occupancy prefixes records reporting runner snapshot
-        sourcing toolchain tools transcript wheels
-        configuration identification identity limits mixins overrides plain_packages
-        testing testing.* worker_client workspace_root
-        cleaning compile_commands completion_words
-        interfaces interfaces.loading interfaces.records interfaces.sources interfaces.writing
+        installed interpreter jobs jobserver journal occupancy prefixes records reporting results
+        runner snapshot sourcing steps toolchain tools transcript wheels configuration
+        identification identity limits mixins overrides plain_packages testing testing.*
+        worker_client workspace_root cleaning compile_commands completion_words interfaces
+        interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks makeflags
-        manifest planning provision python_reading recipes recipes.* schedule settings scripts selection
-        xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
+        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks
+        makeflags manifest planning provision python_reading recipes recipes.* schedule settings
+        scripts selection xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing
     """,
     1: "model layout interfaces.model",

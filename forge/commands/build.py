@@ -11,33 +11,23 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
-from forge.budget import without_jobs
-from forge.compile_commands import merge_compile_commands
-from forge.execution import execute
 from forge.explaining import commands, explain, last_command
-from forge.installation import begin_workspace
-from forge.jobs import Jobs
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
-    open_budget,
     prepare,
     refuse_what_cannot_work,
     standing,
-    toolchain_of,
-    warm_worker,
 )
 from forge.records import open_records
 from forge.reporting import Report, handlers_of
-from forge.schedule import Board
+from forge.results import begin_workspace
 from forge.snapshot import take_snapshot
-from forge.transcript import open_transcript
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
 
     from forge.cli import Parser
     from forge.model import BuildPlan
@@ -78,30 +68,15 @@ def run(options: argparse.Namespace) -> int:
         _say(plan, options, level)
         if options.dry_run:
             return 0
-        with (
-            closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
-            warm_worker(plan) as found_by,
-            closing(open_budget(options, kitchen, variables, plan)) as budget,
-        ):
-            report = Report(plan, loaded.packages, handlers, transcript.folder)
-            jobs = Jobs(
-                loaded.provision, layout, interpreter, {**without_jobs(variables), **found_by}, records
-            )
-            runner = jobs.runner(
-                budget, None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
-            )
-            board = _board(plan, options, budget.jobs, records.seconds())
-            try:
-                for event in execute(plan, runner, board, records.settle):
-                    records.take(event, plan)
-                    transcript.write(event)
-                    report.show(event)
-            finally:
-                records.finish(plan, variables)
-                if handlers["compile_commands"]:
-                    merge_compile_commands(layout.build)
-                report.summarise(time.monotonic() - begun)
-    return report.exit_code
+        records.retire(loaded.provision.superseded)
+        if not plan.tasks:
+            records.finish(plan, variables)
+            Report(plan, loaded.packages, handlers, None).summarise(time.monotonic() - begun)
+            return 0
+        from forge.undertaking import Undertaking, carry_out  # noqa: PLC0415  (a build of nothing is quick)
+
+        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables)
+        return carry_out(plan, undertaking, records, handlers, begun)
 
 
 def _add_what_to_build(parser: Parser) -> None:
@@ -112,6 +87,7 @@ def _add_what_to_build(parser: Parser) -> None:
         "--force", action="store_true", help="build the selected packages though they are fresh"
     )
     group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
+    group.add_argument("--test-result-base", metavar="DIR", help="where tests of ament leave their results")
     group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
     group.add_argument(
         "--ament-cmake-args", nargs="*", default=[], metavar="ARG", help="to ament_cmake packages"
@@ -141,9 +117,3 @@ def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
     elif level <= shared.LOG_LEVELS["info"]:
         talk = (*explain(plan), *(commands(plan) if level <= shared.LOG_LEVELS["debug"] else ()))
         print(*talk, sep="\n", file=sys.stderr)
-
-
-def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
-    # A package that is started holds a job, so more of them would only wait.
-    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
-    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)

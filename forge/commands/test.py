@@ -13,10 +13,10 @@ from forge import options as shared
 from forge import package_options
 from forge.errors import WorkspaceError
 from forge.execution import execute
-from forge.installation import begin_workspace
 from forge.model import Finished
 from forge.preparation import build_variables
 from forge.reporting import Report, handlers_of
+from forge.results import begin_workspace
 from forge.schedule import Board
 from forge.testing.preparing import (
     absent_problems,

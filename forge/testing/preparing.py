@@ -11,12 +11,12 @@ from forge.budget import Budget
 from forge.capacity import processors, shortage
 from forge.errors import EnvironmentFault, Problem, WorkspaceError, raise_if_any
 from forge.graph import closures, ordered_names
-from forge.installation import recorded_python
 from forge.interpreter import find_interpreter, missing_modules
 from forge.jobserver import joined_pool
 from forge.makeflags import read_make_flags
 from forge.model import BuildPlan, Task
 from forge.prefixes import PACKAGES, find_underlays, provider
+from forge.results import recorded_python
 from forge.testing.looking import look
 from forge.testing.recipes import TEST_RECIPES, Bench, Look, framework
 from forge.tools import CMAKE_TYPES, find_ctest

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from forge.folders import clear
 from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
-from forge.runner import ProcessRunner, environment_file, step_line
+from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
+from forge.steps import environment_file, step_line
 from forge.testing.collecting import collect
 from forge.testing.outcomes import twin_of
 from forge.testing.showing import Failure, first_lines, last_lines

@@ -8,14 +8,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.errors import WorkspaceError
-from forge.installation import (
-    begin_workspace,
-    finish_workspace,
-    install_package,
-    recorded_underlays,
-    uninstall_markers,
-)
+from forge.installation import finish_workspace, install_package, uninstall_markers
 from forge.layout import Layout
+from forge.results import begin_workspace, recorded_underlays
 from tests.installs import PYTHON, Made, dsv_package, make_install
 from tests.packages import manifest_text, package
 

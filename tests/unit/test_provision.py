@@ -94,3 +94,11 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
         "'x' needs 'launch_ros'",
         "'p' needs 'rclpy'",
     ]
+
+
+def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
+    """A family as a whole, single packages by their name; the workspace's own is not meant."""
+    own = by_name(package("a", "std_msgs"), package("unique_identifier_msgs"))
+    assert provide(own, EMBEDDED, nobody).superseded == set()
+    made = provide(own, EMBEDDED, {"ament_cmake_core": 1, "std_msgs": 1, "unique_identifier_msgs": 1}.get)
+    assert made.superseded == {"ament_cmake", "std_msgs"}

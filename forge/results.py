@@ -1,0 +1,112 @@
+"""The build and install folders as wholes: their markers, and what forge remembers of an install tree."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.errors import Place, Problem, WorkspaceError
+from forge.files import write_if_changed
+from forge.prefixes import LAYOUT_MARKER
+
+if TYPE_CHECKING:
+    from forge.layout import Layout
+
+STATE = ".forge.json"
+
+_BUILDERS = ("colcon", "forge")
+
+
+def begin_workspace(layout: Layout) -> None:
+    """Make the build and install folders with their markers, which colcon shares with forge.
+
+    Raises WorkspaceError when a folder cannot be made, belongs to another tool, or has the other layout.
+    """
+    problems = []
+    for check in (_begin_build, _begin_install):
+        try:
+            problem = check(layout)
+        except OSError as error:
+            hint = "choose other folders with '--build-base' and '--install-base', or make them writable"
+            problem = Problem(f"cannot make '{error.filename}': {error.strerror}", hint=hint)
+        if problem:
+            problems.append(problem)
+    if problems:
+        raise WorkspaceError(*dict.fromkeys(problems))
+
+
+def recorded_underlays(root: Path) -> tuple[Path, ...]:
+    """Return the underlays that the last build of an install tree recorded, lowest first."""
+    return _recorded(root)[1]
+
+
+def recorded_python(root: Path) -> str | None:
+    """Return the interpreter that an install tree was last built for, if there is a record and a file."""
+    python = _recorded(root)[0]
+    return python if python and Path(python).exists() else None
+
+
+def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
+    """Return the interpreter and the underlays of the last build."""
+    try:
+        state = json.loads((root / STATE).read_text(encoding="utf-8"))
+        return str(state["python"]), tuple(map(Path, state["underlays"]))
+    except OSError:  # what cannot be read cannot be written either: begin_workspace tells
+        return None, ()
+    except (ValueError, KeyError, TypeError) as error:
+        problem = Problem(
+            "this is no state of forge", Place(root / STATE), hint="remove the file and build again"
+        )
+        raise WorkspaceError(problem) from error
+
+
+def remove_file(path: Path, root: Path) -> None:
+    """Remove a file and the folders that this leaves empty, up to but not including `root`."""
+    path.unlink(missing_ok=True)
+    for folder in path.parents:
+        if folder == root:
+            break
+        try:
+            folder.rmdir()
+        except OSError:
+            break
+
+
+def _begin_build(layout: Layout) -> Problem | None:
+    """Make the build folder, unless another tool has built there."""
+    marker = layout.build / ".built_by"
+    builder = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    if builder not in {None, *_BUILDERS}:
+        hint = "remove the folder, or choose another with '--build-base'"
+        return Problem(f"the build folder '{layout.build}' belongs to '{builder}'", hint=hint)
+    _make_ignored(layout.build)
+    write_if_changed(marker, "colcon\n")
+    return None
+
+
+def _begin_install(layout: Layout) -> Problem | None:
+    """Make the install folder, unless it is shared the other way."""
+    if layout.install.exists() and not layout.install.is_dir():
+        hint = "remove it, or choose another with '--install-base'"
+        return Problem(f"the install folder '{layout.install}' is a file", hint=hint)
+    marker = layout.install / LAYOUT_MARKER
+    word = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    if word not in {None, layout.word}:
+        change = "remove '--merge-install'" if layout.merged else "add '--merge-install'"
+        return Problem(
+            f"the install folder '{layout.install}' has the {word} layout, not the {layout.word} one",
+            hint=f"{change}, remove the folder, or choose another with '--install-base'",
+        )
+    _make_ignored(layout.install)
+    write_if_changed(marker, f"{layout.word}\n")
+    return None
+
+
+def _make_ignored(folder: Path) -> None:
+    """Make a folder in which nobody looks for packages."""
+    folder.mkdir(parents=True, exist_ok=True)
+    marker = folder / "COLCON_IGNORE"
+    if not os.path.lexists(marker):
+        marker.touch()

@@ -1,0 +1,133 @@
+"""Carrying out a plan: log, job budget, warm worker, runner and report around the one loop."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from forge.budget import Budget, without_jobs
+from forge.capacity import processors, shortage
+from forge.compile_commands import merge_compile_commands
+from forge.errors import Problem
+from forge.execution import execute
+from forge.freshness import environment_that_counts
+from forge.jobs import Jobs
+from forge.jobserver import common_style, joined_pool, own_pool, spoken
+from forge.makeflags import read_make_flags
+from forge.preparation import INTERFACE_GROUP
+from forge.recipes.cmake import common_arguments
+from forge.reporting import Report
+from forge.schedule import Board
+from forge.toolchain import Toolchain
+from forge.tools import CMAKE_TYPES
+from forge.transcript import open_transcript
+from forge.workspace import warn
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Mapping
+    from contextlib import AbstractContextManager
+
+    from forge.interpreter import Interpreter
+    from forge.model import BuildPlan
+    from forge.recipes.kitchen import Kitchen
+    from forge.records import Records
+    from forge.workspace import Loaded
+
+
+@dataclass(frozen=True, slots=True)
+class Undertaking:
+    """What a build was asked for and what it found: options, packages, tools, interpreter, environment."""
+
+    options: argparse.Namespace
+    loaded: Loaded
+    kitchen: Kitchen
+    interpreter: Interpreter
+    variables: Mapping[str, str]
+
+
+def carry_out(
+    plan: BuildPlan, undertaking: Undertaking, records: Records, handlers: dict[str, bool], begun: float
+) -> int:
+    """Build what the plan says and return the exit code; `begun` is when the command started."""
+    options, loaded, kitchen = undertaking.options, undertaking.loaded, undertaking.kitchen
+    variables, layout = undertaking.variables, undertaking.kitchen.layout
+    with (
+        closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
+        warm_worker(plan) as found_by,
+        closing(open_budget(options, kitchen, variables, plan)) as budget,
+    ):
+        report = Report(plan, loaded.packages, handlers, transcript.folder)
+        surroundings = {**without_jobs(variables), **found_by}
+        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
+        toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
+        board = _board(plan, options, budget.jobs, records.seconds())
+        try:
+            for event in execute(plan, jobs.runner(budget, toolchain), board, records.settle):
+                records.take(event, plan)
+                transcript.write(event)
+                report.show(event)
+        finally:
+            records.finish(plan, variables)
+            if handlers["compile_commands"]:
+                merge_compile_commands(layout.build)
+            report.summarise(time.monotonic() - begun)
+    return report.exit_code
+
+
+def toolchain_of(kitchen: Kitchen, variables: Mapping[str, str]) -> Toolchain | None:
+    """Return what spares new packages the examination of the compilers.
+
+    None without CMake, and where ament packages are told what others are not: that may be a compiler.
+    """
+    if kitchen.cmake is None or kitchen.ament_cmake_args:
+        return None
+    told_apart = (*kitchen.tools, *environment_that_counts(variables))
+    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart)
+
+
+def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
+    """Return what starts a worker for the plan's interface packages and gives the variables to find it.
+
+    Without such packages there is nothing to start, and nothing to find.
+    """
+    if not any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
+        return nullcontext({})
+    from forge.worker import worker  # noqa: PLC0415  (the usual build has none)
+
+    return worker()
+
+
+def open_budget(
+    options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str], plan: BuildPlan
+) -> Budget:
+    """Return the job tokens of a build: those of a make above us, else as many as were asked for.
+
+    Which tools can share them is tried out, in one style for all, since one may start the other.
+    """
+    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+    level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
+    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0) or processors()
+    pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
+    if flags.auth and pool is None and not options.jobs:
+        hint = "begin its rule with '+', or give forge its own --jobs"
+        warn([Problem("the jobserver of the make above cannot be reached", hint=hint)])
+    compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+    tools = {"ninja": kitchen.ninja, "make": kitchen.make} if compiles else {}
+    spoken_by = {name: spoken(name, tool, variables) for name, tool in tools.items() if tool}
+    style = pool.style if pool else common_style(spoken_by)
+    if pool is None and style is not None:
+        pool = own_pool(style)
+    fluent = frozenset(name for name, styles in spoken_by.items() if style in styles)
+    short = partial(shortage, options.memory_limit, kitchen.load_limit)
+    return Budget(jobs, pool, fluent, flags, short)
+
+
+def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
+    # A package that is started holds a job, so more of them would only wait.
+    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)
