@@ -10,6 +10,7 @@ help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
 	@echo "make fuzz    compare many random messages with rosbags', read a million spoilt ones"
+	@echo "make peers   install colcon, which tests then compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
 	@echo "make bench   measure, print JSON"
@@ -24,6 +25,8 @@ test: .venv/.ready
 fuzz: .venv/.ready
 	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) tests/e2e/test_cdr_differential.py
 
+peers: .venv-peers/.ready
+
 lint: .venv/.ready
 	.venv/bin/python -m ruff check .
 	.venv/bin/python -m ruff format --check .
@@ -35,7 +38,7 @@ bench: .venv/.ready
 	.venv/bin/python -m tests.bench
 
 clean:
-	rm -rf .venv .venv-demo examples_ws/build examples_ws/install examples_ws/log
+	rm -rf .venv .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
 
 # The demo installs forge as its users do: a wheel, with the cmake and ninja wheels beside it.
 .venv-demo/.ready: pyproject.toml $(shell find forge templates -type f -not -name '*.pyc')
@@ -48,4 +51,10 @@ clean:
 	$(PYTHON) -m venv .venv
 	.venv/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
 	.venv/bin/python -m pip install --quiet --editable '.[cmake]' --group test
+	@touch $@
+
+# colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py.
+.venv-peers/.ready:
+	$(PYTHON) -m venv .venv-peers
+	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions
 	@touch $@

@@ -219,7 +219,8 @@ class _Reader:
     def dependencies(self) -> Iterator[Dependency]:
         for child in self.root.children:
             kinds = DEPENDENCY_KINDS.get(child.tag)
-            if kinds is None or not self.active(child):
+            # Conditions of <conflict> and <replace> are held to be right, too.
+            if child.tag not in _CONDITIONAL or not self.active(child) or kinds is None:
                 continue
             if not child.text.strip():
                 self.warn(child, f"element '{child.tag}' is empty")
@@ -257,9 +258,12 @@ class _Reader:
 
     def check_meaning(self, manifest: Manifest) -> None:
         for child in self.root.children:
-            if child.tag in DEPENDENCY_KINDS and child.text.strip() == manifest.name and self.active(child):
+            if child.tag in DEPENDENCY_KINDS and child.text.strip() == manifest.name:
                 self.fault(child, f"package '{manifest.name}' depends on itself")
-        for group in sorted(set(manifest.groups) & set(manifest.group_dependencies)):
+        member, wanted = (
+            {child.text.strip() for child in self.root.all(tag)} for tag in ("member_of_group", "group_depend")
+        )
+        for group in sorted(member & wanted):
             self.fault(self.root, f"the package is a member of the group '{group}' that it depends on")
         if self.format == 1:
             self.check_repeated("test_depend", ("build_depend", "run_depend"))

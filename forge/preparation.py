@@ -102,6 +102,7 @@ def prepare(
         load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
+        test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
         force_configure=options.cmake_force_configure,
         environment_generator=variables.get("CMAKE_GENERATOR"),
     )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
 
-_ONE_PATH = ("--build-base", "--install-base", "--log-base", "--test-result-base")
+_ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base")
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
 
 
@@ -44,16 +44,17 @@ def find_root(start: Path, home: Path) -> Path:
 def typed_elsewhere(arguments: Sequence[str], origin: Path, root: Path) -> list[str]:
     """Return a command line typed in `origin` as it reads in `root`: paths stay the same places."""
     rewritten: list[str] = []
-    left = 0
+    name, left = "", 0
     for argument in arguments:
         option, equals, value = argument.partition("=")
         if argument.startswith("-"):
             left = 0 if equals else _paths_after(option)
+            name = option
             if equals and _paths_after(option):
-                argument = f"{option}={_moved(value, origin, root)}"  # noqa: PLW2901
+                argument = f"{option}={_moved(name, value, origin, root)}"  # noqa: PLW2901
         elif left:
             left -= 1
-            argument = _moved(argument, origin, root)  # noqa: PLW2901
+            argument = _moved(name, argument, origin, root)  # noqa: PLW2901
         rewritten.append(argument)
     return rewritten
 
@@ -102,9 +103,11 @@ def _paths_after(option: str) -> int:
     return 1_000_000 if any(known.startswith(option) for known in _MANY_PATHS) else 0
 
 
-def _moved(path: str, origin: Path, root: Path) -> str:
+def _moved(option: str, path: str, origin: Path, root: Path) -> str:
     path = path.strip()
-    if os.path.isabs(path) or path.startswith("~"):  # noqa: PTH117  (text in, text out)
+    # An interpreter without a folder is looked for on PATH.
+    elsewhere = option == "--python" and os.sep not in path
+    if elsewhere or os.path.isabs(path) or path.startswith("~"):  # noqa: PTH117  (text in, text out)
         return path
     place = Path(os.path.normpath(origin / path))
     return str(place.relative_to(root)) if place.is_relative_to(root) else str(place)

@@ -33,6 +33,7 @@ REMEDIES = {
     "clang": "apt-get install clang",
     "clang++": "apt-get install clang",
     "cmake": "pip install cmake",
+    "colcon": "make peers",
     "dash": "apt-get install dash",
     "fish": "apt-get install fish",
     "g++": "apt-get install g++",
@@ -136,10 +137,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure() -> None:
-    """Let tests find the programs of their own virtual environment, activated or not."""
-    scripts = str(Path(sys.executable).parent)
-    if scripts not in os.environ.get("PATH", "").split(os.pathsep):
-        os.environ["PATH"] = os.pathsep.join(filter(None, (os.environ.get("PATH"), scripts)))
+    """Let tests find the programs of their own virtual environment, activated or not, and last the peers'."""
+    for folder in (Path(sys.executable).parent, GOLDEN.parents[1] / ".venv-peers" / "bin"):
+        if folder.is_dir() and str(folder) not in os.environ.get("PATH", "").split(os.pathsep):
+            os.environ["PATH"] = os.pathsep.join(filter(None, (os.environ.get("PATH"), str(folder))))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -87,6 +87,7 @@ def _add_what_to_build(parser: Parser) -> None:
         "--force", action="store_true", help="build the selected packages though they are fresh"
     )
     group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
+    group.add_argument("--test-result-base", metavar="DIR", help="where tests of ament leave their results")
     group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
     group.add_argument(
         "--ament-cmake-args", nargs="*", default=[], metavar="ARG", help="to ament_cmake packages"

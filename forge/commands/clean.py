@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.installation import finish_workspace
 from forge.journal import open_journal
 from forge.names import did_you_mean
+from forge.occupancy import occupied
 from forge.prefixes import LAYOUT_MARKER
 from forge.preparation import build_variables
 from forge.results import STATE, recorded_python
@@ -25,6 +26,7 @@ from forge.workspace import load_workspace
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable
+    from contextlib import AbstractContextManager
 
     from forge.cleaning import Litter
     from forge.cli import Parser
@@ -53,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     """Show what would go, ask, and remove it; returns 0, also when the answer is no."""
     root = Path.cwd()
     layout = _as_installed(shared.layout_of(options, root))
-    with closing(open_journal(layout.build)) as journal:
+    with _held(layout), closing(open_journal(layout.build)) as journal:
         names = _names(options, root, layout, journal)
         if options.what == "workspace":
             litters = list(litter_of_workspace(layout, journal.records, options.base_select))
@@ -110,6 +112,11 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> Loaded:
     loaded = load_workspace(root, options, variables, embedded=True, install=layout.install)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     return loaded
+
+
+def _held(layout: Layout) -> AbstractContextManager[None]:
+    """Return what keeps builds away meanwhile; a folder that is none of ours is not even written to."""
+    return occupied(layout.build) if (layout.build / ".built_by").is_file() else nullcontext()
 
 
 def _as_installed(layout: Layout) -> Layout:

@@ -32,13 +32,13 @@ def plain_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
 def ament_recipe(package: Package, kitchen: Kitchen) -> Recipe:
     """Return the steps for an ament_cmake package; ament's own option tells it of symlinks."""
     links = "1" if _links(package, kitchen) else "0"
-    arguments = (*kitchen.cmake_args, f"-DAMENT_CMAKE_SYMLINK_INSTALL={links}", *kitchen.ament_cmake_args)
-    return _recipe(package, kitchen, arguments)
+    own = (f"-DAMENT_CMAKE_SYMLINK_INSTALL={links}", *_test_results(kitchen), *kitchen.ament_cmake_args)
+    return _recipe(package, kitchen, (*kitchen.cmake_args, *own))
 
 
 def ament_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
     """Return the words whose change means another configure."""
-    return (*plain_options(package, kitchen), *kitchen.ament_cmake_args)
+    return (*plain_options(package, kitchen), *_test_results(kitchen), *kitchen.ament_cmake_args)
 
 
 def leftovers(build: Path) -> tuple[Path, ...]:
@@ -121,6 +121,10 @@ def _how_to_install(package: Package, kitchen: Kitchen) -> tuple[tuple[str, str]
     """
     always = (("CMAKE_INSTALL_ALWAYS", "1"),)
     return (*always, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY")) if _links(package, kitchen) else always
+
+
+def _test_results(kitchen: Kitchen) -> tuple[str, ...]:
+    return (f"-DAMENT_TEST_RESULTS_DIR={kitchen.test_results}",) if kitchen.test_results else ()
 
 
 def _links(package: Package, kitchen: Kitchen) -> bool:

@@ -37,6 +37,8 @@ class Kitchen:
     load_limit: float | None = None
     cmake_args: tuple[str, ...] = ()
     ament_cmake_args: tuple[str, ...] = ()
+    test_results: Path | None = None
+    """Where tests of ament are to leave their results, instead of in the build folders."""
     force_configure: bool = False
     environment_generator: str | None = None
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)

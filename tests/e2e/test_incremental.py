@@ -17,6 +17,7 @@ from tests.snippets import shell
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from tests.conftest import Forge, Ran
 

@@ -64,6 +64,9 @@ def test_paths_stay_the_same_places() -> None:
         "--install-base=/i",
         *("--log-b", "/l"),
     ]
+    python = ["build", "--python", "venv/bin/python"]
+    assert typed_elsewhere(python, Path("/ws/s"), Path("/ws"))[-1] == "s/venv/bin/python"
+    assert typed_elsewhere(["build", "--python", "python3"], Path("/ws/s"), Path("/ws"))[-1] == "python3"
     assert typed_elsewhere(["list", "--log-base=l", "-n"], Path("/ws/s"), Path("/ws")) == [
         *("list", "--log-base=s/l", "-n")
     ]

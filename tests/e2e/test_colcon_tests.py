@@ -1,0 +1,201 @@
+"""forge and colcon test the same packages and read the same results.
+
+docs/reference/from-colcon.md lists what is meant to differ.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.peers import Colcon
+from tests.snippets import ROOT
+from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran, Tree
+
+pytestmark = pytest.mark.needs("colcon", "cmake", "ctest", "ninja")
+
+VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
+AMENT = """cmake_minimum_required(VERSION 3.18)
+project(a_test NONE)
+find_package(ament_cmake REQUIRED)
+if(BUILD_TESTING)
+  ament_add_test(good COMMAND true GENERATE_RESULT_FOR_RETURN_CODE_ZERO)
+  ament_add_test(bad COMMAND false)
+endif()
+ament_package()
+"""
+
+
+@pytest.fixture(scope="module")
+def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
+    """Start colcon for all tests, far from the user's own settings."""
+    home = tmp_path_factory.mktemp("home")
+    running = Colcon({**VARIABLES, "HOME": str(home), "COLCON_HOME": str(home)})
+    yield running
+    running.end()
+
+
+def without_times(ran: Ran) -> list[str]:
+    """Return the lines that are the same in every run."""
+    return [re.sub(r"\d{8}-\d{4}|\[[\d.]+s\]", "", line) for line in ran.out.splitlines()]
+
+
+def results(root: Path) -> set[str]:
+    """Return the files that tests left, whenever that was, and colcon's notes."""
+    names = {path.relative_to(root).as_posix() for path in root.glob("build/*/**/*") if path.is_file()}
+    kept = {name for name in names if re.search(r"\.xml$|/TAG$|colcon_test\.rc$", name)}
+    return {re.sub(r"\d{8}-\d{4}", "STAMP", name) for name in kept if "wheel" not in name}
+
+
+def notes(root: Path) -> dict[str, str]:
+    """Return colcon's note on each package's tests."""
+    return {path.parent.name: path.read_text() for path in root.glob("build/*/colcon_test.rc")}
+
+
+def test_the_same_workspace_is_tested_alike(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("c_bad", "add_test(good true)", 'add_test(bad "false")'),
+            **cmake_package("c_good", "add_test(good true)", needs="<depend>c_bad</depend>"),
+            **cmake_package("c_none"),
+            **python_package("p_test", PYTEST.format(name="p_test"), pytest=True),
+            **python_package("p_none", "", pytest=True),
+            "src/a_test/package.xml": manifest_text("a_test", "<depend>ament_cmake</depend>"),
+            "src/a_test/CMakeLists.txt": AMENT,
+        }
+    )
+    assert forge("build", cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
+    ours = forge("test", cwd=root, env=VARIABLES)
+    assert ours.code == 0, ours.err
+    our_files, our_notes = results(root), notes(root)
+    our_sums = forge("test-result", "--all", "--verbose", cwd=root)
+    forge("test-result", "--delete-yes", cwd=root)
+
+    theirs = colcon("test", cwd=root)
+    assert theirs.code == 0
+    assert (results(root), notes(root)) == (our_files, our_notes)
+    for said in ("finished", "had test failures", "failed:"):
+        assert [line for line in without_times(ours) if said in line] == [
+            line for line in without_times(theirs) if said in line
+        ]
+    their_sums = colcon("test-result", "--all", cwd=root)
+    assert our_sums.code == their_sums.code == 1
+    # What ament's tests leave twice is counted once; the files together are what colcon sums up.
+    their_sum = without_times(their_sums)[-1].partition(": ")[2]
+    assert f"Files: {their_sum} " in our_sums.out
+
+
+def test_unittest_leaves_results_where_colcon_fails(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+    root = tree(python_package("u_test", UNITTEST.format(name="u_test"), pytest=False))
+    assert forge("build", cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
+    assert colcon("test", cwd=root).code == 1
+    assert forge("test", cwd=root, env=VARIABLES).code == 0
+    assert notes(root) == {"u_test": "test failures\n"}
+
+
+def test_results_of_ament_go_where_both_were_told(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "src/a_test/package.xml": manifest_text("a_test", "<depend>ament_cmake</depend>"),
+            "src/a_test/CMakeLists.txt": AMENT,
+        }
+    )
+    option = ("--test-result-base", "results")
+    assert forge("build", *option, cwd=root, env={**VARIABLES, "PYTHONPATH": str(ROOT)}).code == 0
+    assert forge("test", *option, cwd=root, env=VARIABLES).code == 0
+    ran = forge("test-result", *option, cwd=root)
+    assert ran.out.endswith("\nSummary: 2 tests, 0 errors, 1 failure, 0 skipped\n")
+    assert (root / "results/a_test/bad.xml").is_file()
+    assert (root / "results/a_test/Testing/TAG").is_file()
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_results_of_all_shapes_are_read_alike(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
+    root = tree(dict(random_results(random.Random(seed))))  # noqa: S311  (no secrets)
+    for options in ([], ["--all"], ["--verbose"], ["--all", "--verbose"], ["--result-files-only"]):
+        ours = forge("test-result", *options, cwd=root)
+        theirs = colcon("--log-base", "/dev/null", "test-result", *options, cwd=root)
+        assert (ours.code, ours.out) == (theirs.code, theirs.out), options
+
+
+def random_results(chance: random.Random) -> Iterator[tuple[str, str]]:
+    """Yield result files, odd ones among them."""
+    yield "build/.built_by", "colcon"
+    for number in range(chance.randint(1, 6)):
+        home = f"build/p{number}"
+        for name in chance.sample(["pytest", "a.gtest", "sub/b", ".hidden/c", "test_results/d.xunit"], 3):
+            yield f"{home}/{name}.xml", random_junit(chance)
+        if chance.random() < 0.5:
+            yield f"{home}/Testing/TAG", "20260101-0000\nExperimental\n"
+            yield f"{home}/Testing/20260101-0000/Test.xml", random_ctest(chance)
+            yield f"{home}/Testing/20250101-0000/Test.xml", random_ctest(chance)
+
+
+def random_junit(chance: random.Random) -> str:
+    """Return a JUnit file, or some other XML."""
+    kind = chance.random()
+    if kind < 0.1:
+        return "<html/>"
+    if kind < 0.2:
+        return '<testsuite name="no counts" failures="0"/>'
+    suites = "".join(random_suite(chance) for _ in range(chance.randint(1, 3)))
+    return f"<testsuites>{suites}</testsuites>" if kind < 0.6 else random_suite(chance)
+
+
+def random_suite(chance: random.Random) -> str:
+    """Return a suite with cases; what it counts need not be what it has, as in real life."""
+    counts = {"tests": chance.randint(0, 3), "failures": chance.choice([0, 0, 1, 2])}
+    for name in chance.sample(["errors", "skip", "skipped", "disabled"], chance.randint(0, 4)):
+        counts[name] = chance.choice([0, 1, 2])
+    attributes = " ".join(f'{name}="{count}"' for name, count in counts.items())
+    cases = "".join(random_case(chance) for _ in range(chance.randint(0, 3)))
+    return f'<testsuite name="s" {attributes}>{cases}</testsuite>'
+
+
+def random_case(chance: random.Random) -> str:
+    """Return a case with messages of several lines, or none."""
+    told = {
+        name: chance.choice(["x.y", "test & more", "a <b>"])
+        for name in chance.sample(["classname", "name", "file", "line"], chance.randint(0, 4))
+    }
+    if "line" in told:
+        told["line"] = str(chance.randint(1, 99))
+    attributes = " ".join(f"{name}={quoteattr(value)}" for name, value in told.items())
+    parts = chance.sample(
+        [
+            f"<failure message={quoteattr(chance.choice(TEXTS))}>text</failure>",
+            f"<error message={quoteattr(chance.choice(TEXTS))}/>",
+            "<error/>",
+            "<skipped/>",
+            "<system-out>\nsaid\n\nmore \n</system-out>",
+            "<system-err>wrong</system-err>",
+        ],
+        chance.randint(0, 4),
+    )
+    return f"<testcase {attributes}>{''.join(parts)}</testcase>"
+
+
+TEXTS = ["one", "one\ntwo\n", "\n\n  indented\nlines", ""]
+
+
+def random_ctest(chance: random.Random) -> str:
+    """Return a file of CTest."""
+    if chance.random() < 0.1:
+        return "<Site/>"
+    tests = "".join(
+        f'<Test Status="{chance.choice(["passed", "failed", "notrun", "odd"])}"><Name>c{number}</Name>'
+        f"<Results><Measurement><Value>{chance.choice(TEXTS)}</Value></Measurement></Results></Test>"
+        for number in range(chance.randint(0, 3))
+    )
+    return f'<Site BuildName="x"><Testing><StartDateTime/>{tests}</Testing></Site>'
