@@ -82,7 +82,7 @@ def failures_of(task: Task, bench: Bench) -> Iterator[Failure]:
         selector = _selector(case, task.name, step.label, exists)
         # Without a result there is no case to repeat, but a run.
         repeat = step if case.name.endswith(".missing_result") else _again(step, selector)
-        label = ".".join(filter(None, (case.suite.removeprefix(f"{task.name}."), case.name)))
+        label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
         yield Failure(task.name, label, first_lines([case]), step_line(repeat, environment_file(task)))
 
 

@@ -147,6 +147,34 @@ def test_names_are_those_of_today(workspace: Path, tmp_path: Path) -> None:
     assert sorted(package_names(workspace, None)) == ["aleph", "beta", "plain_cmake"]
 
 
+def test_installed_names_and_programs_are_found(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+    root = tree(
+        {
+            "i/share/ament_index/resource_index/packages/walker": "",
+            "i/share/ament_index/resource_index/packages/.hidden": "",
+            "i/lib/walker/walk": "#!/bin/sh\n",
+            "i/lib/walker/.git/hook": "#!/bin/sh\n",
+            "i/lib/walker/notes": "",
+        }
+    )
+    variables = {"AMENT_PREFIX_PATH": f"{root}/i:/nowhere:"}
+    assert main(["installed"], variables) == 0
+    assert main(["executables", "walker"], variables) == 0
+    assert capsys.readouterr().out == "walker\nwalk\n"
+
+
+def test_packages_are_those_of_the_workspace_around(
+    workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(workspace / "src/group")
+    (workspace / "src/loop").symlink_to(workspace / "src")
+    (workspace / "src/broken").symlink_to(workspace / "gone")
+    assert main(["packages"], {"HOME": str(workspace / "home")}) == 0
+    assert capsys.readouterr().out.split() == NAMES
+    assert main(["packages"], {"HOME": "nowhere"}) == 0
+    assert capsys.readouterr().out.split() == NAMES
+
+
 def test_a_question_that_nobody_knows_has_no_answer(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([], {}) == 0
     assert main(["installed"], {"AMENT_PREFIX_PATH": "/nowhere"}) == 0

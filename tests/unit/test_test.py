@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -122,6 +123,26 @@ def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> No
     ran = forge("test", *only, *words, "-k", "good", cwd=workspace)
     assert "test failures" not in ran.out
     assert forge("test-result", cwd=workspace).out == "Summary: 3 tests, 0 errors, 0 failures, 0 skipped\n"
+
+
+def test_coverage_where_the_plugin_is(forge: Forge, workspace: Path) -> None:
+    only = ("--packages-select", "p_test", "--pytest-with-coverage")
+    ran = forge("test", *only, cwd=workspace)
+    plugin = importlib.util.find_spec("pytest_cov") is not None
+    assert (workspace / "build/p_test/coverage.xml").is_file() is plugin
+    assert ("there is no coverage" in ran.err) is not plugin
+
+
+def test_a_run_that_dies_leaves_a_result_and_is_repeated_whole(forge: Forge, workspace: Path) -> None:
+    test = workspace / "src/u_test/tests/test_u_test.py"
+    text = test.read_text()
+    test.write_text("import os\nos._exit(1)\n")
+    try:
+        ran = forge("test", "--packages-select", "u_test", cwd=workspace)
+    finally:
+        test.write_text(text)
+    assert "  u_test: unittest.missing_result\n      unittest ended before it wrote a result\n" in ran.out
+    assert "unittests.py" in lines(ran, "repeat:")[0]
 
 
 def test_unittest_may_run_what_pytest_would(forge: Forge, workspace: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from forge.testing.collecting import collect
 from forge.testing.recipes import UNITTESTS
+from forge.testing.unittests import NONE_FOUND, main
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,6 +68,16 @@ def test_every_kind_of_end_is_told(tree: Tree) -> None:
     assert told["test_surprise"][1] == ("it succeeds though it is marked as expected to fail",)
     assert told["test_parts"] == (("(part=2) KeyError: 2",), ("(part=1) AssertionError: 1 != 0",))
     assert told["setUpClass (test_kinds.Broken)"] == (("OSError: no set-up",), ())
+
+
+def test_the_same_from_inside(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the program does is plain Python: so its lines count as tested."""
+    root = tree({"test_kinds_inside.py": TESTS})
+    monkeypatch.chdir(root)
+    monkeypatch.syspath_prepend(str(root))
+    assert main([str(root / "out/result.xml"), "pkg"]) == 1
+    assert str(collect(root / "out").outcomes[0].counts) == "8 tests, 3 errors, 2 failures, 1 skipped"
+    assert main([str(root / "out/none.xml"), "pkg", "-k", "no_such_test"]) == NONE_FOUND
 
 
 @pytest.mark.parametrize(
