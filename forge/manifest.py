@@ -213,6 +213,9 @@ class _Reader:
     def text(self, tag: str) -> str:
         return next(self.root.all(tag)).text.strip()
 
+    def texts(self, tag: str) -> Iterator[str]:
+        return (child.text.strip() for child in self.root.all(tag))
+
     def active_texts(self, tag: str) -> Iterator[str]:
         return (child.text.strip() for child in self.root.all(tag) if self.active(child))
 
@@ -260,9 +263,7 @@ class _Reader:
         for child in self.root.children:
             if child.tag in DEPENDENCY_KINDS and child.text.strip() == manifest.name:
                 self.fault(child, f"package '{manifest.name}' depends on itself")
-        member, wanted = (
-            {child.text.strip() for child in self.root.all(tag)} for tag in ("member_of_group", "group_depend")
-        )
+        member, wanted = (set(self.texts(tag)) for tag in ("member_of_group", "group_depend"))
         for group in sorted(member & wanted):
             self.fault(self.root, f"the package is a member of the group '{group}' that it depends on")
         if self.format == 1:

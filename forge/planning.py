@@ -72,17 +72,17 @@ def make_plan(
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """What holds for every package of a build: forge, tools, environment; and whom --force means."""
+    """What holds for every package of a build: forge, tools, environment; and which option forces whom."""
 
     forge: str
     tools: Pairs
     environment: Pairs
-    force: bool = False
+    force: str = ""
     selected: frozenset[str] = frozenset()
 
-    def forced(self, name: str) -> bool:
-        """Tell if the user wants the package built though it may be fresh."""
-        return self.force and name in self.selected
+    def forced(self, name: str) -> str:
+        """Return the option by which the user wants the package built though it may be fresh, or ''."""
+        return self.force if name in self.selected else ""
 
 
 def settled(task: Task, outlook: Outlook, record: Record | None) -> Task | None:
@@ -108,7 +108,7 @@ def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen,
     )
 
 
-def _reason(parts: Parts, given: Pairs | None, snapshot: Snapshot, *, forced: bool, name: str) -> str | None:
+def _reason(parts: Parts, given: Pairs | None, snapshot: Snapshot, *, forced: str, name: str) -> str | None:
     """Return why the package must be built, or None when that depends on pending ones, or is not so."""
     record = snapshot.records.get(name)
     reason = why_at_all(name, record, snapshot)
@@ -117,7 +117,7 @@ def _reason(parts: Parts, given: Pairs | None, snapshot: Snapshot, *, forced: bo
     if given is None:
         parts = replace(parts, needs=record.parts.needs)
     different = why_different(parts, record.parts, snapshot.news.get(name, ()))
-    return different or ("asked for by --force" if forced else None)
+    return different or (f"asked for by {forced}" if forced else None)
 
 
 def _task(
@@ -135,7 +135,7 @@ def _task(
     folder = snapshot.folders.get(name, Folder())
     now, then = traces_of(parts, sources, moved), folder.traces
     anew = then is not None and must_begin_anew(now, then)
-    other_options = then is not None and now.options != then.options
+    other_options = then is not None and (now.options != then.options or kitchen.clean_cache)
     again = other_options or now.shape != (then or Traces()).shape
     kitchen = replace(
         kitchen,

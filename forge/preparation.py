@@ -104,6 +104,9 @@ def prepare(
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
         test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
         force_configure=options.cmake_force_configure,
+        clean_cache=options.cmake_clean_cache,
+        clean_first=options.cmake_clean_first,
+        target=options.cmake_target,
         environment_generator=variables.get("CMAKE_GENERATOR"),
     )
     return kitchen, interpreter
@@ -120,9 +123,15 @@ def standing(
         forge=_forge(),
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
-        force=options.force,
+        force=_force(options),
         selected=frozenset(loaded.selection.names),
     )
+
+
+def _force(options: argparse.Namespace) -> str:
+    """Return the option that asks for packages though they are fresh; '' when none does."""
+    words = ("force", "cmake-force-configure", "cmake-clean-cache", "cmake-clean-first", "cmake-target")
+    return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
 
 
 def _forge() -> str:

@@ -184,7 +184,11 @@ def test_modules_and_functions_can_be_read_in_one_sitting(module: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "argv", [("--help",), ("--version",), ("list", "--help"), ("pkg", "list"), ("run", "a", "b")]
+    "argv",
+    [
+        *(("--help",), ("--version",), ("list", "--help"), ("pkg", "list"), ("run", "a", "b")),
+        *(("test", "--help"), ("test-result", "--help"), ("clean", "--help"), ("completion", "--help")),
+    ],
 )
 def test_a_light_command_imports_nothing_heavy(argv: tuple[str, ...], tmp_path: Path) -> None:
     script = (

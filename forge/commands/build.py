@@ -40,7 +40,7 @@ def register(parser: Parser) -> None:
     _add_what_to_build(parser)
     shared.add_budget(parser)
     _add_what_to_see(parser)
-    parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args"})
+    parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})
 
 
 def run(options: argparse.Namespace) -> int:
@@ -98,6 +98,15 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument(
         "--cmake-force-configure", action="store_true", help="configure even when nothing changed"
     )
+    group.add_argument(
+        "--cmake-clean-cache", action="store_true", help="let CMake forget earlier options first"
+    )
+    group.add_argument("--cmake-clean-first", action="store_true", help="remove what was compiled first")
+    group.add_argument("--cmake-target", metavar="TARGET", help="build this target, too, before all others")
+    group.add_argument(
+        "--catkin-cmake-args", nargs="*", default=[], metavar="ARG", help="for ROS 1: no effect"
+    )
+    group.add_argument("--catkin-skip-building-tests", action="store_true", help="for ROS 1: no effect")
 
 
 def _add_what_to_see(parser: Parser) -> None:

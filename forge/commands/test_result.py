@@ -13,7 +13,6 @@ from forge import options as shared
 from forge.testing.collecting import collect
 from forge.testing.outcomes import Counts, counted_once
 from forge.testing.showing import as_json, counts_as_json, details, result_line
-from forge.workspace import warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +43,8 @@ def run(options: argparse.Namespace) -> int:
     found = collect(options.test_result_base)
     if options.delete or options.delete_yes:
         return _delete(found.files, options)
-    warn(found.problems)
+    for problem in found.problems:
+        print(problem.render("warning"), file=sys.stderr)
     named = [replace(one, path=shared.spelled(one.path, options)) for one in found.outcomes]
     outcomes = counted_once(named)
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from forge.interfaces.cpp_cdr import members_view
+from forge.interfaces.cpp_cdr import MembersViews
 from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.cpp_traits import type_traits, yaml_view
@@ -54,7 +54,7 @@ class Headers:
     """The headers of one interface."""
 
     interface: Interface
-    layouts: Layouts
+    wire: MembersViews
 
     @property
     def name(self) -> TypeName:
@@ -137,7 +137,7 @@ class Headers:
 
     def cdr(self) -> File:
         """Return the header that says how messages lie on the wire."""
-        views = [members_view(message.name, self.layouts) for message in self.messages]
+        views = [self.wire.of(message.name) for message in self.messages]
         own = _detail(self.name, "cdr")
         needed = {_detail(name, "cdr") for view in views for name in view.needs} - {own}
         headers = sorted({*needed, _detail(self.name, "struct")})
@@ -169,10 +169,10 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return what yields the headers of one interface of the catalog."""
-    layouts = Layouts(catalog.known)
+    wire = MembersViews(Layouts(catalog.known))
 
     def headers_of(interface: Interface) -> Iterator[File]:
-        headers = Headers(interface, layouts)
+        headers = Headers(interface, wire)
         yield headers.main()
         yield headers.struct()
         yield headers.builder()

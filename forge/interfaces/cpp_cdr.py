@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING
 
 from forge.interfaces.cpp_text import qualified
-from forge.interfaces.model import Named, Sequence
-from forge.interfaces.wire import ANYWHERE, Chars, Count, Loop, Numbers, Run, Shared, Value
+from forge.interfaces.model import Array, Named
+from forge.interfaces.wire import ANYWHERE, Block, Chars, Count, Loop, Numbers, Run, Shared, Value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from forge.interfaces.model import TypeName
     from forge.interfaces.unfolding import Layouts
@@ -28,28 +28,87 @@ class MembersView:
 
     type: str
     constants: tuple[str, ...]
+    storage: str
     statements: tuple[str, ...]
     needs: frozenset[TypeName]
     """The messages whose own specialisations this one asks for."""
 
 
-def members_view(name: TypeName, layouts: Layouts) -> MembersView:
-    """Return what is said about a message; it holds wherever in other messages it begins."""
-    layout = layouts.of(name, ANYWHERE)
-    packed, alignment = _packed(layout)
-    constants = [f"least = {layout.least};", f"packed = {packed};"]
-    if packed:
-        constants.append(f"alignment = {alignment};")
-    return MembersView(
-        type=f"{qualified(name)}_",
-        constants=tuple(constants),
-        statements=tuple(chain.from_iterable(map(_statements, layout.steps))),
-        needs=frozenset(chain.from_iterable(map(_needs, layout.steps))),
-    )
+@dataclass(frozen=True, slots=True)
+class _Leaf:
+    """What is moved in one piece: a value, a small array, or a message without padding."""
+
+    path: Path
+    alignment: int
+
+
+@dataclass(frozen=True, slots=True)
+class MembersViews:
+    """The specialisations for the messages of a catalog."""
+
+    layouts: Layouts
+    _packed: dict[TypeName, tuple[int, int]] = field(default_factory=dict)
+
+    def of(self, name: TypeName) -> MembersView:
+        """Return what is said about a message; it holds wherever in other messages it begins."""
+        layout = self.layouts.of(name, ANYWHERE)
+        size, alignment = self.packed(name)
+        constants = (f"least = {layout.least};", f"packed = {size};", f"alignment = {alignment};")
+        wholes = self._wholes(layout)
+        needs = chain(wholes.values(), chain.from_iterable(map(_needs, layout.steps)))
+        return MembersView(
+            type=f"{qualified(name)}_",
+            constants=constants if size else constants[:2],
+            storage="static" if self.layouts.is_large(name) else "[[gnu::always_inline]] static",
+            statements=tuple(chain.from_iterable(self._statements(step, wholes) for step in layout.steps)),
+            needs=frozenset(needs),
+        )
+
+    def packed(self, name: TypeName) -> tuple[int, int]:
+        """Return the size and the alignment of a message that never has padding, else zeros."""
+        if name not in self._packed:
+            self._packed[name] = _packed(self.layouts.of(name, ANYWHERE))
+        return self._packed[name]
+
+    def _wholes(self, layout: Layout) -> dict[Path, TypeName]:
+        """Return the messages inside that are moved in one piece, none of them inside another."""
+        wholes: dict[Path, TypeName] = {}
+        for inner in layout.inner:
+            if self.packed(inner.name)[0] and _outermost(inner.path, wholes) is None:
+                wholes[inner.path] = inner.name
+        return wholes
+
+    def _statements(self, step: Step, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
+        """Yield the statements that move what a step is about."""
+        match step:
+            case Run(members):
+                for group in _groups(self._leaves(members, wholes)):
+                    yield _call("fixed", *(leaf.path for leaf in group))
+            case Chars(path):
+                yield _call("text", path)
+            case Numbers(path, Array()):
+                yield _call("fixed", path)
+            case Loop(path, Array()):
+                yield _call("array", path)
+            case Numbers(path) | Loop(path):
+                yield _call("sequence", path)
+            case Shared(path):
+                yield _call("message", path)
+
+    def _leaves(self, members: Iterable[Member], wholes: Mapping[Path, TypeName]) -> Iterator[_Leaf]:
+        """Yield what is moved; counts belong to what they count."""
+        seen: set[Path] = set()
+        for member in members:
+            whole = _outermost(member.path, wholes)
+            if whole is None and not isinstance(member, Count):
+                yield _Leaf(member.path, member.alignment)
+            elif whole is not None and whole not in seen:
+                seen.add(whole)
+                yield _Leaf(whole, self.packed(wholes[whole])[1])
 
 
 def _packed(layout: Layout) -> tuple[int, int]:
-    """Return the size and the alignment of a message that never has padding, else zeros.
+    """Return the size and the alignment of a message whose bytes on the wire are those in memory, else zeros.
 
     Such messages lie side by side without gaps if the first one is aligned for all its members.
     """
@@ -64,37 +123,26 @@ def _packed(layout: Layout) -> tuple[int, int]:
 
 def _is_copied(member: Member) -> bool:
     """Tell if a member's bytes in memory are those on the wire."""
-    of = member.type if isinstance(member, Value) else getattr(member, "of", None)
-    return of is not None and of.name not in _NEVER_COPIED
+    match member:
+        case Value(_, of) | Block(_, _, of):
+            return of.name not in _NEVER_COPIED
+        case Count():
+            return False
 
 
-def _statements(step: Step) -> Iterator[str]:
-    """Yield the statements that move what a step is about; all but the first ones are indented alike."""
-    match step:
-        case Run(members):
-            for group in _groups(tuple(member for member in members if not isinstance(member, Count))):
-                yield _call("fixed", *(member.path for member in group))
-        case Chars(path):
-            yield _call("text", path)
-        case Numbers(path, type_) | Loop(path, type_):
-            yield _call("sequence" if isinstance(type_, Sequence) else _word(step), path)
-        case Shared(path):
-            yield _call("message", path)
+def _outermost(path: Path, wholes: Mapping[Path, TypeName]) -> Path | None:
+    """Return which of the messages a member is inside of, or is."""
+    return next((path[:length] for length in range(1, len(path) + 1) if path[:length] in wholes), None)
 
 
-def _word(step: Numbers | Loop) -> str:
-    """Return the word for an array: numbers are as good as one value."""
-    return "fixed" if isinstance(step, Numbers) else "array"
-
-
-def _groups(members: tuple[Member, ...]) -> Iterator[list[Member]]:
+def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
     """Yield neighbours with known padding between them, wherever the first of them lies."""
-    group: list[Member] = []
-    for member in members:
-        if group and member.alignment > group[0].alignment:
+    group: list[_Leaf] = []
+    for leaf in leaves:
+        if group and leaf.alignment > group[0].alignment:
             yield group
             group = []
-        group.append(member)
+        group.append(leaf)
     if group:
         yield group
 

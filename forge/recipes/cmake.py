@@ -66,9 +66,18 @@ def _recipe(package: Package, kitchen: Kitchen, arguments: tuple[str, ...]) -> R
     )
     configure = _configure(package, kitchen, arguments, files[0][1])
     cmake = str(kitchen.cmake)
-    build_step = Step("build", (cmake, "--build", str(build), *_jobs(kitchen)), build)
+    first = ("--clean-first",) if kitchen.clean_first else ()
+    build_step = Step("build", (cmake, "--build", str(build), *first, *_jobs(kitchen)), build)
     install_step = Step("install", (cmake, "--install", str(build)), build, _how_to_install(package, kitchen))
-    return Recipe((*configure, build_step, install_step), files)
+    return Recipe((*configure, *_target(build, kitchen), build_step, install_step), files)
+
+
+def _target(build: Path, kitchen: Kitchen) -> tuple[Step, ...]:
+    """Return the step that builds what the user asks for and a build of everything may leave out."""
+    if not kitchen.target:
+        return ()
+    argv = (str(kitchen.cmake), "--build", str(build), "--target", kitchen.target, *_jobs(kitchen))
+    return (Step(f"build target '{kitchen.target}'", argv, build),)
 
 
 def _configure(

@@ -40,6 +40,9 @@ class Kitchen:
     test_results: Path | None = None
     """Where tests of ament are to leave their results, instead of in the build folders."""
     force_configure: bool = False
+    clean_cache: bool = False
+    clean_first: bool = False
+    target: str | None = None
     environment_generator: str | None = None
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     reconfigure: frozenset[str] = frozenset()
@@ -52,6 +55,7 @@ class Kitchen:
             self,
             cmake_args=(*self.cmake_args, *package.words("cmake-args")),
             ament_cmake_args=(*self.ament_cmake_args, *package.words("ament-cmake-args")),
+            target=self.target or next(iter(package.words("cmake-target")), None),
         )
 
 

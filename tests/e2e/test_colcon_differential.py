@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.packages import manifest_text
 from tests.peers import Colcon
 from tests.random_workspaces import Shape, random_options, write_random_workspace
+from tests.snippets import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tests.conftest import Forge, Ran
+    from tests.conftest import Forge, Ran, Tree
 
 pytestmark = pytest.mark.needs("colcon")
 
@@ -102,6 +104,51 @@ def test_packages_of_one_name_are_listed_both(
         options = [word for word in options if word not in {"--packages-start", "--packages-end"}]  # noqa: PLW2901
         ours, theirs = both(colcon, forge, root, "list", *options)
         assert ours.out == theirs.out, f"{options}"
+
+
+def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "src/a/package.xml": manifest_text("a", "<depend>b</depend>"),
+            "src/b/package.xml": manifest_text("b"),
+            "src/c/CMakeLists.txt": "project(c)",
+            "src/c/colcon.pkg": "name: d\ntest-dependencies: [a]\n",
+            "src/e/setup.py": "import setuptools\nsetuptools.setup(name='e', version='1', install_requires=['a'])",
+            "colcon.meta": "names: {a: {cmake-args: [-D1], hooks: [x.sh]}}\n"
+            "paths: {src/b: {name: g, ctest-args: [x]}}",
+            "more/colcon.meta": "names: {a: {cmake-args: [-D2]}, d: {dependencies: [g]}}",
+            "colcon_defaults.yaml": "list: {packages-skip: [d], base-paths: [src]}\ngraph: {density: true}",
+        }
+    )
+    for argv in (
+        *(
+            ["list"],
+            ["list", "-t"],
+            ["list", "--packages-skip"],
+            ["graph"],
+            ["graph", "--metas", "more", "gone"],
+        ),
+        *(["list", "--paths", "src/*"], ["list", "--base-paths", "."], ["list", "--names-only", "--metas"]),
+    ):
+        ours, theirs = both(colcon, forge, root, *argv)
+        assert ours.out == theirs.out, f"{argv}"
+    ours, theirs = both(colcon, forge, root, "info", "--metas", "colcon.meta", "more")
+    assert ours.out == re.sub(r"    get_python_setup_options: .*\n", "", theirs.out)
+
+
+def test_the_page_knows_every_option(colcon: Colcon, tmp_path: Path) -> None:
+    """docs/reference/from-colcon.md has a word on each option of each command."""
+    page = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
+    known = set(re.findall(r"--[a-z][a-z-]+", page))
+    commands = re.findall(r"\{([a-z,-]+)\}", colcon("--help", cwd=tmp_path).out)[0].split(",")
+    for command in ("", *commands):
+        offered = set(
+            re.findall(
+                r"(?<![\w-])--[a-z][a-z-]+", colcon(*filter(None, [command, "--help"]), cwd=tmp_path).out
+            )
+        )
+        assert offered - known <= {"--help"}, command
+        assert not command or f"`{command}`" in page
 
 
 def _parts(text: str) -> list[str]:

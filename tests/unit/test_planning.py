@@ -149,7 +149,7 @@ def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: S
         (KITCHEN, replace(STANDING, forge="forge 2"), "forge itself changed"),
         (KITCHEN, replace(STANDING, tools=(("cmake", "4"),)), "the tool 'cmake' changed"),
         (KITCHEN, replace(STANDING, environment=()), "the environment variable 'CXX' changed"),
-        (KITCHEN, replace(STANDING, force=True, selected=frozenset({"e", "a"})), "asked for by --force"),
+        (KITCHEN, replace(STANDING, force="--force", selected=frozenset({"e", "a"})), "asked for by --force"),
     ],
 )
 def test_what_holds_for_all_is_a_reason_for_all(kitchen: Kitchen, standing: Standing, reason: str) -> None:

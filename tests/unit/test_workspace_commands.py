@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import pytest
@@ -103,3 +104,76 @@ def test_a_cycle_is_an_error_of_every_command(forge: Forge, tree: Tree) -> None:
         ran = forge(command, cwd=root)
         assert ran.code == 2
         assert "error: the packages depend on each other in a circle: a -> b -> a" in ran.err
+
+
+def test_names_are_taken_with_a_blank_in_front_and_numbers_checked(forge: Forge, workspace: Path) -> None:
+    assert forge("list", "-n", "--packages-select", " a", cwd=workspace).out == "a\n"
+    assert forge("list", "-n", "--packages-above-depth", "1", "a", cwd=workspace).out == "a\nb\n"
+    ran = forge("list", "--packages-above-depth", "a", cwd=workspace)
+    assert (ran.code, "how many steps, not 'a'" in ran.err) == (2, True)
+    ran = forge("list", "--packages-select-regex", "(", cwd=workspace)
+    assert (ran.code, "'(' is no regular expression" in ran.err) == (2, True)
+
+
+def test_strict_makes_an_unknown_name_an_error(forge: Forge, workspace: Path) -> None:
+    assert forge("list", "--packages-skip", "aa", cwd=workspace).code == 0
+    ran = forge("list", "--packages-skip", "aa", "--strict", cwd=workspace)
+    assert (ran.code, "did you mean 'a'?" in ran.err) == (2, True)
+
+
+def test_ignored_packages_are_as_if_they_were_not_there(forge: Forge, workspace: Path) -> None:
+    assert forge("graph", "--packages-ignore", "b", "p", cwd=workspace).out == "a  + \nc   +\n"
+    assert forge("list", "-n", "--packages-ignore-regex", "[ab]", cwd=workspace).out == "c\np\n"
+
+
+def test_list_graph_and_info_speak_json(forge: Forge, workspace: Path) -> None:
+    rows = json.loads(forge("list", "--json", "--packages-select", "a", cwd=workspace).out)
+    assert rows == [{"name": "a", "path": "src/a", "type": "ros.ament_cmake"}]
+    graph = json.loads(forge("graph", "--json", "--packages-skip", "b", cwd=workspace).out)
+    assert [row["name"] for row in graph["packages"]] == ["a", "p", "c"]
+    assert graph["dependencies"] == [{"from": "c", "to": "a", "categories": ["run"], "direct": False}]
+    (said,) = json.loads(forge("info", "--json", "b", cwd=workspace).out)
+    assert said["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
+
+
+def test_a_graph_shows_what_is_left_out_on_request(forge: Forge, workspace: Path) -> None:
+    skip = ("--packages-skip", "b")
+    plain = forge("graph", "--dot", *skip, cwd=workspace).out
+    assert '  "c" -> "a" [color="#ff0000", style="dashed"];\n' in plain
+    grey = forge("graph", "--dot", "--dot-include-skipped", *skip, cwd=workspace).out
+    assert '  "b"[color = "gray" fontcolor = "gray"];\n' in grey
+    assert '  "c" -> "b" [color="#ff000077"];\n' in grey
+    framed = forge("graph", "--dot", "--dot-cluster", "--legend", cwd=workspace).out
+    assert '    label = "z";\n    "c";\n  }\n' in framed
+    assert '    _legend_run -> _legend_test [label="test dep.", color="#d2b48c"];\n' in framed
+
+
+def test_the_older_words_for_graphs_draw_them(forge: Forge, workspace: Path) -> None:
+    matrix = forge("graph", "--legend", cwd=workspace).out
+    assert forge("list", "-g", "--topological-graph-legend", cwd=workspace).out == matrix
+    dot = forge("graph", "--dot", cwd=workspace).out
+    assert forge("list", "--topological-graph-dot", cwd=workspace).out == dot
+    assert forge("list", "--topological-graph-density", cwd=workspace).code == 2
+
+
+def test_packages_of_one_name_are_shown_and_refused_only_by_a_build_of_both(
+    forge: Forge, workspace: Path
+) -> None:
+    (workspace / "src/a2").mkdir()
+    (workspace / "src/a2/package.xml").write_text(manifest_text("a"))
+    ran = forge("list", "--packages-select", "a", cwd=workspace)
+    assert ran.out == "a\tsrc/a\t(ros.ament_cmake)\na\tsrc/a2\t(ros.ament_cmake)\n"
+    assert "warning: two packages are called 'a': 'src/a' and 'src/a2'" in ran.err
+    assert forge("info", "a", cwd=workspace).out.count("name: a\n") == 2
+    assert forge("graph", "--packages-select", "a", "b", cwd=workspace).out == "a  + *\na   +*\nb    +\n"
+    dot = forge("graph", "--dot", "--packages-select", "a", "b", cwd=workspace).out
+    assert '  "a_1" [label = "a"];\n' in dot
+    ran = forge("build", "--dry-run", "--packages-select", "a", cwd=workspace)
+    assert (ran.code, "two packages are called 'a'" in ran.err) == (2, True)
+    assert forge("build", "--dry-run", "--packages-select", "p", cwd=workspace).code == 0
+
+
+def test_nothing_to_tell_about_is_an_error_of_info(forge: Forge, tree: Tree) -> None:
+    ran = forge("info", cwd=tree({}))
+    assert ran.code == 2
+    assert "there is no package below" in ran.err

@@ -14,7 +14,7 @@ import pytest
 
 from forge.files import write_if_changed
 from forge.interfaces import cpp
-from forge.interfaces.cpp_cdr import MembersView, members_view
+from forge.interfaces.cpp_cdr import MembersView, MembersViews
 from forge.interfaces.model import TypeName
 from forge.interfaces.resolution import referred
 from forge.interfaces.sources import EMBEDDED, Library
@@ -110,7 +110,7 @@ def test_bytes_are_right_and_wrong_ones_refused(
 def view(text: str, **others: str) -> MembersView:
     """Return what is said about a message of this definition."""
     catalog = catalog_of("demo", {f"msg/{name}.msg": each for name, each in {**others, "X": text}.items()})
-    return members_view(TypeName("demo", "msg", "X"), Layouts(catalog.known))
+    return MembersViews(Layouts(catalog.known)).of(TypeName("demo", "msg", "X"))
 
 
 def statements(text: str, **others: str) -> list[str]:
@@ -126,14 +126,16 @@ def statements(text: str, **others: str) -> list[str]:
         ("int32 a\nstring b\nint32 c", ["fixed(a);", "text(b);", "fixed(c);"]),
         ("float64[3] a\nfloat64[1000] b", ["fixed(a);", "fixed(b);"]),
         ("string[2] a\nstring[] b\nbool[<=3] c", ["array(a);", "sequence(b);", "sequence(c);"]),
-        ("Inner a\nInner[2] b\nInner[] c", ["fixed(a.x);", "array(b);", "sequence(c);"]),
+        ("Inner a\nInner[2] b\nInner[] c", ["fixed(a);", "array(b);", "sequence(c);"]),
         ("", ["fixed(structure_needs_at_least_one_member);"]),
         ("Large a\nint8 b", ["message(a);", "fixed(b);"]),
+        ("Pair a\nint8 b\nPair[2] c", ["fixed(a.inner, a.other, b);", "array(c);"]),
     ],
 )
 def test_neighbours_of_fixed_size_are_moved_together(text: str, expected: list[str]) -> None:
     """A run ends where padding would depend on what comes before it."""
-    assert statements(text, Inner="float64 x", Large=MANY) == expected
+    pair = "Inner inner\nint8 other"
+    assert statements(text, Inner="float64 x", Large=MANY, Pair=pair) == expected
 
 
 def test_a_long_statement_has_several_lines() -> None:
@@ -183,10 +185,11 @@ def _headers(names: Iterable[str]) -> list[str]:
 
 
 def test_a_header_includes_those_of_messages_that_stay_whole() -> None:
-    """Members of unfolded messages need no header; elements do, and those inside what is unfolded."""
+    """Those that are unfolded need no header, but what is whole inside them does."""
     definitions = {
-        "msg/A.msg": "Flat flat\nElement[] elements\nOuter outer",
+        "msg/A.msg": "Flat flat\nElement[] elements\nOuter outer\nLoose loose",
         "msg/Flat.msg": "int8 x",
+        "msg/Loose.msg": "bool x",
         "msg/Element.msg": "string x",
         "msg/Outer.msg": "Inner[2] inner",
         "msg/Inner.msg": "string x",
@@ -194,4 +197,4 @@ def test_a_header_includes_those_of_messages_that_stay_whole() -> None:
     catalog = catalog_of("demo", definitions)
     text = next(file.text for file in cpp.files(catalog) if file.path.endswith("/a__cdr.hpp"))
     included = [line.split('"')[1] for line in text.splitlines() if line.startswith('#include "')]
-    assert included == ["demo/msg/detail/a__struct.hpp", *_headers(["element", "inner"])]
+    assert included == ["demo/msg/detail/a__struct.hpp", *_headers(["element", "flat", "inner"])]

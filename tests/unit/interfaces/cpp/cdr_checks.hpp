@@ -104,7 +104,9 @@ private:
   template<typename Value>
   void leaf(const Value & value)
   {
-    if constexpr (std::is_same_v<Value, char16_t>) {
+    if constexpr (std::is_class_v<Value>) {
+      message(value);
+    } else if constexpr (std::is_same_v<Value, char16_t>) {
       leaf(static_cast<std::uint32_t>(value));
     } else {
       while ((bytes.size() - 4) % sizeof(Value) != 0) {
@@ -201,7 +203,9 @@ private:
   template<typename Value>
   void leaf(Value & value)
   {
-    if constexpr (std::is_same_v<Value, bool>) {
+    if constexpr (std::is_class_v<Value>) {
+      message(value);
+    } else if constexpr (std::is_same_v<Value, bool>) {
       value = _chance() % 2 == 0;
     } else {
       value = static_cast<Value>(static_cast<std::int32_t>(_chance()));

@@ -64,7 +64,7 @@ public:
   FORGE_CDR_INLINE void array(std::array<Value, Size> & values)
   {
     if constexpr (!Swap && is_packed<Value>()) {
-      std::memcpy(values.data(), take<alignment_of<Value>()>(sizeof(values)), sizeof(values));
+      std::memcpy(values.data(), take<Leaf<Value>::alignment>(sizeof(values)), sizeof(values));
     } else {
       for (Value & value : values) {
         item(value);
@@ -86,7 +86,7 @@ public:
     if (count == 0) {
       values.clear();
     } else if constexpr (!Swap && is_packed<Value>()) {
-      const std::uint8_t * const from = take<alignment_of<Value>()>(count * sizeof(Value));
+      const std::uint8_t * const from = take<Leaf<Value>::alignment>(count * sizeof(Value));
       assign_packed(values, from, count);
     } else if constexpr (std::is_arithmetic_v<Value>) {
       const std::uint8_t * from = take<Leaf<Value>::alignment>(count * Leaf<Value>::size);
@@ -154,15 +154,17 @@ private:
   FORGE_CDR_INLINE void assign_packed(Sequence & values, const std::uint8_t * from, std::size_t count)
   {
     using Value = typename Sequence::value_type;
-    if constexpr (sizeof(Value) == 1 && std::is_arithmetic_v<Value>) {
-      const auto * const first = reinterpret_cast<const Value *>(from);
-      values.assign(first, first + count);
-    } else {
-      if (values.size() != count) {
-        values.resize(count);
+    if (values.size() != count) {
+      if constexpr (std::is_arithmetic_v<Value>) {
+        if (reinterpret_cast<std::uintptr_t>(from) % alignof(Value) == 0) {
+          const auto * const first = reinterpret_cast<const Value *>(from);
+          values.assign(first, first + count);  // resize() would write zeros first
+          return;
+        }
       }
-      std::memcpy(static_cast<void *>(values.data()), from, count * sizeof(Value));
+      values.resize(count);
     }
+    std::memcpy(static_cast<void *>(values.data()), from, count * sizeof(Value));
   }
 
   /// Texts or messages; those that are there already keep their memory.
@@ -210,7 +212,13 @@ private:
   template<typename Value>
   FORGE_CDR_INLINE void load(const std::uint8_t * from, Value & value)
   {
-    copy_number<sizeof(Value), Swap>(&value, from);
+    if constexpr (std::is_arithmetic_v<Value>) {
+      copy_number<sizeof(Value), Swap>(&value, from);
+    } else if constexpr (!Swap) {
+      copy_exactly<sizeof(Value)>(&value, from);
+    } else {
+      Reader(from, sizeof(Value)).message(value);
+    }
   }
 
   FORGE_CDR_INLINE void load(const std::uint8_t * from, bool & value)
@@ -232,7 +240,7 @@ private:
   FORGE_CDR_INLINE void load(const std::uint8_t * from, std::array<Value, Size> & values)
   {
     if constexpr (!Swap && is_packed<Value>()) {
-      std::memcpy(values.data(), from, sizeof(values));
+      copy_exactly<sizeof(values)>(values.data(), from);
     } else {
       for (std::size_t position = 0; position < Size; ++position) {
         load(from + position * Leaf<Value>::size, values[position]);

@@ -69,7 +69,7 @@ private:
     if constexpr (std::is_arithmetic_v<Value>) {
       add(Leaf<Value>::alignment, values.size() * Leaf<Value>::size);
     } else if constexpr (is_packed<Value>()) {
-      add(alignment_of<Value>(), values.size() * sizeof(Value));
+      add(Leaf<Value>::alignment, values.size() * sizeof(Value));
     } else {
       for (const Value & value : values) {
         if constexpr (IsText<Value>::value) {

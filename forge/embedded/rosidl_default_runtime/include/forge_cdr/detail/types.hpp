@@ -37,12 +37,20 @@ constexpr std::size_t aligned(std::size_t offset, std::size_t alignment) noexcep
   return (offset + alignment - 1) & ~(alignment - 1);
 }
 
-/// A value of fixed size: a number, a bool, a character, or an array of those.
-template<typename Value>
+/// A value of fixed size: a number, a bool, a character, an array of those, or a packed message.
+template<typename Value, bool IsMessage = std::is_class_v<Value>>
 struct Leaf
 {
   static constexpr std::size_t size = sizeof(Value);
   static constexpr std::size_t alignment = sizeof(Value);
+};
+
+template<typename Message>
+struct Leaf<Message, true>
+{
+  static constexpr std::size_t size = Members<Message>::packed;
+  static constexpr std::size_t alignment = Members<Message>::alignment;
+  static_assert(size == sizeof(Message) && std::is_trivially_copyable_v<Message>, "no packed message");
 };
 
 template<>
@@ -60,7 +68,7 @@ struct Leaf<long double>
 };
 
 template<typename Value, std::size_t Size>
-struct Leaf<std::array<Value, Size>>
+struct Leaf<std::array<Value, Size>, true>
 {
   static constexpr std::size_t size = Size * Leaf<Value>::size;
   static constexpr std::size_t alignment = Leaf<Value>::alignment;
@@ -119,16 +127,6 @@ constexpr bool is_packed() noexcept
   }
 }
 
-template<typename Value>
-constexpr std::size_t alignment_of() noexcept
-{
-  if constexpr (std::is_arithmetic_v<Value>) {
-    return Leaf<Value>::alignment;
-  } else {
-    return Members<Value>::alignment;
-  }
-}
-
 /// Copy what is mostly short: one or two moves instead of a call.
 FORGE_CDR_INLINE void copy_short(void * to, const void * from, std::size_t size)
 {
@@ -161,6 +159,18 @@ FORGE_CDR_INLINE void copy_short(void * to, const void * from, std::size_t size)
     target[0] = source[0];
     target[size / 2] = source[size / 2];
     target[size - 1] = source[size - 1];
+  }
+}
+
+/// Copy so many bytes without a call, however a compiler likes to copy that many.
+template<std::size_t Size>
+FORGE_CDR_INLINE void copy_exactly(void * to, const void * from)
+{
+  if constexpr (Size <= 16 || Size > 512) {
+    std::memcpy(to, from, Size);
+  } else {
+    std::memcpy(to, from, 16);
+    copy_exactly<Size - 16>(static_cast<unsigned char *>(to) + 16, static_cast<const unsigned char *>(from) + 16);
   }
 }
 

@@ -96,7 +96,13 @@ private:
   template<typename Value>
   static FORGE_CDR_INLINE void store(std::uint8_t * to, const Value & value)
   {
-    copy_number<sizeof(Value), !host_is_little>(to, &value);
+    if constexpr (std::is_arithmetic_v<Value>) {
+      copy_number<sizeof(Value), !host_is_little>(to, &value);
+    } else if constexpr (host_is_little) {
+      copy_exactly<sizeof(Value)>(to, &value);
+    } else {
+      Writer(to).message(value);
+    }
   }
 
   static FORGE_CDR_INLINE void store(std::uint8_t * to, char16_t value)
@@ -121,7 +127,7 @@ private:
   static FORGE_CDR_INLINE void store(std::uint8_t * to, const std::array<Value, Size> & values)
   {
     if constexpr (host_is_little && (is_packed<Value>() || std::is_same_v<Value, bool>)) {
-      std::memcpy(to, values.data(), sizeof(values));
+      copy_exactly<sizeof(values)>(to, values.data());
     } else {
       for (std::size_t position = 0; position < Size; ++position) {
         store(to + position * Leaf<Value>::size, values[position]);
@@ -134,7 +140,7 @@ private:
   {
     if constexpr (host_is_little && is_packed<Value>()) {
       const std::size_t size = values.size() * sizeof(Value);
-      std::memcpy(room<alignment_of<Value>()>(size), values.data(), size);
+      std::memcpy(room<Leaf<Value>::alignment>(size), values.data(), size);
     } else if constexpr (std::is_arithmetic_v<Value>) {
       std::uint8_t * to = room<Leaf<Value>::alignment>(values.size() * Leaf<Value>::size);
       for (const Value value : values) {

@@ -5,8 +5,11 @@
 
 #include <cstddef>
 
+#include "builtin_interfaces/msg/detail/time__cdr.hpp"
 #include "geometry_msgs/msg/detail/point__cdr.hpp"
+#include "geometry_msgs/msg/detail/pose__cdr.hpp"
 #include "robot/action/detail/fetch__struct.hpp"
+#include "unique_identifier_msgs/msg/detail/uuid__cdr.hpp"
 
 namespace forge_cdr
 {
@@ -22,7 +25,7 @@ struct Members<::robot::action::Fetch_Goal_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.text(message.item);
   }
@@ -35,15 +38,11 @@ struct Members<::robot::action::Fetch_Result_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.text(message.status.name);
     cdr.fixed(message.status.status);
-    cdr.fixed(
-      message.status.pose.position.x, message.status.pose.position.y,
-      message.status.pose.position.z, message.status.pose.orientation.x,
-      message.status.pose.orientation.y, message.status.pose.orientation.z,
-      message.status.pose.orientation.w);
+    cdr.fixed(message.status.pose);
     cdr.array(message.status.corners);
     cdr.sequence(message.status.path);
     cdr.fixed(message.status.color);
@@ -61,7 +60,7 @@ struct Members<::robot::action::Fetch_Feedback_<Allocator>>
   static constexpr std::size_t alignment = 4;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.fixed(message.progress);
   }
@@ -74,9 +73,9 @@ struct Members<::robot::action::Fetch_SendGoal_Request_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
-    cdr.fixed(message.goal_id.uuid);
+    cdr.fixed(message.goal_id);
     cdr.text(message.goal.item);
   }
 };
@@ -88,10 +87,10 @@ struct Members<::robot::action::Fetch_SendGoal_Response_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.fixed(message.accepted);
-    cdr.fixed(message.stamp.sec, message.stamp.nanosec);
+    cdr.fixed(message.stamp);
   }
 };
 
@@ -103,9 +102,9 @@ struct Members<::robot::action::Fetch_GetResult_Request_<Allocator>>
   static constexpr std::size_t alignment = 1;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
-    cdr.fixed(message.goal_id.uuid);
+    cdr.fixed(message.goal_id);
   }
 };
 
@@ -116,16 +115,12 @@ struct Members<::robot::action::Fetch_GetResult_Response_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.fixed(message.status);
     cdr.text(message.result.status.name);
     cdr.fixed(message.result.status.status);
-    cdr.fixed(
-      message.result.status.pose.position.x, message.result.status.pose.position.y,
-      message.result.status.pose.position.z, message.result.status.pose.orientation.x,
-      message.result.status.pose.orientation.y, message.result.status.pose.orientation.z,
-      message.result.status.pose.orientation.w);
+    cdr.fixed(message.result.status.pose);
     cdr.array(message.result.status.corners);
     cdr.sequence(message.result.status.path);
     cdr.fixed(message.result.status.color);
@@ -142,10 +137,10 @@ struct Members<::robot::action::Fetch_FeedbackMessage_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
-    cdr.fixed(message.goal_id.uuid);
-    cdr.fixed(message.feedback.progress);
+    cdr.fixed(message.goal_id);
+    cdr.fixed(message.feedback);
   }
 };
 

@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "geometry_msgs/msg/detail/point__cdr.hpp"
+#include "geometry_msgs/msg/detail/pose__cdr.hpp"
 #include "robot/msg/detail/robot_status__struct.hpp"
 
 namespace forge_cdr
@@ -22,14 +23,11 @@ struct Members<::robot::msg::RobotStatus_<Allocator>>
   static constexpr std::size_t packed = 0;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.text(message.name);
     cdr.fixed(message.status);
-    cdr.fixed(
-      message.pose.position.x, message.pose.position.y, message.pose.position.z,
-      message.pose.orientation.x, message.pose.orientation.y, message.pose.orientation.z,
-      message.pose.orientation.w);
+    cdr.fixed(message.pose);
     cdr.array(message.corners);
     cdr.sequence(message.path);
     cdr.fixed(message.color);

@@ -22,7 +22,7 @@ struct Members<::robot::srv::MoveRobot_Request_<Allocator>>
   static constexpr std::size_t alignment = 4;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.fixed(message.distance);
   }
@@ -36,7 +36,7 @@ struct Members<::robot::srv::MoveRobot_Response_<Allocator>>
   static constexpr std::size_t alignment = 1;
 
   template<typename Cdr, typename Message>
-  static void visit(Cdr & cdr, Message & message)
+  [[gnu::always_inline]] static void visit(Cdr & cdr, Message & message)
   {
     cdr.fixed(message.structure_needs_at_least_one_member);
   }
