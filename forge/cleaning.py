@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
-from forge.installation import MANIFESTS
+from forge.folders import MANIFESTS
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
 from forge.results import remove_file
 

@@ -7,6 +7,7 @@ before the first step and after all that no longer fits was removed.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 DESK = "handover"
 NOTE = "begun.json"
 CONFIGURED = "configured"
+MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
+"""Where CMake, ament and forge itself list what they installed."""
 
 _GENERATOR = re.compile(rb"^CMAKE_GENERATOR:INTERNAL=(.*)$", re.MULTILINE)
 
@@ -47,7 +50,7 @@ class Folders(Mapping[str, Folder]):
         build = self._layout.build_dir(name)
         if not build.is_dir():
             raise KeyError(name)
-        return Folder(*_configured(build), traces=_traces(build))
+        return Folder(*_configured(build), _traces(build), tuple(listed_files(build)))
 
     def __iter__(self) -> Iterator[str]:
         """Go through the packages that have one."""
@@ -90,6 +93,14 @@ def clear(task: Task) -> None:
                 found.unlink()
     if trash.is_dir():
         shutil.rmtree(trash)
+
+
+def listed_files(build: Path) -> Iterator[str]:
+    """Yield the absolute paths that the tools list in a build folder as installed, once or more."""
+    for name in MANIFESTS:
+        with contextlib.suppress(OSError):
+            text = (build / name).read_text(encoding="utf-8", errors="surrogateescape")
+            yield from (os.path.normpath(line) for line in text.splitlines() if line)
 
 
 def _wake(source: Path, note: Mapping[str, Any]) -> dict[str, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from forge import scripts
 from forge.ament_index import INDEX
 from forge.environment import Installed
 from forge.files import replace_file, write_if_changed
+from forge.folders import listed_files
 from forge.hooks import package_hooks
 from forge.prefixes import PACKAGES
 from forge.results import STATE, recorded_underlays
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from forge.model import Package
 
 _SETUP_EXTENSIONS = ("bash", "dsv", "sh", "zsh")
-MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
-"""Where CMake, ament and forge itself list, in the build folder, what they installed."""
 
 
 def install_package(
@@ -64,13 +62,7 @@ def install_package(
 def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
     """Return the absolute paths, sorted, of all that the package's last build put into its prefix."""
     prefix = layout.prefix(package.name)
-    found: set[str] = set()
-    for name in MANIFESTS:
-        with contextlib.suppress(OSError):
-            text = (layout.build_dir(package.name) / name).read_text(
-                encoding="utf-8", errors="surrogateescape"
-            )
-            found.update(os.path.normpath(line) for line in text.splitlines() if line)
+    found = set(listed_files(layout.build_dir(package.name)))
     share = prefix / "share" / package.name
     own = [share / f"package.{extension}" for extension in ("dsv", *scripts.SHELLS)]
     own += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
@@ -119,11 +111,8 @@ def _own_files(name: str, layout: Layout) -> Iterator[str]:
             below = os.path.relpath(folder, prefix)
             yield from (file if below == "." else f"{below}/{file}" for file in files)
         return
-    for listed in MANIFESTS:
-        path = layout.build_dir(name) / listed
-        if path.is_file():
-            lines = path.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
-            yield from (line.removeprefix(f"{prefix}/") for line in lines if line.startswith(f"{prefix}/"))
+    listed = listed_files(layout.build_dir(name))
+    yield from (path.removeprefix(f"{prefix}/") for path in listed if path.startswith(f"{prefix}/"))
 
 
 def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:

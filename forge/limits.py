@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, SelectionError
@@ -88,6 +87,8 @@ def _result(path: Path) -> str | None:
 
 def _changes(repository: Path, revision: str) -> Iterator[Path]:
     """Yield the paths that differ from the revision: changed, removed, staged or new."""
+    import subprocess  # noqa: PLC0415  (most builds ask nobody)
+
     diff = ("diff", "--name-only", "--no-renames", "-z", revision, "--")
     new = ("ls-files", "--others", "--exclude-standard", "-z")
     for words in (diff, new):

@@ -223,12 +223,14 @@ class Traces:
 class Folder:
     """A build folder: CMake's generator, what it was configured for, and what its contents were made with.
 
-    All are empty when nobody knows; `traces` is None in a folder in which another tool built.
+    All are empty when nobody knows; `traces` is None in a folder in which another tool built. `installed`
+    are the files that tools list there as installed, as absolute paths.
     """
 
     generator: str = ""
     configured: str = ""
     traces: Traces | None = None
+    installed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,6 +300,8 @@ class Task:
     """It runs only if a package that is built before it comes out different."""
     clean: tuple[Path, ...] = ()
     """Files and folders of an earlier build that are removed first, since the tools cannot be told."""
+    earlier: tuple[str, ...] = ()
+    """What earlier builds installed, as absolute paths, whether or not they ended well."""
     moved: str = ""
     """The digest of inputs outside of the package, when one of them changed."""
     desk: str = "handover"

@@ -16,7 +16,7 @@ from forge.recipes.cmake import leftovers
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from forge.model import Package, Pairs, Record, Selection, Snapshot, Step
+    from forge.model import Package, Pairs, Record, Selection, Snapshot
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
 
@@ -143,26 +143,24 @@ def _task(
         reconfigure=frozenset({name}) if again else frozenset(),
     )
     recipe = RECIPES[package.build_type].recipe(package, kitchen.of(package))
+    record = snapshot.records.get(name)
+    earlier = tuple(sorted({*(record.files if record else ()), *folder.installed}))
     return Task(
         name=name,
         package=package,
         prefix=kitchen.layout.prefix(name),
         build_dir=build,
         needs=needs,
-        steps=_replacing(recipe.steps, snapshot.records.get(name)),
+        steps=(*recipe.steps[:-1], replace(recipe.steps[-1], replaces=earlier)),
         reason="a package that it needs is built before it and may come out different",
         parts=parts,
         sources=sources,
         files=recipe.files,
         conditional=True,
         clean=(build,) if anew else leftovers(build) if other_options else (),
+        earlier=earlier,
         moved=moved,
     )
-
-
-def _replacing(steps: tuple[Step, ...], record: Record | None) -> tuple[Step, ...]:
-    """Return the steps, of which the last, which installs, knows what is installed already."""
-    return (*steps[:-1], replace(steps[-1], replaces=record.files)) if record else steps
 
 
 def _unknown_types(names: Iterable[str], provision: Provision) -> Iterable[Problem]:

@@ -19,7 +19,6 @@ from forge.prefixes import find_underlays
 from forge.provision import missing_problems
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
-from forge.sourcing import workspace_environment
 from forge.tools import find_tools, identities
 from forge.workspace import warn
 
@@ -45,6 +44,7 @@ def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str
     forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
     if not forgotten:
         return variables
+    from forge.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
 
     return workspace_environment(forgotten, variables)
 

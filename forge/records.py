@@ -10,10 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.cleaning import litter_of_package, remove
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
-from forge.externals import external_inputs
-from forge.installation import installed_files
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
@@ -61,7 +58,12 @@ class Records:
         They would be found before the real ones: by CMake in a merged install and where its cache names
         them, by shells that source the workspace.
         """
-        for name in sorted(self.journal.records.keys() & set(names)):
+        gone = sorted(self.journal.records.keys() & set(names))
+        if not gone:
+            return
+        from forge.cleaning import litter_of_package, remove  # noqa: PLC0415  (only a change of underlays)
+
+        for name in gone:
             remove(tuple(litter_of_package(name, self._layout, self.journal.records)))
             self.journal.forget(name)
             self._ran = True
@@ -100,11 +102,12 @@ class Records:
 
     def make(self, task: Task) -> Record:
         """Return the record of a task that ended well, once what only its last build installed is gone."""
+        from forge.externals import external_inputs  # noqa: PLC0415  (most builds make nothing)
+        from forge.installation import installed_files  # noqa: PLC0415
+
         files = installed_files(task.package, self._layout)
         self._date(files)
-        before = self.journal.records.get(task.name)
-        if before is not None:
-            self._remove_stale(task.name, set(before.files) - set(files))
+        self._remove_stale(task.name, set(task.earlier) - set(files))
         inside = (self.source(task), self._layout.build, self._layout.install)
         externals = external_inputs(task.build_dir, inside)
         return Record(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
-from forge.explaining import commands, explain, last_command
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
@@ -51,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     if options.print_command:
+        from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
+
         print(last_command(layout, options.print_command))
         return 0
     variables = build_variables(layout, os.environ)
@@ -121,8 +122,11 @@ def _add_what_to_see(parser: Parser) -> None:
 
 def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
     """Print what the plan is, where it was asked for: on stdout as an answer, on stderr as talk."""
-    if options.explain or options.dry_run:
-        print(*explain(plan), *(commands(plan) if options.dry_run else ()), sep="\n")
-    elif level <= shared.LOG_LEVELS["info"]:
-        talk = (*explain(plan), *(commands(plan) if level <= shared.LOG_LEVELS["debug"] else ()))
-        print(*talk, sep="\n", file=sys.stderr)
+    asked = options.explain or options.dry_run
+    if not asked and level > shared.LOG_LEVELS["info"]:
+        return
+    from forge.explaining import commands, explain  # noqa: PLC0415  (asked for now and then)
+
+    whole = options.dry_run if asked else level <= shared.LOG_LEVELS["debug"]
+    lines = (*explain(plan), *(commands(plan) if whole else ()))
+    print(*lines, sep="\n", file=sys.stdout if asked else sys.stderr)

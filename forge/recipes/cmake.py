@@ -6,7 +6,6 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from forge.model import Step
-from forge.recipes import handover
 from forge.recipes.kitchen import Recipe, places
 
 if TYPE_CHECKING:
@@ -42,8 +41,15 @@ def ament_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
 
 
 def leftovers(build: Path) -> tuple[Path, ...]:
-    """Return what makes CMake remember earlier options: without it the options given are all there are."""
-    return (build / "CMakeCache.txt", build / "CMakeFiles" / "[0-9]*")
+    """Return what remembers earlier options: without it the options given are all there are.
+
+    ament's list of what it linked is of no more use when it may copy from now on.
+    """
+    return (
+        build / "CMakeCache.txt",
+        build / "CMakeFiles" / "[0-9]*",
+        build / "symlink_install_manifest.txt",
+    )
 
 
 def common_arguments(kitchen: Kitchen) -> tuple[str, ...]:
@@ -58,6 +64,8 @@ def handover_folder(build_dir: Path) -> Path:
 
 def _recipe(package: Package, kitchen: Kitchen, arguments: tuple[str, ...]) -> Recipe:
     build = kitchen.layout.build_dir(package.name)
+    from forge.recipes import handover  # noqa: PLC0415  (a fresh package needs no templates)
+
     folder = handover_folder(build)
     manifest = folder / "manifest.cmake"
     files = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from typing import TYPE_CHECKING
 
@@ -277,3 +278,56 @@ def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree
     root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
     assert built(forge, root) == ["a"]
     assert built(forge, root) == []
+
+
+@pytest.mark.needs("cmake")
+def test_links_give_way_to_files_though_the_journal_was_lost(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace, "--symlink-install")
+    (workspace / "build/forge_journal.jsonl").unlink()
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
+
+
+def test_a_link_that_is_installed_twice_stays(forge: Forge, tree: Tree) -> None:
+    """CMake neither installs nor lists a link again that points where it did."""
+    root = tree({**files("a", more="install(FILES link.txt DESTINATION share/a)"), "src/a/to.txt": "1"})
+    (root / "src/a/link.txt").symlink_to(root / "src/a/to.txt")
+    for number in range(3):
+        (root / "src/a/other.txt").write_text(str(number))
+        assert built(forge, root) == ["a"]
+        assert (root / "install/a/share/a/link.txt").readlink() == root / "src/a/to.txt"
+
+
+@pytest.mark.needs("g++")
+def test_a_header_replaced_by_an_older_one_is_compiled(forge: Forge, tree: Tree) -> None:
+    more = "enable_language(CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x DESTINATION lib/a)"
+    texts = {"src/a/x.hpp": "#define X 1", "src/a/x.cpp": '#include "x.hpp"\nint main() { return X; }'}
+    root = tree({**files("a", more=more), **texts})
+    program = root / "install/a/lib/a/x"
+    for value in (1, 2, 3):
+        (root / "other").write_text(f"#define X {value}")
+        os.utime(root / "other", (10**9 + value, 10**9 + value))
+        (root / "other").replace(root / "src/a/x.hpp")
+        assert built(forge, root) == ["a"]
+        assert subprocess.run([program], check=False).returncode == value
+
+
+@pytest.mark.needs("g++")
+def test_flags_of_the_environment_reach_every_new_folder(forge: Forge, tree: Tree) -> None:
+    lists = (
+        "cmake_minimum_required(VERSION 3.18)\nproject(a CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x)"
+    )
+    texts = {"src/a/CMakeLists.txt": lists, "src/a/x.cpp": "int main() { return X; }"}
+    root = tree({**files("a"), **texts})
+    for value in (1, 2):
+        assert built(forge, root, env={"CXXFLAGS": f"-DX={value}"}) == ["a"]
+        assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
+
+
+@pytest.mark.needs("g++")
+def test_what_cmake_read_outside_counts(forge: Forge, tree: Tree) -> None:
+    more = "include(${CMAKE_CURRENT_SOURCE_DIR}/../../outside/words.cmake)\nfile(WRITE w.txt ${words})"
+    root = tree({**files("a", more=more), "outside/words.cmake": "set(words one)"})
+    built(forge, root)
+    (root / "outside/words.cmake").write_text("set(words two)")
+    assert built(forge, root) == ["a"]

@@ -188,7 +188,11 @@ def test_what_the_tools_cannot_notice_is_cleared_away() -> None:
     other = replace(STANDING, tools=(("cmake", "4"),))
     assert plan("a", snapshot=AFTER, standing=other).tasks["a"].clean == (LAYOUT.build_dir("a"),)
     options = plan("a", snapshot=AFTER, kitchen=replace(KITCHEN, cmake_args=("-DX=1",))).tasks["a"].clean
-    assert [path.name for path in options] == ["CMakeCache.txt", "[0-9]*"]
+    assert [path.name for path in options] == [
+        "CMakeCache.txt",
+        "[0-9]*",
+        "symlink_install_manifest.txt",
+    ]
     assert (
         plan("a", snapshot=replace(AFTER, sources={**SOURCES, "a": Mark("", "x", "names")})).tasks["a"].clean
         == ()
@@ -218,8 +222,11 @@ def test_what_moved_outside_is_cleared_away_once() -> None:
 
 def test_the_installing_step_knows_what_is_installed() -> None:
     record = replace(AFTER.records["a"], files=("/ws/install/a/x",), complete=False)
-    steps = plan("a", snapshot=replace(AFTER, records={"a": record})).tasks["a"].steps
-    assert [step.replaces for step in steps] == [*[()] * (len(steps) - 1), ("/ws/install/a/x",)]
+    folder = replace(AFTER.folders["a"], installed=("/ws/install/a/killed",))
+    snapshot = replace(AFTER, records={"a": record}, folders={"a": folder})
+    task = plan("a", snapshot=snapshot).tasks["a"]
+    assert task.earlier == ("/ws/install/a/killed", "/ws/install/a/x")
+    assert [step.replaces for step in task.steps] == [*[()] * (len(task.steps) - 1), task.earlier]
 
 
 def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
