@@ -9,7 +9,7 @@ PYTEST ?= .venv/bin/python -m pytest
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
-	@echo "make fuzz    compare many random messages with rosbags', read a million spoilt ones"
+	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
 	@echo "make peers   install colcon, which tests then compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
@@ -23,7 +23,8 @@ test: .venv/.ready
 	$(PYTEST)
 
 fuzz: .venv/.ready
-	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) tests/e2e/test_cdr_differential.py
+	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \
+	  tests/e2e/test_cdr_differential.py tests/e2e/test_cdr_cpp_python.py
 
 peers: .venv-peers/.ready
 

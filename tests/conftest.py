@@ -29,6 +29,7 @@ collect_ignore = ["golden"]
 GOLDEN = Path(__file__).parent / "golden"
 
 REMEDIES = {
+    "/usr/include/fastcdr/Cdr.h": "apt-get install libfastcdr-dev",
     "bash": "apt-get install bash",
     "clang": "apt-get install clang",
     "clang++": "apt-get install clang",
@@ -45,7 +46,7 @@ REMEDIES = {
     "shellcheck": "apt-get install shellcheck",
     "zsh": "apt-get install zsh",
 }
-"""The command that brings each tool which a test may need."""
+"""The command that brings each tool, or file, which a test may need."""
 
 _FOREIGN = ("AMENT_", "CMAKE_PREFIX_PATH", "COLCON_", "FORGE_", "PYTHONPATH", "ROS_")
 _LEFT_OUT = "left_out"
@@ -147,9 +148,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Leave out a test whose tool this machine lacks."""
     for marker in item.iter_markers("needs"):
         for tool in marker.args:
-            if shutil.which(tool) is None:
+            if not _is_there(tool):
                 item.user_properties.append((_LEFT_OUT, tool))
                 pytest.skip(f"needs {tool}")
+
+
+def _is_there(tool: str) -> bool:
+    """Tell if the machine has a program, or a file where a path is given."""
+    return Path(tool).exists() if tool.startswith("/") else shutil.which(tool) is not None
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

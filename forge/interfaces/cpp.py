@@ -26,7 +26,12 @@ _ACTION_HEADERS = (
     "action_msgs/msg/goal_status_array.hpp",
     "action_msgs/srv/cancel_goal.hpp",
 )
-_LIKELY_MACROS = frozenset({"DELETE", "ERROR", "NO_ERROR"})
+_LIKELY_MACROS = frozenset(
+    {
+        *("DELETE", "ERROR", "NO_ERROR"),  # windows.h
+        *("DOMAIN", "EOF", "FALSE", "INFINITY", "NAN", "NULL", "OVERFLOW", "TRUE", "UNDERFLOW"),  # C
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)

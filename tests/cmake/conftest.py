@@ -23,6 +23,7 @@ collect_ignore = ["shapes"]
 ROOT = Path(__file__).parents[2]
 EMBEDDED = ROOT / "forge" / "embedded"
 CMAKE = os.environ.get("FORGE_TEST_CMAKE", "cmake")
+CTEST = str(Path(CMAKE).with_name("ctest"))
 PYTHON_VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 BUILD_TOOLS = ("ament_cmake", "ament_lint_auto", "rosidl_default_runtime", "rosidl_default_generators")
 INTERFACES = ("builtin_interfaces", "unique_identifier_msgs", "service_msgs", "action_msgs", "std_msgs")
@@ -99,7 +100,7 @@ class Project:
 
     def test(self) -> Outcome:
         """Run the tests."""
-        return self._run("ctest", "--test-dir", str(self.build), "--output-on-failure")
+        return self._run(CMAKE, "-E", "chdir", str(self.build), CTEST, "--output-on-failure")
 
     def files(self) -> set[str]:
         """Return what is installed."""

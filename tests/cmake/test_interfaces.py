@@ -84,7 +84,7 @@ def test_everything_lands_where_ros_has_it(motion: Project) -> None:
                 *(f"{kind}/detail/{name}__{part}.h" for part in ("struct", "functions", "type_support")),
                 *(
                     f"{kind}/detail/{name}__{part}.hpp"
-                    for part in ("struct", "builder", "traits", "type_support")
+                    for part in ("struct", "builder", "traits", "type_support", "cdr")
                 ),
             )
         ),

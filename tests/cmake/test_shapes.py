@@ -56,6 +56,10 @@ class Built:
         assert done.returncode == 0, done.stdout
         return done.stdout
 
+    def ctest(self, name: str, *words: str) -> str:
+        """Run CTest on a package and return what it said."""
+        return self.run("cmake", "-E", "chdir", f"build/{name}", "ctest", *words, sourced=True)
+
     def build(self) -> str:
         """Build the workspace and return what was said."""
         return self.run("env", f"PYTHONPATH={ROOT}", sys.executable, "-m", "forge", "build", *self.words)
@@ -111,11 +115,11 @@ def test_a_second_build_has_nothing_to_do(copied: Built) -> None:
 
 def test_the_shapes_own_tests_pass(copied: Built) -> None:
     for name in copied.packages:
-        copied.run("ctest", "--test-dir", f"build/{name}", "--output-on-failure", sourced=True)
+        copied.ctest(name, "--output-on-failure")
 
 
 def test_linters_that_are_missing_are_skipped_tests(copied: Built) -> None:
-    listing = copied.run("ctest", "--test-dir", "build/late_lib", "-N")
+    listing = copied.ctest("late_lib", "-N")
     assert set(re.findall(r"#\d+: (\w+)$", listing, re.MULTILINE)) == {
         *("copyright", "cppcheck", "cpplint", "flake8", "lint_cmake", "pep257", "uncrustify", "xmllint"),
         "test_late",
@@ -158,11 +162,12 @@ def test_plain_cmake_uses_every_shape_without_ament(copied: Built) -> None:
 
 
 def test_linked_without_tests_everything_works_as_well(linked: Built) -> None:
+    installs_links = linked.run("cmake", "--version").split()[2].split(".") >= ["3", "22"]
     header = linked.root / "install/include/late_lib/late_lib/late.hpp"
-    assert header.readlink() == linked.root / "src/6_late_library/late_lib/include/late_lib/late.hpp"
-    assert (linked.root / "install/lib/liblate_lib.so").is_symlink()
+    assert header.is_symlink() == installs_links
+    assert (linked.root / "install/lib/liblate_lib.so").is_symlink() == installs_links
     for program in sorted((linked.root / "install/lib/users").iterdir()):
         linked.run(str(program), sourced=True)
     for name in linked.packages:
-        assert "Total Tests: 0" in linked.run("ctest", "--test-dir", f"build/{name}", "-N"), name
+        assert "Total Tests: 0" in linked.ctest(name, "-N"), name
     assert "Starting" not in linked.build()

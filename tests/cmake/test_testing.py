@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from .conftest import EMBEDDED
+from .conftest import CTEST, EMBEDDED
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,8 +27,9 @@ LINT_AUTO = "find_package(ament_lint_auto REQUIRED)\nament_lint_auto_find_test_d
 
 def registered(project: Project) -> dict[str, dict[str, object]]:
     """Return the registered tests with their properties."""
-    argv = ["ctest", "--test-dir", str(project.build), "--show-only=json-v1"]
-    listed = json.loads(subprocess.run(argv, capture_output=True, text=True, check=True).stdout)
+    argv = [CTEST, "--show-only=json-v1"]
+    ran = subprocess.run(argv, cwd=project.build, capture_output=True, text=True, check=True)
+    listed = json.loads(ran.stdout)
     return {
         test["name"]: {entry["name"]: entry["value"] for entry in test.get("properties", [])}
         for test in listed["tests"]

@@ -113,7 +113,8 @@ def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tre
             "src/b/package.xml": manifest_text("b"),
             "src/c/CMakeLists.txt": "project(c)",
             "src/c/colcon.pkg": "name: d\ntest-dependencies: [a]\n",
-            "src/e/setup.py": "import setuptools\nsetuptools.setup(name='e', version='1', install_requires=['a'])",
+            "src/e/setup.py": "from setuptools import setup\n"
+            "setup(name='e', version='1', install_requires=['a'])",
             "colcon.meta": "names: {a: {cmake-args: [-D1], hooks: [x.sh]}}\n"
             "paths: {src/b: {name: g, ctest-args: [x]}}",
             "more/colcon.meta": "names: {a: {cmake-args: [-D2]}, d: {dependencies: [g]}}",

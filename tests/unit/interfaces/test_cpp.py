@@ -117,7 +117,7 @@ def test_a_header_includes_what_its_members_need_once() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["DELETE", "ERROR", "NO_ERROR"])
+@pytest.mark.parametrize("name", ["DELETE", "ERROR", "NAN", "NO_ERROR"])
 def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
     """The macro steps aside while the struct is defined."""
     constant = Constant(name, Primitive("int8"), 1)
