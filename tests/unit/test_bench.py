@@ -62,7 +62,7 @@ def test_what_is_run_before_does_not_count(tmp_path: Path) -> None:
     script = "import os; open('turns', 'a').write(os.environ['WORD'])"
     before = (sys.executable, "-c", "import time; time.sleep(1); open('turns', 'a').write('-')")
     variant = Variant("A", (sys.executable, "-c", script), tmp_path, before, {"WORD": "x"})
-    assert variant.run() < 1
+    assert variant.run()[0] < 1
     assert (tmp_path / "turns").read_text(encoding="utf-8") == "-x"
 
 
