@@ -43,17 +43,26 @@ class _Leaf:
 
 
 @dataclass(frozen=True, slots=True)
+class _Shape:
+    """A message's layout; its size and alignment if it is moved in one piece, else zeros."""
+
+    layout: Layout
+    size: int
+    alignment: int
+
+
+@dataclass(frozen=True, slots=True)
 class MembersViews:
     """The specialisations for the messages of a catalog."""
 
     layouts: Layouts
-    _packed: dict[TypeName, tuple[int, int]] = field(default_factory=dict)
+    _shapes: dict[TypeName, _Shape] = field(default_factory=dict)
 
     def of(self, name: TypeName) -> MembersView:
         """Return what is said about a message; it holds wherever in other messages it begins."""
-        layout = self.layouts.of(name, ANYWHERE)
-        size, alignment = self.packed(name)
-        constants = (f"least = {layout.least};", f"packed = {size};", f"alignment = {alignment};")
+        shape = self._shape(name)
+        layout, size = shape.layout, shape.size
+        constants = (f"least = {layout.least};", f"packed = {size};", f"alignment = {shape.alignment};")
         wholes = self._wholes(layout)
         needs = chain(wholes.values(), chain.from_iterable(map(_needs, layout.steps)))
         return MembersView(
@@ -64,17 +73,17 @@ class MembersViews:
             needs=frozenset(needs),
         )
 
-    def packed(self, name: TypeName) -> tuple[int, int]:
-        """Return the size and the alignment of a message that never has padding, else zeros."""
-        if name not in self._packed:
-            self._packed[name] = _packed(self.layouts.of(name, ANYWHERE))
-        return self._packed[name]
+    def _shape(self, name: TypeName) -> _Shape:
+        if name not in self._shapes:
+            layout = self.layouts.of(name, ANYWHERE)
+            self._shapes[name] = _Shape(layout, *_packed(layout))
+        return self._shapes[name]
 
     def _wholes(self, layout: Layout) -> dict[Path, TypeName]:
         """Return the messages inside that are moved in one piece, none of them inside another."""
         wholes: dict[Path, TypeName] = {}
         for inner in layout.inner:
-            if self.packed(inner.name)[0] and _outermost(inner.path, wholes) is None:
+            if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
                 wholes[inner.path] = inner.name
         return wholes
 
@@ -104,7 +113,7 @@ class MembersViews:
                 yield _Leaf(member.path, member.alignment)
             elif whole is not None and whole not in seen:
                 seen.add(whole)
-                yield _Leaf(whole, self.packed(wholes[whole])[1])
+                yield _Leaf(whole, self._shape(wholes[whole]).alignment)
 
 
 def _packed(layout: Layout) -> tuple[int, int]:
