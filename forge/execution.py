@@ -5,7 +5,6 @@ from __future__ import annotations
 import queue
 import signal
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -32,9 +31,14 @@ def execute(
     inbox: queue.SimpleQueue[Event | BaseException] = queue.SimpleQueue()
     crash: BaseException | None = None
     interrupts = 0
-    with _interrupts_into(inbox.put), ThreadPoolExecutor(max(1, len(plan.tasks))) as pool:
+
+    def submit(task: Task) -> None:
+        # The board says how many there are at a time; concurrent.futures would cost 10 ms to load.
+        threading.Thread(target=_work, args=(runner, task, inbox.put), name=task.name).start()
+
+    with _interrupts_into(inbox.put):
         while True:
-            yield from _start(plan, board, settle, lambda task: pool.submit(_work, runner, task, inbox.put))
+            yield from _start(plan, board, settle, submit)
             if not board.running:
                 break
             received = inbox.get()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import sys
 import time
 from contextlib import closing, nullcontext
@@ -14,6 +16,7 @@ from forge.capacity import processors, shortage
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem
 from forge.execution import execute
+from forge.files import write_if_changed
 from forge.freshness import environment_that_counts
 from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
@@ -37,6 +40,9 @@ if TYPE_CHECKING:
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
     from forge.workspace import Loaded
+
+
+STYLES = "forge_styles.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,14 +123,28 @@ def open_budget(
         hint = "begin its rule with '+', or give forge its own --jobs"
         warn([Problem("the jobserver of the make above cannot be reached", hint=hint)])
     compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
-    tools = {"ninja": kitchen.ninja, "make": kitchen.make} if compiles else {}
-    spoken_by = {name: spoken(name, tool, variables) for name, tool in tools.items() if tool}
+    spoken_by = _styles(kitchen, variables) if compiles else {}
     style = pool.style if pool else common_style(spoken_by)
     if pool is None and style is not None:
         pool = own_pool(style)
     fluent = frozenset(name for name, styles in spoken_by.items() if style in styles)
     short = partial(shortage, options.memory_limit, kitchen.load_limit)
     return Budget(jobs, pool, fluent, flags, short)
+
+
+def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozenset[str]]:
+    """Return the styles that each tool speaks: as tried by an earlier build with the same, else tried now."""
+    file = kitchen.layout.build / STYLES
+    told = "\n".join(f"{name} {identity}" for name, identity in kitchen.tools if name in {"ninja", "make"})
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
+        said = json.loads(file.read_bytes())
+        if said["tools"] == told:
+            return {name: frozenset(styles) for name, styles in said["styles"].items()}
+    tools = {"ninja": kitchen.ninja, "make": kitchen.make}
+    found = {name: spoken(name, tool, variables) for name, tool in tools.items() if tool}
+    styles = {name: sorted(spoken_by) for name, spoken_by in found.items()}
+    write_if_changed(file, json.dumps({"tools": told, "styles": styles}))
+    return found
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:

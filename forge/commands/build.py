@@ -23,6 +23,7 @@ from forge.records import open_records
 from forge.reporting import Report, handlers_of
 from forge.results import begin_workspace
 from forge.snapshot import take_snapshot
+from forge.templating import keep_compiled
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def run(options: argparse.Namespace) -> int:
     refuse_what_cannot_work(loaded, names)
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
     begin_workspace(layout)
+    keep_compiled(layout.build / ".forge_templates")
     with occupied(layout.build), closing(open_records(root, layout, interpreter)) as records:
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
         plan, outlook = make_plan(

@@ -100,7 +100,7 @@ def play(forge: Forge, clean: Clean, workspace: Evolving, steps: Sequence[Sequen
         ran = build(workspace)
         started = {line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")}
         if workspace.broken:
-            assert ran.code == 1, ran.out
+            assert ran.code in {1, 2}, ran.out  # 2 where a damaged hook of ours stays, too
             continue
         assert ran.code == 0, ran.err
         expected = clean.tree(workspace, build)
