@@ -50,7 +50,7 @@ class Folders(Mapping[str, Folder]):
         build = self._layout.build_dir(name)
         if not build.is_dir():
             raise KeyError(name)
-        return Folder(*_configured(build), _traces(build), tuple(listed_files(build)))
+        return Folder(*_configured(build), _traces(build), tuple(listed_files(build)), began(build))
 
     def __iter__(self) -> Iterator[str]:
         """Go through the packages that have one."""
@@ -70,11 +70,17 @@ def begin(task: Task, source: Path) -> None:
         if step.record:
             # What the folder was configured for counts no longer, now that the note says something else.
             step.record[0].unlink(missing_ok=True)
-    began = time.time_ns()
+    now = time.time_ns()
     woken = _wake(source, note)
     traces = asdict(traces_of(task.parts, task.sources, task.moved))
-    said = {"began": began, "woken": woken, "traces": traces}
+    said = {"began": now, "woken": woken, "traces": traces}
     replace_file(task.build_dir / DESK / NOTE, json.dumps(said, indent=2).encode(errors="surrogateescape"))
+
+
+def began(build: Path) -> float:
+    """Return when the last build in a folder began, in seconds since the epoch; 0 when nobody knows."""
+    said = _note(build).get("began")
+    return said / 1e9 if isinstance(said, int) else 0.0
 
 
 def clear(task: Task) -> None:

@@ -51,7 +51,7 @@ class Journal:
                 self.remember(name, replace(before, parts=parts, complete=False, began=time.time()))
             case Finished(name, code):
                 if event.record is not None:
-                    self.remember(name, replace(event.record, began=self.records[name].began))
+                    self.remember(name, event.record)
                 _write_result(plan, name, str(code))
             case Aborted(name):
                 _write_result(plan, name, "SIGINT")

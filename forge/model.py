@@ -231,6 +231,8 @@ class Folder:
     configured: str = ""
     traces: Traces | None = None
     installed: tuple[str, ...] = ()
+    began: float = 0.0
+    """When the last build there began, by its own note; the record of that build says the same."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,7 +134,8 @@ def _task(
     _, moved = snapshot.moved.get(name, ("", ""))
     folder = snapshot.folders.get(name, Folder())
     now, then = traces_of(parts, sources, moved), folder.traces
-    anew = then is not None and must_begin_anew(now, then)
+    record = snapshot.records.get(name)
+    anew = then is not None and (_unrecorded(record, folder) or must_begin_anew(now, then))
     other_options = then is not None and (now.options != then.options or kitchen.clean_cache)
     again = other_options or now.shape != (then or Traces()).shape
     kitchen = replace(
@@ -143,7 +144,6 @@ def _task(
         reconfigure=frozenset({name}) if again else frozenset(),
     )
     recipe = RECIPES[package.build_type].recipe(package, kitchen.of(package))
-    record = snapshot.records.get(name)
     earlier = tuple(sorted({*(record.files if record else ()), *folder.installed}))
     return Task(
         name=name,
@@ -161,6 +161,11 @@ def _task(
         earlier=earlier,
         moved=moved,
     )
+
+
+def _unrecorded(record: Record | None, folder: Folder) -> bool:
+    """Tell if the journal has lost what was built in the folder last, and with it what that had read."""
+    return record is None or (record.complete and record.began != folder.began)
 
 
 def _unknown_types(names: Iterable[str], provision: Provision) -> Iterable[Problem]:

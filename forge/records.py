@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
+from forge.folders import began
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
@@ -118,6 +119,7 @@ class Records:
             files=files,
             externals=externals,
             external=digest_of(externals, contents_of(externals, self.table)),
+            began=began(task.build_dir),
         )
 
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:

@@ -331,3 +331,18 @@ def test_what_cmake_read_outside_counts(forge: Forge, tree: Tree) -> None:
     built(forge, root)
     (root / "outside/words.cmake").write_text("set(words two)")
     assert built(forge, root) == ["a"]
+
+
+@pytest.mark.needs("g++")
+def test_what_was_read_outside_counts_though_the_journal_was_lost(forge: Forge, tree: Tree) -> None:
+    more = "enable_language(CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x)"
+    source = '#include "../../outside/x.hpp"\nint main() { return X; }'
+    root = tree({**files("a", more=more), "src/a/x.cpp": source})
+    (root / "outside").mkdir()
+    for value in (1, 2, 3):
+        (root / "outside/x.hpp").write_text(f"#define X {value}")
+        os.utime(root / "outside/x.hpp", (10**9, 10**9))
+        assert built(forge, root) == ["a"]
+        assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
+        if value == 2:
+            (root / "build/forge_journal.jsonl").unlink()

@@ -201,10 +201,18 @@ def test_what_the_tools_cannot_notice_is_cleared_away() -> None:
 
 def test_a_folder_that_says_nothing_of_its_contents_is_begun_anew() -> None:
     """The journal may be lost, or the build killed before anything was cleared away."""
-    for traces in (Traces(), replace(traces_of(AFTER.records["a"].parts, SOURCES["a"], ""), base="other")):
-        folder = replace(AFTER.folders["a"], traces=traces)
-        lost = replace(AFTER, records={"e": AFTER.records["e"]}, folders={**AFTER.folders, "a": folder})
-        task = plan("a", snapshot=lost).tasks["a"]
+    killed = replace(AFTER.records["a"], complete=False)
+    known = AFTER.folders["a"]
+    for record, folder in (
+        (killed, replace(known, traces=Traces())),
+        (killed, replace(known, traces=replace(known.traces or Traces(), base="other"))),
+        (None, known),
+        (replace(killed, complete=True, installed=Mark()), replace(known, began=5.0)),
+    ):
+        records = {"e": AFTER.records["e"], **({"a": record} if record else {})}
+        snapshot = replace(AFTER, records=records, folders={**AFTER.folders, "a": folder})
+        snapshot = replace(snapshot, installed={**INSTALLED, "a": Mark("", "other")})
+        task = plan("a", snapshot=snapshot).tasks["a"]
         assert task.clean == (LAYOUT.build_dir("a"),)
         assert task.steps[0].label == "cmake"
     foreign = replace(AFTER, records={}, folders={"a": Folder("Unix Makefiles")})
