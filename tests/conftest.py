@@ -13,9 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from forge.cli import main
 from forge.files import write_if_changed
+
+# How long an example takes says more about the machine than about forge.
+settings.register_profile("forge", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("forge")
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

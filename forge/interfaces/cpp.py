@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from forge.errors import InterfaceError, Problem, raise_if_any
 from forge.interfaces.cpp_cdr import MembersViews
 from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.cpp_traits import type_traits, yaml_view
 from forge.interfaces.headers import detail_path, guard, handles, main_path, needed, services_of
-from forge.interfaces.model import Action, File, Sequence, messages_of
+from forge.interfaces.model import Action, File, Primitive, Sequence, element_of, messages_of
 from forge.interfaces.unfolding import Layouts
 from forge.templating import render
 
@@ -166,7 +167,11 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def package_files(catalog: Catalog) -> Iterator[File]:
-    """Yield the header that all interfaces of a package share."""
+    """Yield the header that all interfaces of a package share.
+
+    Raises InterfaceError for a long double, whose bytes on the wire no two platforms agree on.
+    """
+    raise_if_any(_impossible(catalog), InterfaceError)
     path = _visibility_path(catalog.package)
     text = render("cpp/visibility_control.hpp.j2", guard=guard(path), package=catalog.package)
     yield File(path, text)
@@ -186,6 +191,15 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
         yield headers.cdr()
 
     return headers_of
+
+
+def _impossible(catalog: Catalog) -> Iterator[Problem]:
+    for interface in catalog.interfaces.values():
+        for message in messages_of(interface):
+            for field in message.fields:
+                if element_of(field.type) == Primitive("long double"):
+                    text = f"C++ cannot put the long double '{field.name}' into bytes that others read"
+                    yield Problem(text, field.place, "use double, or leave out --lang cpp")
 
 
 def _visibility_path(package: str) -> str:

@@ -47,6 +47,7 @@ class _Shape:
     """A message's layout; its size and alignment if it is moved in one piece, else zeros."""
 
     layout: Layout
+    least: int
     size: int
     alignment: int
 
@@ -62,7 +63,7 @@ class MembersViews:
         """Return what is said about a message; it holds wherever in other messages it begins."""
         shape = self._shape(name)
         layout, size = shape.layout, shape.size
-        constants = (f"least = {layout.least};", f"packed = {size};", f"alignment = {shape.alignment};")
+        constants = (f"least = {shape.least};", f"packed = {size};", f"alignment = {shape.alignment};")
         wholes = self._wholes(layout)
         needs = chain(wholes.values(), chain.from_iterable(map(_needs, layout.steps)))
         return MembersView(
@@ -76,8 +77,22 @@ class MembersViews:
     def _shape(self, name: TypeName) -> _Shape:
         if name not in self._shapes:
             layout = self.layouts.of(name, ANYWHERE)
-            self._shapes[name] = _Shape(layout, *_packed(layout))
+            least = layout.least + sum(map(self._more, layout.steps))
+            self._shapes[name] = _Shape(layout, least, *_packed(layout))
         return self._shapes[name]
+
+    def _more(self, step: Step) -> int:
+        """Return how much more a step takes at least than its layout says: a shared message is 1 there.
+
+        Memory is asked for in proportion to the least size, so it must not be much less than the truth.
+        """
+        match step:
+            case Shared(_, name):
+                return self._shape(name).least - 1
+            case Loop(_, Array(_, count), body):
+                return count * sum(map(self._more, body.steps))
+            case _:
+                return 0
 
     def _wholes(self, layout: Layout) -> dict[Path, TypeName]:
         """Return the messages inside that are moved in one piece, none of them inside another."""

@@ -34,7 +34,7 @@ MUTATIONS = os.environ.get("FORGE_CDR_MUTATIONS", "500")
 PACKAGES = ("example_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs")
 MANY = "\n".join(f"string s{number}\nint8 n{number}\nfloat64[] d{number}" for number in range(LARGE // 2))
 DEFINITIONS = {
-    "Around": "int8 a\nLarge[] many\nLarge[2] two\nLarge one\nfloat64 b",
+    "Around": "int8 a\nLarge[] many\nLarge[2] two\nLarge one\nfloat64 b\nFirst[] first",
     "Arr": "uint8 a\nfloat64[1] b\nuint8[3] c\nuint32[2] d",
     "BasicTypes": "bool a\nbyte b\nchar c\nfloat32 d\nfloat64 e\nint8 f\nuint8 g\nint16 h\nuint16 i\n"
     "int32 j\nuint32 k\nint64 l\nuint64 m",
@@ -44,6 +44,7 @@ DEFINITIONS = {
     "int64[100] large\nbool[600] larger\nMixed[] mixed\nMixed[3] three\nTight[] tight\nTight[2] two\n"
     "Late[] late\nFlag[] flag\nstd_msgs/Empty[] empty\nwstring[] wide\nstring<=3[<=2] brief\nWhole[] whole",
     "EmptyIn": "std_msgs/Empty e\nuint32 x",
+    "First": "Large one\nint8 a",
     "Flag": "uint8 number\nbool flag",
     "Inner": "uint8 a\nfloat64 b",
     "Large": MANY,
@@ -174,10 +175,17 @@ def test_only_messages_without_padding_are_packed(text: str, size: int, alignmen
 
 @pytest.mark.parametrize(
     ("text", "least"),
-    [("string a\nint8 b", 5), ("float64[2] a\nint8[] b", 20), ("Inner[3] a\nInner[] b", 16), ("", 1)],
+    [
+        ("string a\nint8 b", 5),
+        ("float64[2] a\nint8[] b", 20),
+        ("Inner[3] a\nInner[] b", 16),
+        ("Large a\nint8 b", LARGE // 2 * 9 + 1),
+        ("Large[2] a\nLarge[] b", LARGE // 2 * 18 + 4),
+        ("", 1),
+    ],
 )
 def test_the_least_size_counts_no_padding(text: str, least: int) -> None:
-    assert view(text, Inner="string x").constants[0] == f"least = {least};"
+    assert view(text, Inner="string x", Large=MANY).constants[0] == f"least = {least};"
 
 
 def _headers(names: Iterable[str]) -> list[str]:
