@@ -15,6 +15,7 @@
 #include "example_interfaces/action/fibonacci.hpp"
 #include "example_interfaces/msg/w_string.hpp"
 #include "example_interfaces/srv/add_two_ints.hpp"
+#include "forge_cdr/view.hpp"
 #include "geometry_msgs/msg/point_stamped.hpp"
 #include "geometry_msgs/msg/polygon.hpp"
 #include "nav_msgs/msg/path.hpp"
@@ -333,6 +334,64 @@ void a_used_message_keeps_its_memory()
   HOLDS((forge_cdr::deserialize<nav_msgs::msg::Path>(data.data(), data.size()) == path));
 }
 
+/// A view has the elements that a read would have copied, whatever the byte order; the rest is read.
+template<typename Message, typename Sequence>
+void views(const Message & message, Sequence Message::* member, const std::string & name)
+{
+  Message rest = message;
+  (rest.*member).clear();
+  for (const bool big_endian : {false, true}) {
+    const Bytes bytes = plainly(message, big_endian);
+    Message read = message;
+    const auto view = forge_cdr::view(bytes.data(), bytes.size(), read, member);
+    holds(read == rest, name + ": all but the view is read", 0);
+    holds(view.size() == (message.*member).size(), name + ": size", 0);
+    holds(view.empty() == (message.*member).empty(), name + ": empty", 0);
+    holds(view.swapped() == big_endian, name + ": order", 0);
+    for (std::size_t position = 0; position < view.size(); ++position) {
+      holds(view[position] == (message.*member)[position], name + ": element", 0);
+    }
+    holds(
+      view.empty() || (view.bytes() > bytes.data() && view.bytes() < bytes.data() + bytes.size()),
+      name + ": within the bytes", 0);
+    for (std::size_t size = 0; size < bytes.size(); ++size) {
+      try {
+        forge_cdr::view(bytes.data(), size, read, member);
+        holds(false, name + ": cut", 0);
+      } catch (const forge_cdr::Error &) {
+        holds(read == Message(), name + ": as newly made after an error", 0);
+      }
+    }
+  }
+}
+
+void sequences_are_viewed_where_they_are()
+{
+  sensor_msgs::msg::Image image;
+  image.header = header(1, 2, "camera");
+  image.encoding = "mono8";
+  image.data = {7, 8, 9};
+  views(image, &sensor_msgs::msg::Image::data, "view of bytes");
+  const Bytes bytes = forge_cdr::serialize(image);
+  sensor_msgs::msg::Image read = image;
+  asked = 0;
+  const auto pixels = forge_cdr::view(bytes.data(), bytes.size(), read, &sensor_msgs::msg::Image::data);
+  HOLDS(asked == 0);
+  HOLDS(pixels.bytes() == bytes.data() + bytes.size() - 3 && !pixels.swapped());
+  const auto joints = sensor_msgs::msg::JointState().set__name({"a"}).set__position({0.5, -1.5});
+  views(joints, &sensor_msgs::msg::JointState::position, "view of doubles");
+  views(joints, &sensor_msgs::msg::JointState::effort, "view of nothing");
+  geometry_msgs::msg::Polygon polygon;
+  polygon.points.resize(3);
+  polygon.points[1].y = 2.5f;
+  views(polygon, &geometry_msgs::msg::Polygon::points, "view of messages");
+  views(
+    wire::build<wire::msg::Strs>().a({"x"}).b({"", "yz"}).c({true, false}).d({true, false, true}).e(258),
+    &wire::msg::Strs::c, "view of bools");
+  views(
+    wire::build<wire::msg::Bnd>().s("ab").v({-1, 2}).t(9), &wire::msg::Bnd::v, "view of a bounded sequence");
+}
+
 void every_bit_of_a_number_survives()
 {
   wire::msg::BasicTypes message;
@@ -356,6 +415,7 @@ int main(int argc, char ** argv)
   odd_bytes_are_taken();
   errors_say_what_and_where();
   a_used_message_keeps_its_memory();
+  sequences_are_viewed_where_they_are();
   every_bit_of_a_number_survives();
   std::mt19937 chance(argc > 2 ? static_cast<unsigned>(std::atoi(argv[2])) : 1u);
   All::round_trips(chance);

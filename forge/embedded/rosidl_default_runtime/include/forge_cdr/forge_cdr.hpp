@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "forge_cdr/detail/reader.hpp"
@@ -68,6 +69,27 @@ void read(const std::uint8_t * data, std::size_t size, Message & message)
 {
   Reader<Swap> reader(data + header_size, size - header_size);
   reader.message(message);
+}
+
+/// Look at the header and have all members read: `read` is told by a type if bytes are to be swapped.
+template<typename Message, typename Read>
+FORGE_CDR_INLINE void read_whole(
+  const std::uint8_t * data, std::size_t size, Message & message, const Read & read)
+{
+  try {
+    if (size < header_size || data[0] != 0 || data[1] > 1) {
+      fail_header(data, size);
+    }
+    const bool little = data[1] == 1;
+    if (little == host_is_little) {
+      read(std::false_type());
+    } else {
+      read(std::true_type());
+    }
+  } catch (...) {
+    message = Message(::rosidl_runtime_cpp::MessageInitialization::ALL);
+    throw;
+  }
 }
 
 }  // namespace detail
@@ -128,20 +150,10 @@ std::vector<std::uint8_t> serialize(const Message & message)
 template<typename Message>
 void deserialize(const std::uint8_t * data, std::size_t size, Message & message)
 {
-  try {
-    if (size < detail::header_size || data[0] != 0 || data[1] > 1) {
-      detail::fail_header(data, size);
-    }
-    const bool little = data[1] == 1;
-    if (little == detail::host_is_little) {
-      detail::read<false>(data, size, message);
-    } else {
-      detail::read<true>(data, size, message);
-    }
-  } catch (...) {
-    message = Message(::rosidl_runtime_cpp::MessageInitialization::ALL);
-    throw;
-  }
+  detail::read_whole(
+    data, size, message, [&](auto swap) {
+      detail::read<decltype(swap)::value>(data, size, message);
+    });
 }
 
 /// Read a message into one that there is, from a vector; as above.

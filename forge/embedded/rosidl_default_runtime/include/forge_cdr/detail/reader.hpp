@@ -7,6 +7,7 @@
 #include <cstring>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "forge_cdr/detail/types.hpp"
 #include "forge_cdr/error.hpp"
@@ -76,13 +77,7 @@ public:
   FORGE_CDR_INLINE void sequence(Sequence & values)
   {
     using Value = typename Sequence::value_type;
-    const std::size_t count = number();
-    if (count > (_size - _offset) / least<Value>()) {
-      fail_count(count);
-    }
-    if (count > values.max_size()) {
-      fail_bound(count, values.max_size());
-    }
+    const std::size_t count = length(values);
     if (count == 0) {
       values.clear();
     } else if constexpr (!Swap && is_packed<Value>()) {
@@ -101,7 +96,35 @@ public:
     }
   }
 
+  /// Where the elements of a sequence begin, and how many there are; the sequence itself is left alone.
+  template<typename Sequence>
+  std::pair<const std::uint8_t *, std::size_t> elements(const Sequence & values)
+  {
+    using Value = typename Sequence::value_type;
+    static_assert(
+      std::is_arithmetic_v<Value> || is_packed<Value>(), "only elements of fixed size can be viewed");
+    const std::size_t count = length(values);
+    if (count == 0) {
+      return {nullptr, 0};
+    }
+    return {take<Leaf<Value>::alignment>(count * Leaf<Value>::size), count};
+  }
+
 private:
+  /// How many elements a sequence is to have, if there can be so many.
+  template<typename Sequence>
+  FORGE_CDR_INLINE std::size_t length(const Sequence & values)
+  {
+    const std::size_t count = number();
+    if (count > (_size - _offset) / least<typename Sequence::value_type>()) {
+      fail_count(count);
+    }
+    if (count > values.max_size()) {
+      fail_bound(count, values.max_size());
+    }
+    return count;
+  }
+
   /// The next bytes, after padding.
   template<std::size_t Alignment>
   FORGE_CDR_INLINE const std::uint8_t * take(std::size_t size)
