@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+
+_DRAFT = ".forge-draft"
 
 
 def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None:
@@ -15,7 +19,7 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
     Folders are made as needed. A symbolic link at `path` is replaced, not followed.
     Raises OSError as the system does.
     """
-    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
+    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}{_DRAFT}")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
         descriptor = os.open(temporary, flags, 0o666)
@@ -31,6 +35,15 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def remove_drafts(root: Path) -> None:
+    """Remove what `replace_file` left unfinished anywhere below `root` when it was killed."""
+    for folder, _, names in os.walk(root):
+        for name in names:
+            if name.startswith(".") and name.endswith(_DRAFT):
+                with contextlib.suppress(OSError):
+                    os.unlink(os.path.join(folder, name))  # noqa: PTH108, PTH118  (as os.walk says it)
 
 
 def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:

@@ -4,7 +4,8 @@ The first line names the version of the format. A line {"externals": [...]} adds
 outside the workspace that later lines number; a line {"package": ...} replaces what earlier lines said
 of that package. A package that began and did not end has an incomplete record, which makes no package
 fresh. A line that cannot be read, or a file of another version, counts as nothing: the package is built
-again, with a note.
+again, with a note. A line {"ended": false} says that a build began to change the install folder; unless
+{"ended": true} follows, it was killed before it wrote the workspace's scripts.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ class Journal:
         self.path = path
         self.records: dict[str, Record] = {}
         self.damaged = False
+        self.ended = True
+        """Whether the last build that ran anything came to its end."""
         self.stamp = ""
         """The stamp of all external files when every record agreed with them, else empty."""
         self._externals: dict[str, int] = {}
@@ -47,6 +50,7 @@ class Journal:
         """Note that a package began, which makes its last record incomplete, or how it ended."""
         match event:
             case Started(name, parts):
+                self.end(ended=False)
                 before = self.records.get(name) or Record(parts)
                 self.remember(name, replace(before, parts=parts, complete=False, began=time.time()))
             case Finished(name, code):
@@ -62,6 +66,12 @@ class Journal:
     def externals(self) -> list[str]:
         """All external files that records number, and some that none does any more."""
         return list(self._externals)
+
+    def end(self, *, ended: bool) -> None:
+        """Note that a build began to change the install folder, or that all is written."""
+        if ended != self.ended:
+            self.ended = ended
+            self._append({"ended": ended})
 
     def agree(self, stamp: str) -> None:
         """Note the stamp of all external files at a moment when every record agrees with them."""
@@ -113,7 +123,9 @@ class Journal:
         for line in lines[1:]:
             entry = _parsed(line)
             try:
-                if "stamp" in entry:
+                if "ended" in entry:
+                    self.ended = entry["ended"] is True
+                elif "stamp" in entry:
                     self.stamp = entry["stamp"]
                 elif "externals" in entry and "package" not in entry:
                     table += entry["externals"]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
+from forge.files import remove_drafts
 from forge.folders import began
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
@@ -52,6 +53,11 @@ class Records:
             now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
             if now != record:
                 self.journal.remember(name, now)
+
+    def recover(self) -> None:
+        """Remove half-written files if the last build was killed."""
+        if not self.journal.ended:
+            remove_drafts(self._layout.install)
 
     def retire(self, names: Iterable[str]) -> None:
         """Remove what was built of embedded packages that have stepped aside.
@@ -125,11 +131,12 @@ class Records:
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""
         install = self._layout.install
-        if self._ran or plan.tasks or not (install / STATE).is_file():
+        if self._ran or plan.tasks or not self.journal.ended or not (install / STATE).is_file():
             from forge.installation import finish_workspace  # noqa: PLC0415  (most builds change nothing)
 
             chain = find_underlays(variables, install).chain
             finish_workspace(self._layout, chain, self._interpreter.path)
+            self.journal.end(ended=True)
         if self._ran:
             self.journal.doubt()
         if not self.journal.stamp:

@@ -71,6 +71,7 @@ def run(options: argparse.Namespace) -> int:
         _say(plan, options, level)
         if options.dry_run:
             return 0
+        records.recover()
         records.retire(loaded.provision.superseded)
         if not plan.tasks:
             records.finish(plan, variables)

@@ -346,3 +346,22 @@ def test_what_was_read_outside_counts_though_the_journal_was_lost(forge: Forge, 
         assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
         if value == 2:
             (root / "build/forge_journal.jsonl").unlink()
+
+
+def test_what_a_killed_build_did_not_come_to_is_done_by_the_next(forge: Forge, workspace: Path) -> None:
+    assert forge("build", cwd=workspace).code == 0
+    journal = workspace / "build/forge_journal.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    ended = max(number for number, line in enumerate(lines) if line == '{"ended": true}\n')
+    journal.write_text("".join(lines[:ended]))
+    (workspace / "install/setup.sh").unlink()
+    drafts = [workspace / "install/.setup.sh.0a1b2c3d.forge-draft"]
+    drafts += [workspace / "install/b/share/b/.package.sh.0a1b2c3d.forge-draft"]
+    for draft in drafts:
+        draft.touch()
+    ran = forge("build", cwd=workspace)
+    assert ran.code == 0
+    assert "3 packages unchanged" in ran.out
+    assert (workspace / "install/setup.sh").is_file()
+    assert not any(draft.exists() for draft in drafts)
+    assert journal.read_text().splitlines()[-1] != '{"ended": false}'
