@@ -26,6 +26,9 @@ FAMILY_MARKS = {
 ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 """What generated code of .action files refers to and manifests commonly leave unsaid."""
 
+_GENERATORS = frozenset({"rosidl_default_generators", "rosidl_interface_packages"})
+"""A dependency or a group of a package that generates code; others may merely bring .action files along."""
+
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
 
 # Names that are ROS packages rather than keys of a system package: the former hold no '-', and
@@ -141,7 +144,7 @@ def _answers(
 
 def _wanted(package: Package) -> tuple[str, ...]:
     names = package.manifest.names(ALL_KINDS)
-    if package.has_actions:
+    if package.has_actions and not _GENERATORS.isdisjoint((*names, *package.manifest.groups)):
         # Not for the packages that make up this list themselves.
         names += tuple(need for need in ACTION_NEEDS if need != package.name)
     return tuple(dict.fromkeys(names))

@@ -75,8 +75,12 @@ def test_a_family_is_used_whole_or_not_at_all() -> None:
 
 
 def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
-    made = provide(by_name(replace(package("a"), has_actions=True)), EMBEDDED, nobody)
-    assert made.needs["a"] == {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+    generating = replace(package("a", "rosidl_default_generators"), has_actions=True)
+    made = provide(by_name(generating), EMBEDDED, nobody)
+    unsaid = {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+    assert made.needs["a"] == unsaid | {"rosidl_default_generators"}
+    bringing = replace(package("a"), has_actions=True)
+    assert not provide(by_name(bringing), EMBEDDED, nobody).needs["a"]
 
 
 def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
