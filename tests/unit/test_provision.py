@@ -100,6 +100,16 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
     ]
 
 
+def test_a_package_of_a_group_takes_the_members_that_there_are() -> None:
+    """Its manifest lists all of them as dependencies for tools that know no groups."""
+    switch = package("switch", "rmw_one", "rmw_two")
+    switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))
+    workspace = by_name(switch, package("rmw_one"))
+    errors, warnings = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
+    assert not errors
+    assert [warning.message.split(",")[0] for warning in warnings] == ["'switch' needs 'rmw_two'"]
+
+
 def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
     """A family as a whole, single packages by their name; the workspace's own is not meant."""
     own = by_name(package("a", "std_msgs"), package("unique_identifier_msgs"))
