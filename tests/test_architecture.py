@@ -24,7 +24,7 @@ FLOORS = {
         undertaking worker workspace
     """,
     3: """
-        budget capacity digests discovery execution explaining externals folders installation
+        budget capacity digests discovery execution explaining externals feed folders installation
         installed interpreter jobs jobserver journal occupancy prefixes records reporting results
         runner snapshot sourcing steps toolchain tools transcript wheels configuration
         identification identity limits mixins overrides plain_packages testing testing.*
