@@ -85,7 +85,16 @@ def _target(build: Path, kitchen: Kitchen) -> tuple[Step, ...]:
     if not kitchen.target:
         return ()
     argv = (str(kitchen.cmake), "--build", str(build), "--target", kitchen.target, *_jobs(kitchen))
+    if kitchen.skip_target:
+        argv = ("sh", "-c", _IF_THERE, kitchen.target, *argv)
     return (Step(f"build target '{kitchen.target}'", argv, build),)
+
+
+_IF_THERE = r"""targets=$("$1" --build "$3" --target help) || exit
+printf '%s\n' "$targets" | sed -n 's/^\.\.\. \([^ ]*\).*/\1/p; s/: .*//p' | grep -qxF -- "$0" || exit 0
+exec "$@"
+"""
+"""Starts a build of one target, unless ninja's or make's list of targets is without it."""
 
 
 def _configure(
