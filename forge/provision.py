@@ -26,6 +26,9 @@ FAMILY_MARKS = {
 ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 """What generated code of .action files refers to and manifests commonly leave unsaid."""
 
+_GENERATORS = frozenset({"rosidl_default_generators", "rosidl_interface_packages"})
+"""A dependency or a group of a package that generates code; others may merely bring .action files along."""
+
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
 
 # Names that are ROS packages rather than keys of a system package: the former hold no '-', and
@@ -100,15 +103,18 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
 
     A package that CMake builds cannot do without its build dependencies; a Python package is installed
     without them, and so is a package that needs them only to run. What only tests need is left alone. A
-    package without a package.xml may get along: its find_package may be one of several ways.
+    package without a package.xml may get along: its find_package may be one of several ways. So may one
+    that depends on a group: it takes the members that there are (REP 149), and tools that know no groups
+    make such packages list all members as dependencies, too.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
     for name in names:
         package = provision.packages[name]
-        lenient = package.build_type == "ament_python" or not package.ros
-        required = set() if lenient else set(package.manifest.names(BUILD_KINDS))
-        used = set(package.manifest.names(BUILD_KINDS | RUN_KINDS))
+        manifest = package.manifest
+        lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
+        required = set() if lenient else set(manifest.names(BUILD_KINDS))
+        used = set(manifest.names(BUILD_KINDS | RUN_KINDS))
         for dependency in provision.missing.get(name, ()):
             if dependency in used:
                 found = errors if dependency in required else warnings
@@ -141,7 +147,7 @@ def _answers(
 
 def _wanted(package: Package) -> tuple[str, ...]:
     names = package.manifest.names(ALL_KINDS)
-    if package.has_actions:
+    if package.has_actions and not _GENERATORS.isdisjoint((*names, *package.manifest.groups)):
         # Not for the packages that make up this list themselves.
         names += tuple(need for need in ACTION_NEEDS if need != package.name)
     return tuple(dict.fromkeys(names))

@@ -75,8 +75,12 @@ def test_a_family_is_used_whole_or_not_at_all() -> None:
 
 
 def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
-    made = provide(by_name(replace(package("a"), has_actions=True)), EMBEDDED, nobody)
-    assert made.needs["a"] == {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+    generating = replace(package("a", "rosidl_default_generators"), has_actions=True)
+    made = provide(by_name(generating), EMBEDDED, nobody)
+    unsaid = {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+    assert made.needs["a"] == unsaid | {"rosidl_default_generators"}
+    bringing = replace(package("a"), has_actions=True)
+    assert not provide(by_name(bringing), EMBEDDED, nobody).needs["a"]
 
 
 def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
@@ -94,6 +98,16 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
         "'x' needs 'launch_ros'",
         "'p' needs 'rclpy'",
     ]
+
+
+def test_a_package_of_a_group_takes_the_members_that_there_are() -> None:
+    """Its manifest lists all of them as dependencies for tools that know no groups."""
+    switch = package("switch", "rmw_one", "rmw_two")
+    switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))
+    workspace = by_name(switch, package("rmw_one"))
+    errors, warnings = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
+    assert not errors
+    assert [warning.message.split(",")[0] for warning in warnings] == ["'switch' needs 'rmw_two'"]
 
 
 def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
