@@ -157,5 +157,6 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
     # A package that is started holds a job, so more of them would only wait.
-    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
-    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)
+    alone = options.executor == "sequential"
+    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error, in_order=alone)
