@@ -365,3 +365,12 @@ def test_what_a_killed_build_did_not_come_to_is_done_by_the_next(forge: Forge, w
     assert (workspace / "install/setup.sh").is_file()
     assert not any(draft.exists() for draft in drafts)
     assert journal.read_text().splitlines()[-1] != '{"ended": false}'
+
+
+def test_a_variable_that_nobody_uses_is_told_once(forge: Forge, tree: Tree) -> None:
+    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    ran = forge("build", "--cmake-args", "-DUSED=1", "-DTYPO=1", cwd=root)
+    assert ran.code == 0
+    assert ran.err == ""
+    assert "no package used what --cmake-args defines: TYPO\n" in ran.out
+    assert "stderr" not in ran.out
