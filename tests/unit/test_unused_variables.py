@@ -22,7 +22,7 @@ def test_definitions_are_recognised_as_cmake_does() -> None:
 
 def test_what_somebody_uses_is_not_told() -> None:
     unused = UnusedVariables(frozenset({"A", "TYPO"}))
-    assert unused.names == ()
+    assert not unused.names
     assert unused.take(complaint("A", "TYPO", kind=" (unused-cli)")) == b""
     assert unused.names == ("A", "TYPO")
     assert unused.take(b"before\n" + complaint("TYPO") + b"after\n") == b"before\nafter\n"
