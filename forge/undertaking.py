@@ -29,6 +29,7 @@ from forge.schedule import Board
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES
 from forge.transcript import open_transcript
+from forge.unused_variables import defined
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def carry_out(
         closing(open_budget(options, kitchen, variables, plan)) as budget,
     ):
         spoken = without_prose(handlers) if options.json else handlers
-        report = Report(plan, loaded.packages, spoken, transcript.folder)
+        shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
+        report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from forge.model import Step
+from forge.model import CONFIGURE, Step
 from forge.recipes.kitchen import Recipe, places
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _configure(
     digest = hashlib.sha256("\0".join(said).encode()).hexdigest()
     if record == digest and not kitchen.force_configure and package.name not in kitchen.reconfigure:
         return ()
-    return (Step("cmake", argv, build, record=(handover_folder(build) / RECORD, digest)),)
+    return (Step(CONFIGURE, argv, build, record=(handover_folder(build) / RECORD, digest)),)
 
 
 def _generator(kitchen: Kitchen, arguments: tuple[str, ...], current: str) -> tuple[str, ...]:

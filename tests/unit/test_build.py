@@ -385,3 +385,12 @@ def test_a_target_that_a_package_lacks_may_be_skipped(forge: Forge, tree: Tree, 
     assert ran.code == 1
     assert "Failed   <<< with " in ran.err
     assert "Failed   <<< without" not in ran.err
+
+
+def test_a_variable_that_nobody_uses_is_told_once(forge: Forge, tree: Tree) -> None:
+    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    ran = forge("build", "--cmake-args", "-DUSED=1", "-DTYPO=1", cwd=root)
+    assert ran.code == 0
+    assert ran.err == ""
+    assert "no package used what --cmake-args defines: TYPO\n" in ran.out
+    assert "stderr" not in ran.out
