@@ -32,8 +32,8 @@ FLOORS = {
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks
-        makeflags manifest planning provision python_reading recipes recipes.* schedule settings
+        charts cmake_reading conditions constraints creation diagnosis environment formats freshness
+        graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing unused_variables
     """,
