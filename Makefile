@@ -4,12 +4,13 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test fuzz lint types bench clean
+.PHONY: help demo test fuzz soak lint types bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
+	@echo "make soak    build after long random edits and many kills, compare with clean builds"
 	@echo "make peers   install colcon, which tests then compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
@@ -25,6 +26,11 @@ test: .venv/.ready
 fuzz: .venv/.ready
 	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \
 	  tests/e2e/test_cdr_differential.py tests/e2e/test_cdr_cpp_python.py
+
+# Fifty kills: thirteen in each of the four tests. SEED=2 makes other sequences.
+soak: .venv/.ready
+	FORGE_TEST_KILLS=13 FORGE_TEST_SEED=$(or $(SEED),1) FORGE_TEST_EXAMPLES=60 $(PYTEST) \
+	  tests/e2e/test_kill.py tests/e2e/test_incremental.py
 
 peers: .venv-peers/.ready
 

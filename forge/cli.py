@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.configuration import GENERAL, configured
-from forge.errors import ForgeError, Problem
+from forge.errors import EXIT_INTERRUPTED, ForgeError, Problem
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
 if TYPE_CHECKING:
@@ -47,7 +47,6 @@ _REFUSALS = frozenset({errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, err
 
 EXIT_USER = 2
 EXIT_BUG = 70
-EXIT_INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+EXIT_INTERRUPTED = 130
+"""The exit code after Ctrl-C; the others are of forge.cli alone."""
+
 
 @dataclass(frozen=True, slots=True)
 class Place:

@@ -50,7 +50,7 @@ def install_package(
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
     setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
-    sources += (path for path in (*package.hooks, *setups) if (prefix / path).is_file())
+    sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
     # Always a new file: its stamp tells readers that any of the package's hooks may have changed.
     replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
     edits = package_edits(package.name, prefix)

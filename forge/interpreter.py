@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import shutil
 import sys
@@ -32,7 +33,12 @@ class Interpreter:
     @property
     def own(self) -> bool:
         """Tell if this is the interpreter that runs forge."""
-        return self.path == Path(sys.executable)
+        return self.path in {own_path(), Path(sys.executable)}
+
+
+def own_path() -> Path:
+    """Return the interpreter that runs forge, by the same name whether forge or python was typed."""
+    return _usual_name(Path(sys.executable))
 
 
 def find_interpreter(python: str | None, variables: Mapping[str, str]) -> Interpreter:
@@ -42,7 +48,7 @@ def find_interpreter(python: str | None, variables: Mapping[str, str]) -> Interp
     does not run or is too old.
     """
     path = _locate(python, variables)
-    if path == Path(sys.executable):
+    if path in {own_path(), Path(sys.executable)}:
         return Interpreter(path, sys.version_info[:2])
     interpreter = Interpreter(path, _ask_version(path))
     if interpreter.version < OLDEST:
@@ -85,8 +91,8 @@ def _locate(python: str | None, variables: Mapping[str, str]) -> Path:
         return Path(found).absolute()
     active = variables.get("VIRTUAL_ENV")
     if not active or Path(active).resolve() == Path(sys.prefix).resolve():
-        return Path(sys.executable)
-    path = Path(active).absolute() / "bin" / "python"
+        return own_path()
+    path = _usual_name(Path(active).absolute() / "bin" / "python")
     if not path.exists():
         raise EnvironmentFault(
             Problem(
@@ -94,6 +100,15 @@ def _locate(python: str | None, variables: Mapping[str, str]) -> Path:
                 hint="run 'deactivate', or name an interpreter with '--python'",
             )
         )
+    return path
+
+
+def _usual_name(path: Path) -> Path:
+    """Return a program as its folder's python3, if it is the same: another name would be a change."""
+    usual = path.with_name("python3")
+    with contextlib.suppress(OSError):
+        if usual.samefile(path):
+            return usual
     return path
 
 

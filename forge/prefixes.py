@@ -122,7 +122,8 @@ def _marked(name: str, prefix: Path) -> bool:
 
 def _provides(name: str, prefix: Path) -> bool:
     """Tell if a prefix has a manifest or a CMake config of the package."""
-    return any((prefix / path).is_file() for path in _evidence(name))
+    # Some 30 names in each of several prefixes, before every build: no Path for each.
+    return any(os.path.isfile(f"{prefix}/{path}") for path in _evidence(name))  # noqa: PTH113
 
 
 def _evidence(name: str) -> Iterator[str]:

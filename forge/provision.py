@@ -7,10 +7,11 @@ or not at all, so that two implementations of one API never meet in one build.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem
+from forge.graph import order, round_about
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ FAMILY_MARKS = {
 
 ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 """What generated code of .action files refers to and manifests commonly leave unsaid."""
+
+_GENERATORS = frozenset({"rosidl_default_generators", "rosidl_interface_packages"})
+"""A dependency or a group of a package that generates code; others may merely bring .action files along."""
 
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
 
@@ -45,12 +49,14 @@ class Provision:
     `needs` has an edge for every dependency of any kind that one of `packages` answers to.
     `missing` maps a package to its dependencies that look like ROS packages and that nobody provides.
     `superseded` are embedded packages that must not be there, since somebody else answers for them.
+    `postponed` are needs of tests alone, left out of `needs` since they would close a circle.
     """
 
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
     missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     superseded: frozenset[str] = frozenset()
+    postponed: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
 def provide(
@@ -88,6 +94,37 @@ def provide(
     return Provision(packages, needs, missing, frozenset(superseded) - workspace.keys())
 
 
+def without_test_circles(provision: Provision) -> tuple[Provision, tuple[Problem, ...]]:
+    """Return the provision with needs of tests postponed where they close a circle, and a warning for each.
+
+    What tests need must be there when they run, which is after everything was built. A circle that
+    other needs close is left as it is.
+    """
+    if order(provision.needs) is not None:
+        return provision, ()
+    weak = {name: frozenset(_only_tested(package)) for name, package in provision.packages.items()}
+    dropped = round_about(provision.needs, weak)
+    needs = {name: wanted - dropped.get(name, frozenset()) for name, wanted in provision.needs.items()}
+    warnings = (
+        Problem(
+            f"'{name}' needs {_quoted(sorted(wanted))} for its tests, in a circle: it is built without",
+            Place(provision.packages[name].manifest.path),
+        )
+        for name, wanted in sorted(dropped.items())
+    )
+    return replace(provision, needs=needs, postponed=dropped), tuple(warnings)
+
+
+def _only_tested(package: Package) -> set[str]:
+    """Return what a package needs for its tests and for nothing else."""
+    manifest = package.manifest
+    return set(manifest.names(TEST_KINDS)) - set(manifest.names(BUILD_KINDS | RUN_KINDS))
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
+
+
 def is_ros_name(name: str) -> bool:
     """Tell if a dependency that nobody provides is surely a ROS package, not a system library."""
     if "-" in name:
@@ -100,15 +137,18 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
 
     A package that CMake builds cannot do without its build dependencies; a Python package is installed
     without them, and so is a package that needs them only to run. What only tests need is left alone. A
-    package without a package.xml may get along: its find_package may be one of several ways.
+    package without a package.xml may get along: its find_package may be one of several ways. So may one
+    that depends on a group: it takes the members that there are (REP 149), and tools that know no groups
+    make such packages list all members as dependencies, too.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
     for name in names:
         package = provision.packages[name]
-        lenient = package.build_type == "ament_python" or not package.ros
-        required = set() if lenient else set(package.manifest.names(BUILD_KINDS))
-        used = set(package.manifest.names(BUILD_KINDS | RUN_KINDS))
+        manifest = package.manifest
+        lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
+        required = set() if lenient else set(manifest.names(BUILD_KINDS))
+        used = set(manifest.names(BUILD_KINDS | RUN_KINDS))
         for dependency in provision.missing.get(name, ()):
             if dependency in used:
                 found = errors if dependency in required else warnings
@@ -141,7 +181,7 @@ def _answers(
 
 def _wanted(package: Package) -> tuple[str, ...]:
     names = package.manifest.names(ALL_KINDS)
-    if package.has_actions:
+    if package.has_actions and not _GENERATORS.isdisjoint((*names, *package.manifest.groups)):
         # Not for the packages that make up this list themselves.
         names += tuple(need for need in ACTION_NEEDS if need != package.name)
     return tuple(dict.fromkeys(names))

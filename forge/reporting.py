@@ -6,10 +6,12 @@ Progress goes to stdout and failures to stderr, where colcon's readers expect th
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.model import (
+    CONFIGURE,
     TEST_FAILURES,
     Aborted,
     Finished,
@@ -22,6 +24,7 @@ from forge.model import (
 )
 from forge.names import did_you_mean
 from forge.steps import environment_file, step_line
+from forge.unused_variables import UnusedVariables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -50,6 +53,9 @@ HANDLERS = {
 }
 """The event handlers that --event-handlers knows, and whether they are on by default."""
 
+_PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
+"""The event handlers that print for people on stdout."""
+
 _LONGEST_TAIL = 20_000
 """How many lines of a package's output are kept to be shown when it fails."""
 
@@ -70,21 +76,65 @@ def handlers_of(words: Sequence[str]) -> dict[str, bool]:
     return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
 
 
+def without_prose(handlers: Mapping[str, bool]) -> dict[str, bool]:
+    """Return the event handlers without those that would print between lines for a program."""
+    return {**handlers, **dict.fromkeys(_PROSE, False)}
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """What came of the packages, by name and sorted; embedded ones that are fresh go without saying."""
+
+    finished: tuple[str, ...] = ()
+    unchanged: tuple[str, ...] = ()
+    embedded: tuple[str, ...] = ()
+    """Those of forge that finished too."""
+    failed: tuple[str, ...] = ()
+    aborted: tuple[str, ...] = ()
+    stderr: tuple[str, ...] = ()
+    """Those that said something there."""
+    test_failures: tuple[str, ...] = ()
+    not_processed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why a package failed, as far as its output tells, and the line that repeats its last step."""
+
+    error: FirstError | None
+    repeat: str | None
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The lines a person would look for."""
+        return self.error.lines if self.error else ()
+
+
 class Report:
     """What a build has to say; owned by the loop of the command."""
 
     def __init__(
-        self, plan: BuildPlan, packages: Mapping[str, Package], handlers: dict[str, bool], logs: Path | None
+        self,
+        plan: BuildPlan,
+        packages: Mapping[str, Package],
+        handlers: dict[str, bool],
+        logs: Path | None,
+        shared: frozenset[str] = frozenset(),
     ) -> None:
-        """Begin with nothing to say; `logs` is the folder that failures point at."""
+        """Begin with nothing to say.
+
+        `logs` is the folder that failures point at, `shared` the CMake variables that all packages get.
+        """
         self._packages = packages
         self._tasks = plan.tasks
         self._on = handlers
-        self._logs = logs
+        self.logs = logs
         self._output: dict[str, list[tuple[bytes, bool]]] = {}
+        self._unused = UnusedVariables(shared)
+        self._configured: set[str] = set()
         self._stderr: set[str] = set()
         self._finished: list[str] = []
-        self._failed: dict[str, FirstError | None] = {}
+        self._failed: dict[str, Fault] = {}
         self._aborted: list[str] = []
         self._skipped: list[str] = []
         self._fresh = list(plan.fresh)
@@ -100,7 +150,26 @@ class Report:
         """0, 1 when a package failed, 2 when all that failed did so over an interface definition."""
         if not self._failed:
             return 0
-        return 2 if all(error and error.interface for error in self._failed.values()) else 1
+        errors = [fault.error for fault in self._failed.values()]
+        return 2 if all(error and error.interface for error in errors) else 1
+
+    @property
+    def tally(self) -> Tally:
+        """What came of the packages up to now."""
+        return Tally(
+            finished=tuple(sorted(name for name in self._finished if not self._embedded(name))),
+            unchanged=tuple(sorted(name for name in self._fresh if not self._embedded(name))),
+            embedded=tuple(sorted(filter(self._embedded, self._finished))),
+            failed=tuple(sorted(self._failed)),
+            aborted=tuple(sorted(self._aborted)),
+            stderr=tuple(sorted(self._stderr)),
+            test_failures=tuple(sorted(self._failed_tests)),
+            not_processed=tuple(sorted(self._skipped)),
+        )
+
+    def fault(self, task: str) -> Fault | None:
+        """Return why a package failed, or None when it did not."""
+        return self._failed.get(task)
 
     def show(self, event: Event) -> None:
         """Print what `event` means to a person."""
@@ -109,14 +178,8 @@ class Report:
                 self._progress(f"Starting >>> {self._label(task)}")
             case Output(task, line, stderr):
                 self._take(task, line, stderr=stderr)
-            case Finished(task, code, seconds):
-                self._close(task)
-                if code:
-                    self._fail(event)
-                else:
-                    self._finished.append(task)
-                    remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
-                    self._progress(f"Finished <<< {self._label(task)} [{duration(seconds)}]{remark}")
+            case Finished():
+                self._finish(event)
             case Aborted(task, seconds):
                 self._aborted.append(task)
                 self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
@@ -125,6 +188,8 @@ class Report:
             case Fresh(task):
                 self._fresh.append(task)
             case StepFinished(task, step, code):
+                if step.label == CONFIGURE:
+                    self._configured.add(task)
                 # Of a step that repeats another, the last word counts.
                 failed = step.meaning(code) == TEST_FAILURES
                 (self._failed_tests.add if failed else self._failed_tests.discard)(task)
@@ -135,23 +200,24 @@ class Report:
         """Print the closing lines; embedded packages are counted apart."""
         if not self._on["summary"]:
             return
-        own = [name for name in self._finished if not self._embedded(name)]
-        fresh = [name for name in self._fresh if not self._embedded(name)]
-        unchanged = f", {_count(fresh)} unchanged" if fresh else ""
-        _out(f"\nSummary: {_count(own)} finished{unchanged} [{duration(seconds)}]")
-        brought = len(self._finished) - len(own)
+        tally = self.tally
+        unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
+        _out(f"\nSummary: {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
+        brought = len(tally.embedded)
         if brought:
             _out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
         for names, words in (
-            (list(self._failed), "failed"),
-            (self._aborted, "aborted"),
-            (sorted(self._stderr), "had stderr output"),
-            (sorted(self._failed_tests), f"had {TEST_FAILURES}"),
+            (tally.failed, "failed"),
+            (tally.aborted, "aborted"),
+            (tally.stderr, "had stderr output"),
+            (tally.test_failures, f"had {TEST_FAILURES}"),
         ):
             if names:
-                _out(f"  {_count(names)} {words}: {' '.join(sorted(names))}")
-        if self._skipped:
-            _out(f"  {_count(self._skipped)} not processed")
+                _out(f"  {_count(names)} {words}: {' '.join(names)}")
+        if tally.not_processed:
+            _out(f"  {_count(tally.not_processed)} not processed")
+        if self._unused.names:
+            _out(f"  no package used what --cmake-args defines: {' '.join(self._unused.names)}")
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:
@@ -169,14 +235,17 @@ class Report:
         if len(kept) > 2 * _LONGEST_TAIL:
             # The beginning holds the first error, the end the last words: the middle may go.
             del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
-        if stderr:
-            self._stderr.add(task)
         if self._on["console_direct"] and not self._embedded(task):
             _write(line, stderr=stderr)
 
     def _close(self, task: str) -> None:
         """Show a task's output as one piece where that was asked for."""
         lines = self._output.get(task, [])
+        errors = b"".join(line for line, stderr in lines if stderr)
+        if task in self._configured:
+            errors = self._unused.take(errors)
+        if errors:
+            self._stderr.add(task)
         if self._on["console_cohesion"] and lines and not self._on["console_direct"]:
             _write(f"--- output: {task}\n".encode())
             for line, _ in lines:
@@ -184,10 +253,18 @@ class Report:
             _write(b"---\n")
         elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
             _write(f"--- stderr: {task}\n".encode(), stderr=True)
-            for line, stderr in lines:
-                if stderr:
-                    _write(line, stderr=True)
+            _write(errors, stderr=True)
             _write(b"---\n", stderr=True)
+
+    def _finish(self, event: Finished) -> None:
+        task = event.task
+        self._close(task)
+        if event.code:
+            self._fail(event)
+            return
+        self._finished.append(task)
+        remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
+        self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
     def _fail(self, event: Finished) -> None:
         """Name the package, the step, the first error, the log and the command to repeat."""
@@ -196,17 +273,18 @@ class Report:
         task = event.task
         text = [line.decode(errors="replace") for line, _ in self._output.get(task, [])]
         error = first_error(text)
-        self._failed[task] = error
+        repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
+        self._failed[task] = Fault(error, repeat)
         lines = [
             f"Failed   <<< {self._label(task)} [{duration(event.seconds)}, exited with code {event.code}]"
         ]
         if error:
             lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
             lines += [f"    {line}" for line in error.lines]
-        if self._logs:
-            lines.append(f"  log: {self._logs / task / 'stdout_stderr.log'}")
-        if event.step:
-            lines.append(f"  repeat: {step_line(event.step, environment_file(self._tasks[task]))}")
+        if self.logs:
+            lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
+        if repeat:
+            lines.append(f"  repeat: {repeat}")
         _write(("\n".join(lines) + "\n").encode(), stderr=True)
 
 
@@ -222,7 +300,7 @@ def duration(seconds: float) -> str:
     return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
 
 
-def _count(names: list[str]) -> str:
+def _count(names: Sequence[str]) -> str:
     return f"{len(names)} package{'' if len(names) == 1 else 's'}"
 
 

@@ -9,15 +9,13 @@ log/latest_build -> build_2026-11-21_09-30-00, log/latest -> latest_build
 from __future__ import annotations
 
 import contextlib
-import json
 import shlex
 import time
-from dataclasses import fields
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Place, Problem
-from forge.model import Output, Step, StepFinished, StepStarted
+from forge.model import Output, StepFinished, StepStarted
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
 
     from forge.model import Event
 
-_LEFT_OUT = frozenset({"environment", "parts", "record"})
-"""What an event carries that is long, or may be secret, and stands elsewhere."""
 STREAMS = ("stdout", "stderr", "stdout_stderr", "streams")
 
 
@@ -55,25 +51,17 @@ class Transcript:
                 for name in (own, "stdout_stderr"):
                     self._append(f"{task}/{name}.log", line)
                 self._append(f"{task}/streams.log", self._stamp() + line)
+            case StepStarted() | StepFinished():
+                text = _command_line(event)
+                self._append(f"{event.task}/command.log", text)
+                self._append(f"{event.task}/streams.log", self._stamp() + text)
             case _:
-                self._append("events.jsonl", self._line(event))
-                if isinstance(event, StepStarted | StepFinished):
-                    text = _command_line(event)
-                    self._append(f"{event.task}/command.log", text)
-                    self._append(f"{event.task}/streams.log", self._stamp() + text)
+                pass
 
-    def _line(self, event: Event) -> bytes:
-        said: dict[str, object] = {
-            "time": round(time.monotonic() - self._begun, 6),
-            "event": type(event).__name__,
-        }
-        for field in fields(event):
-            value = getattr(event, field.name)
-            if isinstance(value, Step):
-                value = {"label": value.label, "argv": value.argv, "cwd": str(value.cwd)}
-            if field.name not in _LEFT_OUT:
-                said[field.name] = value
-        return json.dumps(said).encode() + b"\n"
+    def note(self, line: bytes) -> None:
+        """Add a line to the file of all events."""
+        if self.folder is not None:
+            self._append("events.jsonl", line)
 
     def _stamp(self) -> bytes:
         return f"[{time.monotonic() - self._begun:.3f}s] ".encode()

@@ -16,6 +16,7 @@ from forge.capacity import processors, shortage
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem
 from forge.execution import execute
+from forge.feed import Feed
 from forge.files import write_if_changed
 from forge.freshness import environment_that_counts
 from forge.jobs import Jobs
@@ -23,11 +24,12 @@ from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.makeflags import read_make_flags
 from forge.preparation import INTERFACE_GROUP
 from forge.recipes.cmake import common_arguments
-from forge.reporting import Report
+from forge.reporting import Report, without_prose
 from forge.schedule import Board
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES
 from forge.transcript import open_transcript
+from forge.unused_variables import defined
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -67,21 +69,29 @@ def carry_out(
         warm_worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan)) as budget,
     ):
-        report = Report(plan, loaded.packages, handlers, transcript.folder)
+        spoken = without_prose(handlers) if options.json else handlers
+        shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
+        report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
+        output = handlers["console_direct"]
+        feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
         board = _board(plan, options, budget.jobs, records.seconds())
+        feed.announce()
         try:
             for event in execute(plan, jobs.runner(budget, toolchain), board, records.settle):
                 records.take(event, plan)
                 transcript.write(event)
                 report.show(event)
+                feed.write(event, report)
         finally:
             records.finish(plan, variables)
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
-            report.summarise(time.monotonic() - begun)
+            seconds = time.monotonic() - begun
+            report.summarise(seconds)
+            feed.conclude(report, seconds)
     return report.exit_code
 
 
@@ -149,5 +159,6 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
     # A package that is started holds a job, so more of them would only wait.
-    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
-    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)
+    alone = options.executor == "sequential"
+    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error, in_order=alone)

@@ -16,6 +16,7 @@ import os
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,7 +88,13 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         python_executable=python,
     )
     try:
-        return out / caller.build_wheel(str(out))
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            wheel = caller.build_wheel(str(out))
+        for warning in said:
+            # pyproject_hooks repeats here what the backend was warned of.
+            print(f"{warning.category.__name__}: {warning.message}")
+        return out / wheel
     except pyproject_hooks.BackendUnavailable:
         hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
         raise EnvironmentFault(Problem(f"the interpreter '{python}' has no '{backend}'", hint=hint)) from None

@@ -14,7 +14,7 @@ from forge.graph import ordered_names
 from forge.limits import limits_of
 from forge.overrides import read_overrides
 from forge.prefixes import find_underlays, provider, system_prefixes
-from forge.provision import ALL_KINDS, Provision, provide
+from forge.provision import ALL_KINDS, Provision, provide, without_test_circles
 from forge.selection import ignored, select, twin
 from forge.settings import home
 
@@ -60,7 +60,8 @@ def load_workspace(
     query = package_options.query_of(options)
     found = _discovered(root, options, variables)
     workspace = _without(found, ignored(query, found.packages))
-    provision = _provision(workspace, variables, install or root / "install", embedded=embedded)
+    whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
+    provision, circles = without_test_circles(whole)
     listing = install is None
     twins = workspace.twins if listing else ()
     packages = {**provision.packages, **{twin(other.name, other.path): other for other in twins}}
@@ -72,7 +73,7 @@ def load_workspace(
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
     told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    warn((*told, *workspace.notes, *warnings))
+    warn((*told, *workspace.notes, *circles, *warnings))
     return Loaded(workspace, provision, selection, packages, needs, ordered)
 
 

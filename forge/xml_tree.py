@@ -5,6 +5,7 @@ Document type declarations are refused: nobody here needs one, and entities are 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from xml.parsers import expat
@@ -14,6 +15,10 @@ from forge.errors import Place, Problem, WorkspaceError
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+
+_START_TAG = re.compile(rb"""(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+"""Up to its end: a '>' inside a quoted attribute does not end it."""
 
 
 @dataclass(slots=True)
@@ -88,26 +93,14 @@ class _Builder:
     def end(self, _tag: str) -> None:
         element = self.open.pop()
         written = self.content[element.start : self.parser.CurrentByteIndex]
-        element.inner = written[_end_of_tag(written) :].decode(errors="replace")
+        tag = _START_TAG.match(written)
+        element.inner = written[tag.end() if tag else len(written) :].decode(errors="replace")
 
     def characters(self, text: str) -> None:
         self.open[-1].text += text
 
     def doctype(self, *_: object) -> None:
         raise _DeclarationError(self.parser.CurrentLineNumber)
-
-
-def _end_of_tag(written: bytes) -> int:
-    """Return where the start tag ends; a '>' inside a quoted attribute does not end it."""
-    quote = 0
-    for index, byte in enumerate(written):
-        if quote:
-            quote = 0 if byte == quote else quote
-        elif byte in b"\"'":
-            quote = byte
-        elif byte == ord(">"):
-            return index + 1
-    return len(written)
 
 
 def _problem(message: str, content: bytes, path: Path, line: int, column: int | None) -> Problem:

@@ -28,9 +28,10 @@ from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Mapping
 
     from forge.cli import Parser
-    from forge.model import BuildPlan
+    from forge.model import BuildPlan, Package
 
 
 def register(parser: Parser) -> None:
@@ -68,14 +69,14 @@ def run(options: argparse.Namespace) -> int:
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
         )
         records.confirm(plan, snapshot, outlook)
-        _say(plan, options, level)
+        _say(plan, options, level, loaded.packages)
         if options.dry_run:
             return 0
         records.recover()
         records.retire(loaded.provision.superseded)
         if not plan.tasks:
             records.finish(plan, variables)
-            Report(plan, loaded.packages, handlers, None).summarise(time.monotonic() - begun)
+            _conclude_at_once(plan, options, handlers, loaded.packages, time.monotonic() - begun)
             return 0
         from forge.undertaking import Undertaking, carry_out  # noqa: PLC0415  (a build of nothing is quick)
 
@@ -108,6 +109,11 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument("--cmake-clean-first", action="store_true", help="remove what was compiled first")
     group.add_argument("--cmake-target", metavar="TARGET", help="build this target, too, before all others")
     group.add_argument(
+        "--cmake-target-skip-unavailable",
+        action="store_true",
+        help="not where there is none of that name",
+    )
+    group.add_argument(
         "--catkin-cmake-args", nargs="*", default=[], metavar="ARG", help="for ROS 1: no effect"
     )
     group.add_argument("--catkin-skip-building-tests", action="store_true", help="for ROS 1: no effect")
@@ -116,6 +122,7 @@ def _add_what_to_build(parser: Parser) -> None:
 def _add_what_to_see(parser: Parser) -> None:
     group = parser.add_argument_group("what to see")
     group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
+    group.add_argument("--json", action="store_true", help="print a JSON object for each event, a line each")
     group.add_argument("--explain", action="store_true", help="say why each package is built or fresh")
     group.add_argument("--dry-run", action="store_true", help="print the plan and every command, run nothing")
     group.add_argument(
@@ -123,9 +130,15 @@ def _add_what_to_see(parser: Parser) -> None:
     )
 
 
-def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
+def _say(plan: BuildPlan, options: argparse.Namespace, level: int, packages: Mapping[str, Package]) -> None:
     """Print what the plan is, where it was asked for: on stdout as an answer, on stderr as talk."""
-    asked = options.explain or options.dry_run
+    if options.json and options.dry_run:
+        from forge.feed import Feed  # noqa: PLC0415  (asked for now and then)
+
+        Feed(plan, packages, printed=True).announce(steps=True)
+        return
+    # With --json every reason is told anyway.
+    asked = (options.explain or options.dry_run) and not options.json
     if not asked and level > shared.LOG_LEVELS["info"]:
         return
     from forge.explaining import commands, explain  # noqa: PLC0415  (asked for now and then)
@@ -133,3 +146,21 @@ def _say(plan: BuildPlan, options: argparse.Namespace, level: int) -> None:
     whole = options.dry_run if asked else level <= shared.LOG_LEVELS["debug"]
     lines = (*explain(plan), *(commands(plan) if whole else ()))
     print(*lines, sep="\n", file=sys.stdout if asked else sys.stderr)
+
+
+def _conclude_at_once(
+    plan: BuildPlan,
+    options: argparse.Namespace,
+    handlers: dict[str, bool],
+    packages: Mapping[str, Package],
+    seconds: float,
+) -> None:
+    """Tell that there was nothing to do."""
+    if not options.json:
+        Report(plan, packages, handlers, None).summarise(seconds)
+        return
+    from forge.feed import Feed  # noqa: PLC0415  (asked for now and then)
+
+    feed = Feed(plan, packages, printed=True)
+    feed.announce()
+    feed.conclude(Report(plan, packages, handlers, None), seconds)

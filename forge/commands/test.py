@@ -13,9 +13,10 @@ from forge import options as shared
 from forge import package_options
 from forge.errors import WorkspaceError
 from forge.execution import execute
+from forge.feed import Feed
 from forge.model import Finished
 from forge.preparation import build_variables
-from forge.reporting import Report, handlers_of
+from forge.reporting import Report, handlers_of, without_prose
 from forge.results import begin_workspace
 from forge.schedule import Board
 from forge.testing.preparing import (
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from forge.errors import Problem
     from forge.model import BuildPlan
     from forge.testing.recipes import Bench
+    from forge.testing.showing import Failure
 
 
 def register(parser: Parser) -> None:
@@ -71,19 +73,30 @@ def run(options: argparse.Namespace) -> int:
         closing(open_transcript(layout.logs, "test", sys.argv)) as transcript,
         closing(open_test_budget(options, variables)) as budget,
     ):
-        report = Report(plan, loaded.packages, handlers, transcript.folder)
-        _refuse(absent, report)
+        spoken = without_prose(handlers) if options.json else handlers
+        report = Report(plan, loaded.packages, spoken, transcript.folder)
+        output = handlers["console_direct"]
+        feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
+        feed.announce()
+        _refuse(absent, report, feed)
         runner = TestJobs(bench, needs, variables).runner(budget)
         board = _board(plan, options, budget.jobs)
         try:
             for event in execute(plan, runner, board, lambda task: task):
                 transcript.write(event)
                 report.show(event)
+                feed.write(event, report)
                 note_result(event, plan.tasks[event.task], report.failed_tests)
         finally:
-            report.summarise(time.monotonic() - begun)
-            _tell_failures(plan, bench, report.failed_tests)
-    return report.exit_code or int(options.return_code_on_test_failure and bool(report.failed_tests))
+            seconds = time.monotonic() - begun
+            report.summarise(seconds)
+            failures = _failures(plan, bench, report.failed_tests)
+            if not options.json and failures:
+                print(*("", *table(failures)), sep="\n")
+            feed.tell_failures(failures)
+            code = report.exit_code or int(options.return_code_on_test_failure and bool(report.failed_tests))
+            feed.conclude(report, seconds, code)
+    return code
 
 
 def _add_how_to_test(parser: Parser) -> None:
@@ -109,6 +122,7 @@ def _add_how_to_test(parser: Parser) -> None:
         help="exit with 1 when a test failed, not with 0",
     )
     group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
+    group.add_argument("--json", action="store_true", help="print a JSON object for each event, a line each")
 
 
 def _add_frameworks(parser: Parser) -> None:
@@ -127,20 +141,21 @@ def _add_frameworks(parser: Parser) -> None:
     )
 
 
-def _refuse(absent: Mapping[str, Problem], report: Report) -> None:
+def _refuse(absent: Mapping[str, Problem], report: Report, feed: Feed) -> None:
     """Say which packages cannot be tested, and count them as failed: the others are tested all the same."""
     for name, problem in absent.items():
         print(problem.render(), file=sys.stderr)
-        report.show(Finished(name, 1, 0.0))
+        refused = Finished(name, 1, 0.0)
+        report.show(refused)
+        feed.write(refused, report)
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int) -> Board:
-    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
-    return Board(plan, limit, continue_on_error=not options.abort_on_error)
+    alone = options.executor == "sequential"
+    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
 
 
-def _tell_failures(plan: BuildPlan, bench: Bench, names: Iterable[str]) -> None:
-    """Print what failed, with the first lines and the command to repeat it."""
-    failures = [failure for name in sorted(names) for failure in failures_of(plan.tasks[name], bench)]
-    if failures:
-        print(*("", *table(failures)), sep="\n")
+def _failures(plan: BuildPlan, bench: Bench, names: Iterable[str]) -> list[Failure]:
+    """Return what failed, with the first lines and the command to repeat it."""
+    return [failure for name in sorted(names) for failure in failures_of(plan.tasks[name], bench)]

@@ -134,7 +134,7 @@ class Headers:
         return self._detail_file(
             "type_support",
             headers=sorted(
-                [_visibility_path(self.name.package)]
+                [_visibility_path(self.name.package), _detail(self.name, "traits")]
                 + [f"rosidl_typesupport_cpp/{kind}_type_support.hpp" for kind in kinds]
             ),
             package=self.name.package,

@@ -23,7 +23,18 @@ class Handle:
     """A function that hands out type support."""
 
     kind: str
-    symbol: str
+    name: TypeName
+
+    @property
+    def symbol(self) -> str:
+        """The name in C of the type whose support it is."""
+        return symbol(self.name)
+
+    @property
+    def macro(self) -> str:
+        """The macro of forge's run time that defines the function, without its language."""
+        name = self.name
+        return f"{self.kind.upper()}_TYPE_SUPPORT({name.package}, {name.kind}, {name.name})"
 
 
 def main_path(name: TypeName, ending: str) -> str:
@@ -68,8 +79,8 @@ def services_of(interface: Interface) -> tuple[Service, ...]:
 
 def handles(interface: Interface) -> list[Handle]:
     """Return the functions that hand out the type support of all that an interface brings along."""
-    found = [Handle("message", symbol(message.name)) for message in messages_of(interface)]
-    found += [Handle("service", symbol(service.name)) for service in services_of(interface)]
+    found = [Handle("message", message.name) for message in messages_of(interface)]
+    found += [Handle("service", service.name) for service in services_of(interface)]
     if isinstance(interface, Action):
-        found.append(Handle("action", symbol(interface.name)))
+        found.append(Handle("action", interface.name))
     return found

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tests.bench import builds
+from tests.bench import builds, configures
 from tests.bench.timing import Variant
 from tests.bench.workspaces import write_workspace
 
@@ -40,6 +40,7 @@ def list_100(folder: Path, peers: Peers) -> tuple[Variant, ...]:
 SCENARIOS: Mapping[str, Callable[[Path, Peers], tuple[Variant, ...]]] = {
     "start": start,
     "list-100": list_100,
+    "configure": configures.configure,
     **builds.SCENARIOS,
 }
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from tests.bench import builds
+import pytest
+
+from tests.bench import builds, configures
 from tests.bench.scenarios import SCENARIOS, Peers
 from tests.bench.timing import Timing, Variant, compare
 from tests.bench.workspaces import write_ament_workspace, write_workspace
@@ -52,8 +54,8 @@ def test_a_reader_gets_milliseconds() -> None:
 
 def test_every_scenario_has_a_base_to_compare_with(tmp_path: Path) -> None:
     for name, scenario in SCENARIOS.items():
-        if name in builds.SCENARIOS:
-            continue  # these build, and compare the tools with each other
+        if name in {"configure", *builds.SCENARIOS}:
+            continue  # these build, and compare the tools or the packages with each other
         (tmp_path / name).mkdir()
         assert scenario(tmp_path / name, Peers(colcon="colcon"))[0].name.startswith("python"), name
 
@@ -69,3 +71,16 @@ def test_what_is_run_before_does_not_count(tmp_path: Path) -> None:
 def test_ament_packages_are_built_by_forge(forge: Forge, tmp_path: Path) -> None:
     root = write_ament_workspace(tmp_path, 3)
     assert len(forge("list", "--names-only", cwd=root).out.split()) == 3
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_configures_begin_with_nothing_but_the_compilers(tmp_path: Path) -> None:
+    variants = configures.configure(tmp_path, Peers())
+    assert [variant.name for variant in variants[:2]] == ["plain", "ament"]
+    plain_in_cpp = variants[2]
+    (plain_in_cpp.cwd / "build.ninja").unlink()
+    (plain_in_cpp.cwd / "CMakeFiles" / "left_by_an_earlier_run").touch()
+    plain_in_cpp.run()
+    assert (plain_in_cpp.cwd / "build.ninja").is_file()
+    assert not (plain_in_cpp.cwd / "CMakeFiles" / "left_by_an_earlier_run").exists()
+    assert not list(plain_in_cpp.cwd.glob("CMakeFiles/*/CompilerId*")), "CMake examined the compiler again"

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.errors import EnvironmentFault
-from forge.interpreter import Interpreter, find_interpreter, require_modules
+from forge.interpreter import Interpreter, find_interpreter, own_path, require_modules
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
-OWN = Interpreter(Path(sys.executable), (sys.version_info.major, sys.version_info.minor))
+OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
 
 
 def test_code_goes_where_the_version_says() -> None:
@@ -25,6 +25,16 @@ def test_without_a_word_it_is_our_own(variables: dict[str, str]) -> None:
     """Also in the virtual environment that forge itself runs in."""
     assert find_interpreter(None, variables) == OWN
     assert OWN.own
+
+
+def test_the_name_it_was_started_by_makes_no_other(monkeypatch: pytest.MonkeyPatch, tree: Tree) -> None:
+    """The forge command says python3, people say python: a build must not begin anew for that."""
+    root = tree({"bin/python3": "", "other/python": "", "other/python3": ""})
+    (root / "bin/python").symlink_to("python3")
+    monkeypatch.setattr(sys, "executable", str(root / "bin/python"))
+    assert own_path() == root / "bin/python3"
+    monkeypatch.setattr(sys, "executable", str(root / "other/python"))
+    assert own_path() == root / "other/python"
 
 
 def test_the_active_virtual_environment_comes_before_our_own(tree: Tree) -> None:
@@ -42,7 +52,7 @@ def test_the_option_comes_first(tree: Tree) -> None:
     expected = Interpreter(root / "bin/python3.13", (3, 13))
     assert find_interpreter("python3.13", variables) == expected
     assert find_interpreter(str(root / "bin/python3.13"), variables) == expected
-    assert find_interpreter(sys.executable, variables) == OWN
+    assert find_interpreter(sys.executable, variables).own
 
 
 @pytest.mark.parametrize(

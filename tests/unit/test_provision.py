@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+from forge.graph import order
 from forge.model import Export, Package
-from forge.provision import missing_problems, provide
+from forge.provision import missing_problems, provide, without_test_circles
 from tests.packages import package
 
 
@@ -75,8 +76,12 @@ def test_a_family_is_used_whole_or_not_at_all() -> None:
 
 
 def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
-    made = provide(by_name(replace(package("a"), has_actions=True)), EMBEDDED, nobody)
-    assert made.needs["a"] == {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+    generating = replace(package("a", "rosidl_default_generators"), has_actions=True)
+    made = provide(by_name(generating), EMBEDDED, nobody)
+    unsaid = {"action_msgs", "builtin_interfaces", "unique_identifier_msgs"}
+    assert made.needs["a"] == unsaid | {"rosidl_default_generators"}
+    bringing = replace(package("a"), has_actions=True)
+    assert not provide(by_name(bringing), EMBEDDED, nobody).needs["a"]
 
 
 def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
@@ -96,9 +101,45 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
     ]
 
 
+def test_a_package_of_a_group_takes_the_members_that_there_are() -> None:
+    """Its manifest lists all of them as dependencies for tools that know no groups."""
+    switch = package("switch", "rmw_one", "rmw_two")
+    switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))
+    workspace = by_name(switch, package("rmw_one"))
+    errors, warnings = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
+    assert not errors
+    assert [warning.message.split(",")[0] for warning in warnings] == ["'switch' needs 'rmw_two'"]
+
+
 def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
     """A family as a whole, single packages by their name; the workspace's own is not meant."""
     own = by_name(package("a", "std_msgs"), package("unique_identifier_msgs"))
     assert provide(own, EMBEDDED, nobody).superseded == set()
     made = provide(own, EMBEDDED, {"ament_cmake_core": 1, "std_msgs": 1, "unique_identifier_msgs": 1}.get)
     assert made.superseded == {"ament_cmake", "std_msgs"}
+
+
+def test_a_circle_that_only_tests_close_is_opened_with_a_warning() -> None:
+    made = provide(
+        by_name(
+            package("a", "b", "z", tag="test_depend"), package("b", "a"), package("z"), package("y", "z")
+        ),
+        {},
+        nobody,
+    )
+    opened, warnings = without_test_circles(made)
+    assert order(opened.needs) == ("y", "z", "a", "b") or order(opened.needs) == ("z", "a", "y", "b")
+    assert opened.needs["a"] == {"z"}
+    assert opened.postponed == {"a": {"b"}}
+    assert [warning.message for warning in warnings] == [
+        "'a' needs 'b' for its tests, in a circle: it is built without"
+    ]
+
+
+def test_a_circle_of_other_needs_stays_one() -> None:
+    strong = provide(by_name(package("a", "b"), package("b", "a")), {}, nobody)
+    opened, warnings = without_test_circles(strong)
+    assert order(opened.needs) is None
+    assert warnings == ()
+    open_already = provide(by_name(package("a", "b", tag="test_depend"), package("b")), {}, nobody)
+    assert without_test_circles(open_already) == (open_already, ())

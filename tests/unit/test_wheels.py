@@ -137,3 +137,13 @@ def test_a_setup_py_that_fails_shows_its_own_words(tree: Tree, capsys: pytest.Ca
     err = capsys.readouterr().err
     assert "RuntimeError: my own words" in err
     assert "error: the package's build backend 'setuptools.build_meta' failed" in err
+
+
+def test_warnings_of_a_backend_are_no_news(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """They are for the package's author, who finds them in the log; stderr is shown to everyone."""
+    setup = SETUP["src/talk/setup.py"].replace("packages=", "tests_require=['x'], packages=")
+    root = tree(SETUP | {"src/talk/setup.py": setup})
+    assert install(root) == 0
+    said = capfd.readouterr()
+    assert said.err == ""
+    assert "tests_require" in said.out

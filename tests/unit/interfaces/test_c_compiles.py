@@ -220,3 +220,21 @@ def test_type_support_has_the_names_of_its_macros(include: Path, tmp_path: Path)
     ]
     source.write_text("\n".join(lines) + "\n", encoding="utf-8")
     compile_cleanly(C99, include, "-fsyntax-only", source)
+
+
+@pytest.mark.needs("gcc")
+def test_functions_of_another_run_time_are_left_to_its_libraries(include: Path, tmp_path: Path) -> None:
+    """Where the headers of rosidl's own run time are seen first, its type support is what a program gets."""
+    theirs = tmp_path / "rosidl_runtime_c" / "message_type_support_struct.h"
+    theirs.parent.mkdir()
+    theirs.write_text("typedef int rosidl_message_type_support_t;\n", encoding="utf-8")
+    name = "rosidl_typesupport_c__get_message_type_support_handle__std_msgs__msg__String"
+    source = tmp_path / "main.c"
+    source.write_text(
+        '#include "std_msgs/msg/string.h"\n'
+        f"const int * {name}(void) {{static const int theirs = 7; return &theirs;}}\n"
+        f"int main(void) {{return *{name}();}}\n",
+        encoding="utf-8",
+    )
+    compile_cleanly((*C99, "-I", str(tmp_path)), include, source, "-o", tmp_path / "program")
+    assert subprocess.run([tmp_path / "program"], check=False).returncode == 7

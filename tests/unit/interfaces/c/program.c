@@ -303,6 +303,30 @@ static void memory_may_run_out(void)
   CHECK(done && needed > 50);
 }
 
+static void handles_name_their_types(void)
+{
+  const rosidl_message_type_support_t * message = ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, String);
+  CHECK(strcmp((const char *)message->data, "std_msgs/msg/String") == 0);
+  CHECK(message->func(message, message->typesupport_identifier) == message);
+  CHECK(get_message_typesupport_handle(message, "rosidl_typesupport_introspection_c") == NULL);
+
+  const rosidl_service_type_support_t * service = ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, SetBool);
+  CHECK(strcmp((const char *)service->data, "std_srvs/srv/SetBool") == 0);
+  CHECK(get_service_typesupport_handle(service, FORGE_TYPESUPPORT_C) == service);
+  CHECK(get_service_typesupport_handle(service, "unknown") == NULL);
+
+  const rosidl_action_type_support_t * action =
+    ROSIDL_GET_ACTION_TYPE_SUPPORT(example_interfaces, Fibonacci);
+  const char * goal = (const char *)action->goal_service_type_support->data;
+  CHECK(strcmp(goal, "example_interfaces/action/Fibonacci_SendGoal") == 0);
+  const char * result = (const char *)action->result_service_type_support->data;
+  CHECK(strcmp(result, "example_interfaces/action/Fibonacci_GetResult") == 0);
+  const char * feedback = (const char *)action->feedback_message_type_support->data;
+  CHECK(strcmp(feedback, "example_interfaces/action/Fibonacci_FeedbackMessage") == 0);
+  CHECK(strcmp((const char *)action->cancel_service_type_support->data, "action_msgs/srv/CancelGoal") == 0);
+  CHECK(strcmp((const char *)action->status_message_type_support->data, "action_msgs/msg/GoalStatusArray") == 0);
+}
+
 int main(void)
 {
   texts_are_made_and_given_back();
@@ -316,5 +340,6 @@ int main(void)
   null_is_refused();
   services_and_actions_have_their_parts();
   memory_may_run_out();
+  handles_name_their_types();
   return failures == 0 ? 0 : 1;
 }

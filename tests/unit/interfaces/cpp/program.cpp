@@ -478,6 +478,33 @@ void bounded_vectors()
   HOLDS(words[0] == "w" && words[1].empty());
 }
 
+void type_supports()
+{
+  using rosidl_typesupport_cpp::get_action_type_support_handle;
+  using rosidl_typesupport_cpp::get_message_type_support_handle;
+  using rosidl_typesupport_cpp::get_service_type_support_handle;
+  const auto named = [](const auto * handle) {return std::string(static_cast<const char *>(handle->data));};
+
+  const auto * message = get_message_type_support_handle<geometry_msgs::msg::Pose>();
+  HOLDS(named(message) == "geometry_msgs/msg/Pose");
+  HOLDS(message->typesupport_identifier == std::string(rosidl_typesupport_cpp::typesupport_identifier));
+  HOLDS(message->func(message, rosidl_typesupport_cpp::typesupport_identifier) == message);
+  HOLDS(message->func(message, "rosidl_typesupport_introspection_cpp") == nullptr);
+  HOLDS(
+    ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME(
+      rosidl_typesupport_cpp, geometry_msgs, msg, Pose)() == message);
+
+  const auto * service = get_service_type_support_handle<std_srvs::srv::Empty>();
+  HOLDS(named(service) == "std_srvs/srv/Empty");
+  HOLDS(service->func(service, service->typesupport_identifier) == service);
+
+  using example_interfaces::action::Fibonacci;
+  const auto * action = get_action_type_support_handle<Fibonacci>();
+  HOLDS(action->goal_service_type_support == get_service_type_support_handle<Fibonacci::Impl::SendGoalService>());
+  HOLDS(named(action->feedback_message_type_support) == "example_interfaces/action/Fibonacci_FeedbackMessage");
+  HOLDS(named(action->status_message_type_support) == "action_msgs/msg/GoalStatusArray");
+}
+
 }  // namespace
 
 template struct probe::msg::Defaults_<std::allocator<void>>;
@@ -501,5 +528,6 @@ int main()
   facts();
   yaml();
   bounded_vectors();
+  type_supports();
   return failures;
 }

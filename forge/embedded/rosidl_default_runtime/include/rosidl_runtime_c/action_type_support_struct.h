@@ -26,6 +26,25 @@ struct rosidl_action_type_support_t
   ROSIDL_TYPESUPPORT_INTERFACE__ACTION_SYMBOL_NAME( \
     rosidl_typesupport_c, PkgName, action, ActionName)()
 
+/* Generated headers define by this the function that the macro above calls. */
+#define FORGE_C_ACTION_TYPE_SUPPORT(package, kind, name) \
+  static inline const rosidl_action_type_support_t * \
+  rosidl_typesupport_c__get_action_type_support_handle__ ## package ## __ ## kind ## __ ## name(void) \
+  { \
+    static const rosidl_service_type_support_t goal = \
+      FORGE_C_SERVICE_HANDLE(#package "/" #kind "/" #name "_SendGoal"); \
+    static const rosidl_service_type_support_t result = \
+      FORGE_C_SERVICE_HANDLE(#package "/" #kind "/" #name "_GetResult"); \
+    static const rosidl_service_type_support_t cancel = \
+      FORGE_C_SERVICE_HANDLE("action_msgs/srv/CancelGoal"); \
+    static const rosidl_message_type_support_t feedback = \
+      FORGE_C_MESSAGE_HANDLE(#package "/" #kind "/" #name "_FeedbackMessage"); \
+    static const rosidl_message_type_support_t status = \
+      FORGE_C_MESSAGE_HANDLE("action_msgs/msg/GoalStatusArray"); \
+    static const rosidl_action_type_support_t handle = {&goal, &result, &cancel, &feedback, &status}; \
+    return &handle; \
+  }
+
 #ifdef __cplusplus
 }
 #endif

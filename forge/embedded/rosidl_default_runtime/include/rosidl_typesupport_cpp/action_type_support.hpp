@@ -2,14 +2,34 @@
 #define ROSIDL_TYPESUPPORT_CPP__ACTION_TYPE_SUPPORT_HPP_
 
 #include "rosidl_runtime_c/action_type_support_struct.h"
+#include "rosidl_typesupport_cpp/message_type_support.hpp"
+#include "rosidl_typesupport_cpp/service_type_support.hpp"
 
 namespace rosidl_typesupport_cpp
 {
 
-/// Defined by a type support library for the actions that it knows.
+/// The type support of an action whose generated header is included.
 template<typename T>
-const rosidl_action_type_support_t * get_action_type_support_handle();
+const rosidl_action_type_support_t * get_action_type_support_handle()
+{
+  using Impl = typename T::Impl;
+  static const rosidl_action_type_support_t handle{
+    get_service_type_support_handle<typename Impl::SendGoalService>(),
+    get_service_type_support_handle<typename Impl::GetResultService>(),
+    get_service_type_support_handle<typename Impl::CancelGoalService>(),
+    get_message_type_support_handle<typename Impl::FeedbackMessage>(),
+    get_message_type_support_handle<typename Impl::GoalStatusMessage>()};
+  return &handle;
+}
 
 }  // namespace rosidl_typesupport_cpp
+
+/// Generated headers define by this the same as a function for C.
+#define FORGE_CPP_ACTION_TYPE_SUPPORT(package, kind, name) \
+  inline const rosidl_action_type_support_t * \
+  rosidl_typesupport_cpp__get_action_type_support_handle__ ## package ## __ ## kind ## __ ## name() \
+  { \
+    return ::rosidl_typesupport_cpp::get_action_type_support_handle<::package::kind::name>(); \
+  }
 
 #endif  // ROSIDL_TYPESUPPORT_CPP__ACTION_TYPE_SUPPORT_HPP_

@@ -13,6 +13,20 @@ extern "C"
 {
 #endif
 
+#ifdef FORGE_C_MESSAGE_TYPE_SUPPORT
+// There is no library: the functions are defined here.
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Goal)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Result)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Feedback)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_SendGoal_Request)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_SendGoal_Response)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_GetResult_Request)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_GetResult_Response)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_FeedbackMessage)
+FORGE_C_SERVICE_TYPE_SUPPORT(robot, action, Fetch_SendGoal)
+FORGE_C_SERVICE_TYPE_SUPPORT(robot, action, Fetch_GetResult)
+FORGE_C_ACTION_TYPE_SUPPORT(robot, action, Fetch)
+#else
 ROSIDL_GENERATOR_C_PUBLIC_robot
 const rosidl_message_type_support_t *
 rosidl_typesupport_c__get_message_type_support_handle__robot__action__Fetch_Goal(void);
@@ -56,6 +70,8 @@ rosidl_typesupport_c__get_service_type_support_handle__robot__action__Fetch_GetR
 ROSIDL_GENERATOR_C_PUBLIC_robot
 const rosidl_action_type_support_t *
 rosidl_typesupport_c__get_action_type_support_handle__robot__action__Fetch(void);
+
+#endif
 
 #ifdef __cplusplus
 }

@@ -11,9 +11,15 @@ extern "C"
 {
 #endif
 
+#ifdef FORGE_C_MESSAGE_TYPE_SUPPORT
+// There is no library: the functions are defined here.
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, msg, RobotStatus)
+#else
 ROSIDL_GENERATOR_C_PUBLIC_robot
 const rosidl_message_type_support_t *
 rosidl_typesupport_c__get_message_type_support_handle__robot__msg__RobotStatus(void);
+
+#endif
 
 #ifdef __cplusplus
 }

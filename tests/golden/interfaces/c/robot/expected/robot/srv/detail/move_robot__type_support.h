@@ -12,6 +12,12 @@ extern "C"
 {
 #endif
 
+#ifdef FORGE_C_MESSAGE_TYPE_SUPPORT
+// There is no library: the functions are defined here.
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Request)
+FORGE_C_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Response)
+FORGE_C_SERVICE_TYPE_SUPPORT(robot, srv, MoveRobot)
+#else
 ROSIDL_GENERATOR_C_PUBLIC_robot
 const rosidl_message_type_support_t *
 rosidl_typesupport_c__get_message_type_support_handle__robot__srv__MoveRobot_Request(void);
@@ -23,6 +29,8 @@ rosidl_typesupport_c__get_message_type_support_handle__robot__srv__MoveRobot_Res
 ROSIDL_GENERATOR_C_PUBLIC_robot
 const rosidl_service_type_support_t *
 rosidl_typesupport_c__get_service_type_support_handle__robot__srv__MoveRobot(void);
+
+#endif
 
 #ifdef __cplusplus
 }

@@ -3,6 +3,7 @@
 #ifndef ROBOT__ACTION__DETAIL__FETCH__TYPE_SUPPORT_HPP_
 #define ROBOT__ACTION__DETAIL__FETCH__TYPE_SUPPORT_HPP_
 
+#include "robot/action/detail/fetch__traits.hpp"
 #include "robot/msg/rosidl_generator_cpp__visibility_control.hpp"
 #include "rosidl_typesupport_cpp/action_type_support.hpp"
 #include "rosidl_typesupport_cpp/message_type_support.hpp"
@@ -11,6 +12,20 @@
 extern "C"
 {
 
+#ifdef FORGE_CPP_MESSAGE_TYPE_SUPPORT
+// There is no library: the functions are defined here.
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Goal)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Result)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Feedback)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_SendGoal_Request)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_SendGoal_Response)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_GetResult_Request)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_GetResult_Response)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_FeedbackMessage)
+FORGE_CPP_SERVICE_TYPE_SUPPORT(robot, action, Fetch_SendGoal)
+FORGE_CPP_SERVICE_TYPE_SUPPORT(robot, action, Fetch_GetResult)
+FORGE_CPP_ACTION_TYPE_SUPPORT(robot, action, Fetch)
+#else
 ROSIDL_GENERATOR_CPP_PUBLIC_robot
 const rosidl_message_type_support_t *
 rosidl_typesupport_cpp__get_message_type_support_handle__robot__action__Fetch_Goal();
@@ -54,6 +69,8 @@ rosidl_typesupport_cpp__get_service_type_support_handle__robot__action__Fetch_Ge
 ROSIDL_GENERATOR_CPP_PUBLIC_robot
 const rosidl_action_type_support_t *
 rosidl_typesupport_cpp__get_action_type_support_handle__robot__action__Fetch();
+
+#endif
 
 }  // extern "C"
 

@@ -3,15 +3,22 @@
 #ifndef ROBOT__MSG__DETAIL__ROBOT_STATUS__TYPE_SUPPORT_HPP_
 #define ROBOT__MSG__DETAIL__ROBOT_STATUS__TYPE_SUPPORT_HPP_
 
+#include "robot/msg/detail/robot_status__traits.hpp"
 #include "robot/msg/rosidl_generator_cpp__visibility_control.hpp"
 #include "rosidl_typesupport_cpp/message_type_support.hpp"
 
 extern "C"
 {
 
+#ifdef FORGE_CPP_MESSAGE_TYPE_SUPPORT
+// There is no library: the functions are defined here.
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, msg, RobotStatus)
+#else
 ROSIDL_GENERATOR_CPP_PUBLIC_robot
 const rosidl_message_type_support_t *
 rosidl_typesupport_cpp__get_message_type_support_handle__robot__msg__RobotStatus();
+
+#endif
 
 }  // extern "C"
 

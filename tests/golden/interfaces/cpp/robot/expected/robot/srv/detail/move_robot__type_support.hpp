@@ -4,12 +4,19 @@
 #define ROBOT__SRV__DETAIL__MOVE_ROBOT__TYPE_SUPPORT_HPP_
 
 #include "robot/msg/rosidl_generator_cpp__visibility_control.hpp"
+#include "robot/srv/detail/move_robot__traits.hpp"
 #include "rosidl_typesupport_cpp/message_type_support.hpp"
 #include "rosidl_typesupport_cpp/service_type_support.hpp"
 
 extern "C"
 {
 
+#ifdef FORGE_CPP_MESSAGE_TYPE_SUPPORT
+// There is no library: the functions are defined here.
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Request)
+FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Response)
+FORGE_CPP_SERVICE_TYPE_SUPPORT(robot, srv, MoveRobot)
+#else
 ROSIDL_GENERATOR_CPP_PUBLIC_robot
 const rosidl_message_type_support_t *
 rosidl_typesupport_cpp__get_message_type_support_handle__robot__srv__MoveRobot_Request();
@@ -21,6 +28,8 @@ rosidl_typesupport_cpp__get_message_type_support_handle__robot__srv__MoveRobot_R
 ROSIDL_GENERATOR_CPP_PUBLIC_robot
 const rosidl_service_type_support_t *
 rosidl_typesupport_cpp__get_service_type_support_handle__robot__srv__MoveRobot();
+
+#endif
 
 }  // extern "C"
 

@@ -1,0 +1,140 @@
+"""What happens, as JSON: a line for each event, in the log and, where it was asked for, on stdout.
+
+docs/reference/events.md is the vocabulary; a tool may read it, so a word in it does not change.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from forge.errors import EXIT_INTERRUPTED
+from forge.model import (
+    Aborted,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from forge.model import BuildPlan, Event, Package, Step
+    from forge.reporting import Report
+    from forge.testing.showing import Failure
+
+
+class Feed:
+    """The lines of one run, in the order of what happens; owned by the loop of the command."""
+
+    def __init__(
+        self,
+        plan: BuildPlan,
+        packages: Mapping[str, Package],
+        *,
+        log: Callable[[bytes], object] | None = None,
+        printed: bool = False,
+        output: bool = False,
+    ) -> None:
+        """Begin the clock; lines go to `log`, and to stdout if `printed`, there with what programs print."""
+        self._plan = plan
+        self._packages = packages
+        self._log = log
+        self._printed = printed
+        self._output = output
+        self._begun = time.monotonic()
+
+    def announce(self, *, steps: bool = False) -> None:
+        """Tell what the plan is, with the commands of each package if `steps`."""
+        for name in self._plan.fresh:
+            self._say("Fresh", name)
+        for name, task in self._plan.tasks.items():
+            commands = {"steps": [_step(step) for step in task.steps]} if steps else {}
+            self._say("Planned", name, reason=task.reason, conditional=task.conditional, **commands)
+
+    def write(self, event: Event, report: Report) -> None:
+        """Tell of one event, and what the report made of it."""
+        match event:
+            case Started(name):
+                self._say("Started", name, reason=self._plan.tasks[name].reason)
+            case Fresh(name):
+                self._say("Fresh", name)
+            case StepStarted(name, step):
+                self._say("StepStarted", name, **_step(step))
+            case StepFinished(name, step, code):
+                self._say("StepFinished", name, step=step.label, code=code)
+            case Output(name, line, stderr):
+                # The log has it in files of its own.
+                if self._printed and self._output:
+                    self._print(self._line("Output", name, line=line.decode(errors="replace"), stderr=stderr))
+            case Finished():
+                self._finish(event, report)
+            case Aborted(name, seconds):
+                self._say("Aborted", name, seconds=round(seconds, 3))
+            case Skipped(name, because):
+                self._say("Skipped", name, because=because)
+
+    def tell_failures(self, failures: Iterable[Failure]) -> None:
+        """Tell of tests that failed, each by itself."""
+        for failure in failures:
+            self._say(
+                "TestFailure",
+                failure.package,
+                test=failure.test,
+                message=list(failure.lines),
+                repeat=failure.repeat,
+            )
+
+    def conclude(self, report: Report, seconds: float, code: int | None = None) -> None:
+        """Tell what came of it all: the last line. The code is the report's, unless another is given."""
+        log = str(report.logs) if report.logs else None
+        if isinstance(sys.exc_info()[1], KeyboardInterrupt):
+            code = EXIT_INTERRUPTED
+        elif code is None:
+            code = report.exit_code
+        self._say("Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally))
+
+    def _finish(self, event: Finished, report: Report) -> None:
+        name, fault = event.task, report.fault(event.task)
+        said: dict[str, object] = {
+            "code": event.code,
+            "seconds": round(event.seconds, 3),
+            "log": str(report.logs / name) if report.logs else None,
+            "test_failures": name in report.failed_tests,
+        }
+        if fault:
+            said |= {
+                "step": event.step.label if event.step else None,
+                "error": list(fault.lines),
+                "repeat": fault.repeat,
+            }
+        self._say("Finished", name, **said)
+
+    def _say(self, word: str, name: str | None, **said: object) -> None:
+        line = self._line(word, name, **said)
+        if self._log:
+            self._log(line)
+        if self._printed:
+            self._print(line)
+
+    def _line(self, word: str, name: str | None, **said: object) -> bytes:
+        whole: dict[str, object] = {"event": word, "time": round(time.monotonic() - self._begun, 6)}
+        if name is not None:
+            whole |= {"package": name, "embedded": self._packages[name].embedded}
+        return json.dumps({**whole, **said}).encode() + b"\n"
+
+    def _print(self, line: bytes) -> None:
+        sys.stdout.write(line.decode())
+        # Whoever reads a pipe wants to see it now.
+        sys.stdout.flush()
+
+
+def _step(step: Step) -> dict[str, object]:
+    return {"step": step.label, "argv": step.argv, "cwd": str(step.cwd)}
