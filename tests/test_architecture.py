@@ -34,7 +34,7 @@ FLOORS = {
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
-        scripts selection xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
+        scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing unused_variables
     """,
     1: "model layout interfaces.model",
