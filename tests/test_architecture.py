@@ -35,7 +35,7 @@ FLOORS = {
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
-        completing unused_variables
+        completing hints unused_variables
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",
