@@ -77,6 +77,19 @@ def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> dic
     return found
 
 
+def round_about(
+    needs: Mapping[str, frozenset[str]], weak: Mapping[str, frozenset[str]]
+) -> dict[str, frozenset[str]]:
+    """Return which of the needs called weak lie on a circle, by the name that has them."""
+    suspects = _unorderable(needs)
+    inner = {name: needs[name] & suspects for name in suspects}
+    found = {
+        name: frozenset(need for need in inner[name] & weak[name] if name in closure(inner, [need]))
+        for name in suspects
+    }
+    return {name: wanted for name, wanted in found.items() if wanted}
+
+
 def find_cycle(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     """Return a shortest cycle as a -> b -> ... -> a (first and last are equal), or None."""
     best: tuple[str, ...] | None = None

@@ -23,8 +23,8 @@ def package_hooks(name: str, build_type: str, files: Iterable[str], site_package
         **_numbered("cmake_prefix_path", "CMAKE_PREFIX_PATH", [""] if _has_config(folders) else []),
         **{f"ld_library_path_{folder}": _line("LD_LIBRARY_PATH", folder) for folder in _libraries(folders)},
         **_numbered("path", "PATH", ["bin"] if "bin" in folders else []),
-        **_numbered("pkg_config_path", "PKG_CONFIG_PATH", _pkg_configs(folders)),
         **_numbered("pythonpath", "PYTHONPATH", _python_folders(folders, site_packages)),
+        **_numbered("pkg_config_path", "PKG_CONFIG_PATH", _pkg_configs(folders)),
     }
     if build_type == "ament_python":
         hooks["ament_prefix_path"] = _line("AMENT_PREFIX_PATH", "")

@@ -14,6 +14,7 @@ from forge.folders import listed_files
 from forge.hooks import package_hooks
 from forge.prefixes import PACKAGES
 from forge.results import STATE, recorded_underlays
+from forge.shells import SHELLS
 from forge.sourcing import package_edits, packages_in_order
 
 if TYPE_CHECKING:
@@ -49,11 +50,11 @@ def install_package(
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
     setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
-    sources += (path for path in (*package.hooks, *setups) if (prefix / path).is_file())
+    sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
     # Always a new file: its stamp tells readers that any of the package's hooks may have changed.
     replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
     edits = package_edits(package.name, prefix)
-    for shell in scripts.SHELLS:
+    for shell in SHELLS:
         text = scripts.package_setup(shell, prefix, Installed(package.name, "", edits))
         write_if_changed(share / f"package.{shell}", text)
     write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
@@ -64,7 +65,7 @@ def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
     prefix = layout.prefix(package.name)
     found = set(listed_files(layout.build_dir(package.name)))
     share = prefix / "share" / package.name
-    own = [share / f"package.{extension}" for extension in ("dsv", *scripts.SHELLS)]
+    own = [share / f"package.{extension}" for extension in ("dsv", *SHELLS)]
     own += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
     if package.build_type == "ament_python":
         own += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
@@ -75,7 +76,7 @@ def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
 def uninstall_markers(name: str, layout: Layout) -> None:
     """Remove what makes a package look installed, before it is built anew and might fail."""
     prefix = layout.prefix(name)
-    for extension in ("dsv", "sh", "bash", "zsh", "ps1"):
+    for extension in ("dsv", *SHELLS):
         (prefix / "share" / name / f"package.{extension}").unlink(missing_ok=True)
     for index in (PACKAGES, INDEX / "packages"):
         (prefix / index / name).unlink(missing_ok=True)
@@ -92,7 +93,7 @@ def finish_workspace(layout: Layout, underlays: tuple[Path, ...], python: Path) 
     state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
     write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
     packages = packages_in_order(root)
-    for shell in scripts.SHELLS:
+    for shell in SHELLS:
         write_if_changed(root / f"local_setup.{shell}", scripts.local_setup(shell, root, packages))
         below = [_entry_script(underlay, shell) for underlay in chain]
         write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, below))
@@ -135,7 +136,10 @@ def _remove_others(folder: Path, names: set[str]) -> None:
     """Remove the hooks of earlier builds that this one does not call for."""
     if folder.is_dir():
         for entry in folder.iterdir():
-            if entry.name not in names and entry.suffix in {".dsv", ".sh", ".ps1", ".bash", ".zsh"}:
+            if entry.name not in names and entry.suffix in {
+                ".dsv",
+                *(f".{shell}" for shell in SHELLS),
+            }:
                 entry.unlink()
 
 

@@ -69,7 +69,8 @@ def _unsourced(name: str, variables: Mapping[str, str]) -> str | None:
 
 def _setup_near(folder: Path, variables: Mapping[str, str]) -> Path | None:
     """Return the setup script of the workspace around a folder, as short as it can be typed."""
-    shell = "zsh" if variables.get("SHELL", "").endswith("zsh") else "bash"
+    mine = variables.get("SHELL", "").rpartition("/")[2]
+    shell = mine if mine in {"zsh", "fish"} else "bash"
     for root in (folder, *folder.parents):
         setup = root / "install" / f"setup.{shell}"
         if setup.is_file():

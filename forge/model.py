@@ -254,6 +254,9 @@ class Snapshot:
     news: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+CONFIGURE = "cmake"
+"""The label of the step that configures a package."""
+
 TEST_FAILURES = "test failures"
 """What an exit code may mean; the same words stand in colcon's own note of a package's tests."""
 SUCCESS, FAILURE = "success", "failure"

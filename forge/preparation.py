@@ -107,6 +107,7 @@ def prepare(
         clean_cache=options.cmake_clean_cache,
         clean_first=options.cmake_clean_first,
         target=options.cmake_target,
+        skip_target=options.cmake_target_skip_unavailable,
         environment_generator=variables.get("CMAKE_GENERATOR"),
     )
     return kitchen, interpreter

@@ -7,10 +7,11 @@ or not at all, so that two implementations of one API never meet in one build.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem
+from forge.graph import order, round_about
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
@@ -48,12 +49,14 @@ class Provision:
     `needs` has an edge for every dependency of any kind that one of `packages` answers to.
     `missing` maps a package to its dependencies that look like ROS packages and that nobody provides.
     `superseded` are embedded packages that must not be there, since somebody else answers for them.
+    `postponed` are needs of tests alone, left out of `needs` since they would close a circle.
     """
 
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
     missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     superseded: frozenset[str] = frozenset()
+    postponed: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
 def provide(
@@ -89,6 +92,37 @@ def provide(
     standing = {package.name for package in answers.values()}
     superseded = (name for name in embedded if name not in standing or provider(name))
     return Provision(packages, needs, missing, frozenset(superseded) - workspace.keys())
+
+
+def without_test_circles(provision: Provision) -> tuple[Provision, tuple[Problem, ...]]:
+    """Return the provision with needs of tests postponed where they close a circle, and a warning for each.
+
+    What tests need must be there when they run, which is after everything was built. A circle that
+    other needs close is left as it is.
+    """
+    if order(provision.needs) is not None:
+        return provision, ()
+    weak = {name: frozenset(_only_tested(package)) for name, package in provision.packages.items()}
+    dropped = round_about(provision.needs, weak)
+    needs = {name: wanted - dropped.get(name, frozenset()) for name, wanted in provision.needs.items()}
+    warnings = (
+        Problem(
+            f"'{name}' needs {_quoted(sorted(wanted))} for its tests, in a circle: it is built without",
+            Place(provision.packages[name].manifest.path),
+        )
+        for name, wanted in sorted(dropped.items())
+    )
+    return replace(provision, needs=needs, postponed=dropped), tuple(warnings)
+
+
+def _only_tested(package: Package) -> set[str]:
+    """Return what a package needs for its tests and for nothing else."""
+    manifest = package.manifest
+    return set(manifest.names(TEST_KINDS)) - set(manifest.names(BUILD_KINDS | RUN_KINDS))
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
 
 
 def is_ros_name(name: str) -> bool:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.model import (
+    CONFIGURE,
     TEST_FAILURES,
     Aborted,
     Finished,
@@ -23,6 +24,7 @@ from forge.model import (
 )
 from forge.names import did_you_mean
 from forge.steps import environment_file, step_line
+from forge.unused_variables import UnusedVariables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -112,14 +114,26 @@ class Report:
     """What a build has to say; owned by the loop of the command."""
 
     def __init__(
-        self, plan: BuildPlan, packages: Mapping[str, Package], handlers: dict[str, bool], logs: Path | None
+        self,
+        plan: BuildPlan,
+        packages: Mapping[str, Package],
+        handlers: dict[str, bool],
+        logs: Path | None,
+        shared: frozenset[str] = frozenset(),
     ) -> None:
-        """Begin with nothing to say; `logs` is the folder that failures point at."""
+        """Begin with nothing to say.
+
+        `logs` is the folder that failures point at, `shared` the CMake variables that all packages get.
+        """
+        self.python = "python3"
+        """The interpreter of the workspace, as hints name it."""
         self._packages = packages
         self._tasks = plan.tasks
         self._on = handlers
         self.logs = logs
         self._output: dict[str, list[tuple[bytes, bool]]] = {}
+        self._unused = UnusedVariables(shared)
+        self._configured: set[str] = set()
         self._stderr: set[str] = set()
         self._finished: list[str] = []
         self._failed: dict[str, Fault] = {}
@@ -166,14 +180,8 @@ class Report:
                 self._progress(f"Starting >>> {self._label(task)}")
             case Output(task, line, stderr):
                 self._take(task, line, stderr=stderr)
-            case Finished(task, code, seconds):
-                self._close(task)
-                if code:
-                    self._fail(event)
-                else:
-                    self._finished.append(task)
-                    remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
-                    self._progress(f"Finished <<< {self._label(task)} [{duration(seconds)}]{remark}")
+            case Finished():
+                self._finish(event)
             case Aborted(task, seconds):
                 self._aborted.append(task)
                 self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
@@ -182,6 +190,8 @@ class Report:
             case Fresh(task):
                 self._fresh.append(task)
             case StepFinished(task, step, code):
+                if step.label == CONFIGURE:
+                    self._configured.add(task)
                 # Of a step that repeats another, the last word counts.
                 failed = step.meaning(code) == TEST_FAILURES
                 (self._failed_tests.add if failed else self._failed_tests.discard)(task)
@@ -208,6 +218,8 @@ class Report:
                 _out(f"  {_count(names)} {words}: {' '.join(names)}")
         if tally.not_processed:
             _out(f"  {_count(tally.not_processed)} not processed")
+        if self._unused.names:
+            _out(f"  no package used what --cmake-args defines: {' '.join(self._unused.names)}")
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:
@@ -225,14 +237,17 @@ class Report:
         if len(kept) > 2 * _LONGEST_TAIL:
             # The beginning holds the first error, the end the last words: the middle may go.
             del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
-        if stderr:
-            self._stderr.add(task)
         if self._on["console_direct"] and not self._embedded(task):
             _write(line, stderr=stderr)
 
     def _close(self, task: str) -> None:
         """Show a task's output as one piece where that was asked for."""
         lines = self._output.get(task, [])
+        errors = b"".join(line for line, stderr in lines if stderr)
+        if task in self._configured:
+            errors = self._unused.take(errors)
+        if errors:
+            self._stderr.add(task)
         if self._on["console_cohesion"] and lines and not self._on["console_direct"]:
             _write(f"--- output: {task}\n".encode())
             for line, _ in lines:
@@ -240,10 +255,18 @@ class Report:
             _write(b"---\n")
         elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
             _write(f"--- stderr: {task}\n".encode(), stderr=True)
-            for line, stderr in lines:
-                if stderr:
-                    _write(line, stderr=True)
+            _write(errors, stderr=True)
             _write(b"---\n", stderr=True)
+
+    def _finish(self, event: Finished) -> None:
+        task = event.task
+        self._close(task)
+        if event.code:
+            self._fail(event)
+            return
+        self._finished.append(task)
+        remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
+        self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
     def _fail(self, event: Finished) -> None:
         """Name the package, the step, the first error, the log and the command to repeat."""
@@ -260,11 +283,22 @@ class Report:
         if error:
             lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
             lines += [f"    {line}" for line in error.lines]
+        hint = self._hint(task, text)
+        if hint:
+            lines.append(f"  hint: {hint}")
         if self.logs:
             lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
         if repeat:
             lines.append(f"  repeat: {repeat}")
         _write(("\n".join(lines) + "\n").encode(), stderr=True)
+
+    def _hint(self, task: str, text: Sequence[str]) -> str | None:
+        """Return what to do about a failure whose cause is known."""
+        from forge.discovery import discover_embedded  # noqa: PLC0415  (only a failure pays for it)
+        from forge.hints import Scene, hint_of  # noqa: PLC0415
+
+        everything = {**discover_embedded(), **self._packages}
+        return hint_of("".join(text), Scene(self._packages[task], everything, self.python))
 
 
 def duration(seconds: float) -> str:

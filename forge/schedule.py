@@ -17,8 +17,8 @@ class Board:
 
     At most `limit` tasks run at a time (0: any number). Among ready tasks those go first from which the
     longest chain of work leads to the end, as far as `seconds` says how long tasks take, then those that
-    more others wait for. After a failure nothing starts any more, or with `continue_on_error` nothing
-    that needs the failed package.
+    more others wait for; `in_order` the first of the plan goes first. After a failure nothing starts any
+    more, or with `continue_on_error` nothing that needs the failed package.
     """
 
     def __init__(
@@ -28,6 +28,7 @@ class Board:
         seconds: Mapping[str, float] | None = None,
         *,
         continue_on_error: bool = False,
+        in_order: bool = False,
     ) -> None:
         """Put every task of the plan on the board, waiting."""
         self._needs = {
@@ -40,9 +41,11 @@ class Board:
         self._running: set[str] = set()
         self._failed: dict[str, str] = {}
         self._stopped_by: str | None = None
-        weights = _weights(self._needs, seconds or {})
-        # Sorting is stable: ties keep the plan's topological order.
-        self._waiting = sorted(self._needs, key=weights.__getitem__, reverse=True)
+        self._waiting = list(self._needs)
+        if not in_order:
+            weights = _weights(self._needs, seconds or {})
+            # Sorting is stable: ties keep the plan's topological order.
+            self._waiting.sort(key=weights.__getitem__, reverse=True)
 
     @property
     def running(self) -> frozenset[str]:

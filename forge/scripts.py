@@ -1,4 +1,4 @@
-"""Install trees as shell text: setup, local_setup and package scripts for sh, bash and zsh, pure.
+"""Install trees as shell text: setup, local_setup and package scripts for each shell, pure.
 
 The scripts are static: what the packages' dsv files say is settled when they are written, so that
 sourcing a workspace starts no program, and has few and long lines instead of many files to read.
@@ -6,11 +6,11 @@ sourcing a workspace starts no program, and has few and long lines instead of ma
 
 from __future__ import annotations
 
-import re
 import shlex
 from typing import TYPE_CHECKING
 
 from forge.environment import Edit, Script
+from forge.shells import SHELLS
 from forge.templating import render
 
 if TYPE_CHECKING:
@@ -18,80 +18,61 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.environment import Installed
+    from forge.shells import Shell
 
     Statement = dict[str, object]
     """A paragraph of a script: its template, and finished words for it."""
 
-SHELLS = ("sh", "bash", "zsh")
-
-_SPECIAL = re.compile(r'[\\"$`]')
-_FOR_HOOKS = {
-    "present": ("_forge_present",),
-    "ament": ("ament_append_value", "ament_append_unique_value", "ament_prepend_unique_value"),
-}
-"""The functions that sourcing a package's scripts takes, by their template."""
+    Group = list[tuple[Installed, Edit | Script]]
+    """Edits that one statement makes."""
 
 
-def setup(shell: str, root: Path, underlays: Sequence[Path]) -> str:
+def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
     """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
-    variable = "_forge_setup_root"
-    statements = [_underlay(script) for script in underlays]
-    own = _sourced("This workspace.", f"${variable}", f"local_setup.{shell}")
+    shell = SHELLS[name]
+    own = _sourced(shell, "This workspace.", "$_forge_setup_root", f"local_setup.{name}")
+    borrowing = any(shell.borrows(script.name) for script in underlays)
     return render(
-        "scripts/setup.j2",
-        shell=shell,
+        f"scripts/{shell.family}/setup.j2",
+        statements=[*(_underlay(shell, script) for script in underlays), own],
         present="_forge_setup_present",
         options="_forge_setup_options",
-        statements=[*statements, own],
-        **_location("setup", shell, variable, root),
+        borrowed="_forge_setup_sh",
+        borrowing=borrowing,
+        runner=_runner(shell) if borrowing else "",
+        **_location("setup", shell, "_forge_setup_root", root),
     )
 
 
-def local_setup(shell: str, root: Path, packages: Sequence[Installed]) -> str:
+def local_setup(name: str, root: Path, packages: Sequence[Installed]) -> str:
     """Return the script that adds the packages of one install tree; `packages` come lowest first.
 
     All paths in it are relative to the script's own place; only plain sh, which cannot know that,
     falls back to `root`.
     """
+    shell = SHELLS[name]
     edits = [(package, edit) for package in packages for edit in package.edits]
-    words = _words(edit for _, edit in edits)
-    parts = {"select": ("_forge_select", "_forge_prepend"), "unique": ("_forge_first",)}
-    if words["appending"]:
-        parts["append"] = ("_forge_append",)
-    if words["sourcing"]:
-        parts |= _FOR_HOOKS
-    isolated = [package for package in packages if package.folder]
     return render(
-        "scripts/local_setup.j2",
-        shell=shell,
-        names=sorted(package.name for package in isolated),
+        f"scripts/{shell.family}/local_setup.j2",
+        names=sorted(package.name for package in packages if package.folder),
         marker=_marker("$_forge_root/$_forge_name", "$_forge_name"),
-        functions=[f"scripts/{part}.sh.j2" for part in parts],
+        select=f"scripts/sh/select.{name}.j2",
         function="_forge_first",
-        function_names=[" ".join(names) for names in parts.values() if names],
         statements=[s for group in _groups(edits) if (s := _group_statement(shell, group))],
-        **words,
+        **_words(shell, (edit for _, edit in edits)),
         **_location("local_setup", shell, "_forge_root", root),
     )
 
 
-def package_setup(shell: str, prefix: Path, package: Installed) -> str:
+def package_setup(name: str, prefix: Path, package: Installed) -> str:
     """Return the script that adds one package alone and puts its entries before all others."""
-    words = _words(package.edits)
-    parts: dict[str, tuple[str, ...]] = {"unique": ()}  # the one function that stays: others' hooks call it
-    if words["appending"]:
-        parts["unique_append"] = ("_forge_append",)
-    if words["sourcing"]:
-        parts |= _FOR_HOOKS
+    shell = SHELLS[name]
     return render(
-        "scripts/package.j2",
-        shell=shell,
+        f"scripts/{shell.family}/package.j2",
         name=package.name,
-        functions=[f"scripts/{part}.sh.j2" for part in parts],
-        function="_colcon_prepend_unique_value",
-        function_names=[" ".join(names) for names in parts.values() if names],
+        function="_colcon_prepend_unique_value",  # it stays: hooks of other tools' packages call it
         statements=[s for edit in package.edits if (s := _edit_statement(shell, package, edit))],
-        **words,
+        **_words(shell, package.edits),
         **_location("package", shell, "_forge_prefix", prefix),
     )
 
@@ -102,140 +83,163 @@ def dsv(lines: Sequence[str]) -> str:
 
 
 def hook_runner() -> str:
-    """Return a sh script that sources the hook `$1` and prints the environment, separated by NUL."""
-    return render("scripts/run_hook.sh.j2", function="_colcon_prepend_unique_value")
+    """Return a sh script that sources the hook `$1` and prints the environment before and after it.
+
+    Each variable is followed by NUL, and those of before by another one.
+    """
+    return render("scripts/sh/run_hook.j2", function="_colcon_prepend_unique_value")
 
 
-def quoted(text: str) -> str:
-    """Return `text` as it stands between the double quotes of any of the shells."""
-    return _SPECIAL.sub(r"\\\g<0>", text)
-
-
-def _words(edits: Iterable[Edit | Script]) -> dict[str, object]:
+def _words(shell: Shell, edits: Iterable[Edit | Script]) -> dict[str, object]:
     """Return which functions the edits take, and how they are called."""
     listed = list(edits)
+    paths = [edit.path(shell.name) for edit in listed if isinstance(edit, Script)]
+    borrowing = any(path and shell.borrows(path) for path in paths)
     return {
         "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in listed),
-        "sourcing": any(isinstance(edit, Script) for edit in listed),
-        "append": "_forge_append",
+        "sourcing": any(paths),
+        "borrowing": borrowing,
+        "runner": _runner(shell) if borrowing else "",
         "present": "_forge_present",
         "options": "_forge_options",
+        "borrowed": "_forge_sh",
     }
 
 
-def _location(script: str, shell: str, variable: str, baked: Path) -> dict[str, object]:
+def _runner(shell: Shell) -> str:
+    """Return the program of sh that sources a hook, ready for single quotes."""
+    return shell.literal(hook_runner().rstrip("\n"))
+
+
+def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str, object]:
     """Return the words with which a script finds the root of its tree, or the prefix of its package."""
     up = 2 if script == "package" else 0
+    pattern = f"(/[^/]*){{{up + 1}}}$" if up else "/[^/]*$"
     return {
-        "locate": f"scripts/locate.{shell}.j2",
-        "file": f"{script}.{shell}",
+        "shell": shell.name,
+        "locate": f"scripts/{shell.family}/locate{shell.own}.j2",
+        "file": f"{script}.{shell.name}",
         "variable": variable,
         "baked": shlex.quote(str(baked)),
-        "up": {"path": "../" * up, "heads": ":h" * up},
+        "up": {"path": "../" * up, "heads": ":h" * up, "times": up, "pattern": pattern},
     }
 
 
-def _groups(edits: Sequence[tuple[Installed, Edit | Script]]) -> list[list[tuple[Installed, Edit | Script]]]:
+def _groups(edits: Sequence[tuple[Installed, Edit | Script]]) -> list[Group]:
     """Gather edits that one statement can make, without changing what they come to.
 
     Edits of different variables never disturb each other, so those of one variable are gathered
     until the operation changes; a script may look at every variable, so nothing passes it.
     """
-    groups: list[list[tuple[Installed, Edit | Script]]] = []
-    latest: dict[str, list[tuple[Installed, Edit | Script]]] = {}
+    groups: list[Group] = []
+    latest: dict[str, Group] = {}
     for package, edit in edits:
         if isinstance(edit, Script):
             latest.clear()
             groups.append([(package, edit)])
             continue
         group = latest.get(edit.variable)
-        if group is None or not _joins(group[-1][1], edit):
+        if group is None or not _joins(group[-1], (package, edit)):
             group = latest[edit.variable] = []
             groups.append(group)
         group.append((package, edit))
     return groups
 
 
-def _joins(before: Edit | Script, edit: Edit) -> bool:
-    """Tell if two edits of one variable fit in one statement: entries below the root do."""
-    if isinstance(before, Script) or before.operation != edit.operation:
+def _joins(before: tuple[Installed, Edit | Script], after: tuple[Installed, Edit]) -> bool:
+    """Tell if two edits of one variable fit in one statement: lists of paths below the root do, and twins."""
+    (package, edit), (next_package, next_edit) = before, after
+    if isinstance(edit, Script) or edit.operation != next_edit.operation:
         return False
-    return edit.operation in {"prepend", "append"} and before.below and edit.below
+    if edit == next_edit and package.folder == next_package.folder:
+        return edit.operation in {"prepend", "append"}
+    return bool(_below(package.folder, edit) and _below(next_package.folder, next_edit))
 
 
-def _group_statement(shell: str, group: list[tuple[Installed, Edit | Script]]) -> Statement | None:
+def _below(folder: str, edit: Edit) -> str:
+    """Return the path that is added to a list relative to the root, or '' when it is not to be had."""
+    if not edit.below or edit.operation in {"set", "default"} or ":" in edit.value:
+        return ""
+    return "/".join(filter(None, (folder, edit.value)))
+
+
+def _group_statement(shell: Shell, group: Group) -> Statement | None:
     """Return the statement of a local_setup script for a group of edits."""
     package, first = group[0]
-    root = f"$_forge_root/{quoted(package.folder)}".rstrip("/")
+    root = f"$_forge_root/{shell.quoted(package.folder)}".rstrip("/")
     if isinstance(first, Script):
         return _script(shell, package.name, first, root)
     if first.operation in {"set", "default"}:
-        return _assignment(first, root, f'[ -e "{_marker(root, package.name)}" ]')
-    # Each entry once: what is there already stays where it is, so a second one would do nothing.
-    entries = list(
-        dict.fromkeys(_entry("$_forge_root", p.folder, e) for p, e in group if isinstance(e, Edit))
-    )
+        return _assignment(shell, first, root, _marker(root, package.name))
+    paths = [_below(p.folder, e) for p, e in group if isinstance(e, Edit)]
+    if not all(paths):
+        installed = _marker(root, package.name) if package.folder else ""
+        return _entries(shell, first, f"_forge_{first.operation}", [_value(shell, root, first)], installed)
+    # Each path once: what is there already stays where it is, so a second one would do nothing.
+    entries = [f"{shell.list_root}{shell.quoted(path)}" for path in dict.fromkeys(paths)]
     if first.operation == "prepend":
         entries.reverse()
-    return {
-        "template": "scripts/entry.sh.j2",
-        "function": f"_forge_{first.operation}",
-        "variable": first.variable,
-        # One entry a line, where there are several.
-        "entry": entries[0] if len(entries) == 1 else "\\\n" + ":\\\n".join(entries),
-    }
+    return _entries(shell, first, f"_forge_{first.operation}", entries, "")
 
 
-def _edit_statement(shell: str, package: Installed, edit: Edit | Script) -> Statement | None:
+def _edit_statement(shell: Shell, package: Installed, edit: Edit | Script) -> Statement | None:
     """Return the statement of a package script for one edit."""
     if isinstance(edit, Script):
         return _script(shell, package.name, edit, "$_forge_prefix")
     if edit.operation in {"set", "default"}:
-        return _assignment(edit, "$_forge_prefix", "")
+        return _assignment(shell, edit, "$_forge_prefix", "")
+    function = "_forge_append" if edit.operation == "append" else "_colcon_prepend_unique_value"
+    return _entries(shell, edit, function, [_value(shell, "$_forge_prefix", edit)], "")
+
+
+def _entries(shell: Shell, edit: Edit, function: str, entries: list[str], installed: str) -> Statement:
+    """Return the statement that adds entries to a list, if the file `installed` is there."""
     return {
-        "template": "scripts/entry.sh.j2",
-        "function": "_forge_append" if edit.operation == "append" else "_colcon_prepend_unique_value",
+        "template": f"scripts/{shell.family}/entry.j2",
+        "function": function,
         "variable": edit.variable,
-        "entry": _entry("$_forge_prefix", "", edit),
+        "entries": entries,
+        "installed": installed,
     }
 
 
-def _entry(root: str, folder: str, edit: Edit) -> str:
-    """Return one entry of a list, ready for double quotes."""
+def _value(shell: Shell, prefix: str, edit: Edit) -> str:
+    """Return the value of an edit, ready for double quotes."""
     if not edit.below:
-        return quoted(edit.value)
-    return "/".join([root, *(quoted(part) for part in (folder, edit.value) if part)])
+        return shell.quoted(edit.value)
+    return "/".join(filter(None, [prefix, shell.quoted(edit.value)]))
 
 
-def _assignment(edit: Edit, prefix: str, installed: str) -> Statement:
+def _assignment(shell: Shell, edit: Edit, prefix: str, installed: str) -> Statement:
     """Return the statement that sets a variable: always, or where it says nothing."""
-    unset = f'[ -z "${{{edit.variable}-}}" ]' if edit.operation == "default" else ""
     return {
-        "template": "scripts/set.sh.j2",
+        "template": f"scripts/{shell.family}/set.j2",
         "variable": edit.variable,
-        "value": _entry(prefix, "", edit),
-        "condition": " && ".join(filter(None, [installed, unset])),
+        "value": _value(shell, prefix, edit),
+        "installed": installed,
+        "default": edit.operation == "default",
     }
 
 
-def _script(shell: str, name: str, script: Script, prefix: str) -> Statement | None:
+def _script(shell: Shell, name: str, script: Script, prefix: str) -> Statement | None:
     """Return the statement that sources a hook, or None when it is not for this shell."""
-    path = script.path(shell)
+    path = script.path(shell.name)
     if path is None:
         return None
-    statement = _sourced(f"A hook of '{name}'.", prefix, quoted(path))
+    statement = _sourced(shell, f"A hook of '{name}'.", prefix, shell.quoted(path))
     return statement | {"prefix_variables": ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")}
 
 
-def _underlay(script: Path) -> Statement:
+def _underlay(shell: Shell, script: Path) -> Statement:
     """Return the statement that sources the script of an underlay."""
-    return _sourced(f"The workspace {script.parent}.", quoted(str(script.parent)), script.name)
+    folder = str(script.parent)
+    return _sourced(shell, f"The workspace {folder}.", shell.quoted(folder), script.name)
 
 
-def _sourced(comment: str, prefix: str, path: str) -> Statement:
+def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:
     """Return the statement that sources a script, which may ask for its prefix."""
     return {
-        "template": "scripts/source.sh.j2",
+        "template": f"scripts/{shell.family}/{'borrow' if shell.borrows(path) else 'source'}.j2",
         "comment": comment,
         "prefix": prefix,
         "file": path if path.startswith("/") else f"{prefix}/{path}",

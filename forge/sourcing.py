@@ -104,11 +104,10 @@ def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str,
         done = subprocess.run(
             ["/bin/sh", script.name, str(hook)], env=given, capture_output=True, check=False
         )
-    if not done.stdout:
+    _, _, after = done.stdout.partition(b"\0\0")
+    if not after:
         said = done.stderr.decode(errors="replace").strip() or f"it exits with {done.returncode}"
         raise EnvironmentFault(Problem(f"the environment hook '{hook}' ends the shell: {said}"))
-    pairs = (
-        item.decode(errors="surrogateescape").partition("=") for item in done.stdout.split(b"\0") if item
-    )
+    pairs = (item.decode(errors="surrogateescape").partition("=") for item in after.split(b"\0") if item)
     left = {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
     return left | {name: value for name, value in variables.items() if name in _SHELL_S_OWN}

@@ -29,6 +29,7 @@ from forge.schedule import Board
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES
 from forge.transcript import open_transcript
+from forge.unused_variables import defined
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -69,7 +70,9 @@ def carry_out(
         closing(open_budget(options, kitchen, variables, plan)) as budget,
     ):
         spoken = without_prose(handlers) if options.json else handlers
-        report = Report(plan, loaded.packages, spoken, transcript.folder)
+        shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
+        report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
+        report.python = str(undertaking.interpreter.path)
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}
@@ -157,5 +160,6 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
     # A package that is started holds a job, so more of them would only wait.
-    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
-    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error)
+    alone = options.executor == "sequential"
+    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, seconds, continue_on_error=options.continue_on_error, in_order=alone)

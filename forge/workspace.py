@@ -8,13 +8,14 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge import package_options
+from forge.constraints import unmet_versions
 from forge.discovery import discover, discover_embedded
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.graph import ordered_names
 from forge.limits import limits_of
 from forge.overrides import read_overrides
 from forge.prefixes import find_underlays, provider, system_prefixes
-from forge.provision import ALL_KINDS, Provision, provide
+from forge.provision import ALL_KINDS, Provision, provide, without_test_circles
 from forge.selection import ignored, select, twin
 from forge.settings import home
 
@@ -60,7 +61,8 @@ def load_workspace(
     query = package_options.query_of(options)
     found = _discovered(root, options, variables)
     workspace = _without(found, ignored(query, found.packages))
-    provision = _provision(workspace, variables, install or root / "install", embedded=embedded)
+    whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
+    provision, circles = without_test_circles(whole)
     listing = install is None
     twins = workspace.twins if listing else ()
     packages = {**provision.packages, **{twin(other.name, other.path): other for other in twins}}
@@ -71,8 +73,9 @@ def load_workspace(
     clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
+    doubts = (*workspace.notes, *circles, *unmet_versions(workspace.packages))
     told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    warn((*told, *workspace.notes, *warnings))
+    warn((*told, *doubts, *warnings))
     return Loaded(workspace, provision, selection, packages, needs, ordered)
 
 

@@ -32,10 +32,10 @@ FLOORS = {
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks
-        makeflags manifest planning provision python_reading recipes recipes.* schedule settings
-        scripts selection xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
-        completing
+        charts cmake_reading conditions constraints creation diagnosis environment formats freshness
+        graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
+        scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
+        completing hints unused_variables
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",

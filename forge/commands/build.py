@@ -109,6 +109,11 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument("--cmake-clean-first", action="store_true", help="remove what was compiled first")
     group.add_argument("--cmake-target", metavar="TARGET", help="build this target, too, before all others")
     group.add_argument(
+        "--cmake-target-skip-unavailable",
+        action="store_true",
+        help="not where there is none of that name",
+    )
+    group.add_argument(
         "--catkin-cmake-args", nargs="*", default=[], metavar="ARG", help="for ROS 1: no effect"
     )
     group.add_argument("--catkin-skip-building-tests", action="store_true", help="for ROS 1: no effect")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from forge.options import EXECUTORS
 from forge.recipes import RECIPES
 from forge.reporting import HANDLERS
-from forge.scripts import SHELLS
+from forge.shells import SHELLS
 from forge.testing.recipes import TEST_RECIPES
 
 if TYPE_CHECKING:

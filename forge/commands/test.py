@@ -151,8 +151,9 @@ def _refuse(absent: Mapping[str, Problem], report: Report, feed: Feed) -> None:
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int) -> Board:
-    limit = 1 if options.executor == "sequential" else min(options.parallel_workers or jobs, jobs)
-    return Board(plan, limit, continue_on_error=not options.abort_on_error)
+    alone = options.executor == "sequential"
+    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    return Board(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
 
 
 def _failures(plan: BuildPlan, bench: Bench, names: Iterable[str]) -> list[Failure]:

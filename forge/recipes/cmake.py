@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from forge.model import Step
+from forge.model import CONFIGURE, Step
 from forge.recipes.kitchen import Recipe, places
 
 if TYPE_CHECKING:
@@ -85,7 +85,16 @@ def _target(build: Path, kitchen: Kitchen) -> tuple[Step, ...]:
     if not kitchen.target:
         return ()
     argv = (str(kitchen.cmake), "--build", str(build), "--target", kitchen.target, *_jobs(kitchen))
+    if kitchen.skip_target:
+        argv = ("sh", "-c", _IF_THERE, kitchen.target, *argv)
     return (Step(f"build target '{kitchen.target}'", argv, build),)
+
+
+_IF_THERE = r"""targets=$("$1" --build "$3" --target help) || exit
+printf '%s\n' "$targets" | sed -n 's/^\.\.\. \([^ ]*\).*/\1/p; s/: .*//p' | grep -qxF -- "$0" || exit 0
+exec "$@"
+"""
+"""Starts a build of one target, unless ninja's or make's list of targets is without it."""
 
 
 def _configure(
@@ -111,7 +120,7 @@ def _configure(
     digest = hashlib.sha256("\0".join(said).encode()).hexdigest()
     if record == digest and not kitchen.force_configure and package.name not in kitchen.reconfigure:
         return ()
-    return (Step("cmake", argv, build, record=(handover_folder(build) / RECORD, digest)),)
+    return (Step(CONFIGURE, argv, build, record=(handover_folder(build) / RECORD, digest)),)
 
 
 def _generator(kitchen: Kitchen, arguments: tuple[str, ...], current: str) -> tuple[str, ...]:

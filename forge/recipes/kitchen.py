@@ -43,6 +43,8 @@ class Kitchen:
     clean_cache: bool = False
     clean_first: bool = False
     target: str | None = None
+    skip_target: bool = False
+    """Packages without the target go without it."""
     environment_generator: str | None = None
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     reconfigure: frozenset[str] = frozenset()
@@ -56,6 +58,7 @@ class Kitchen:
             cmake_args=(*self.cmake_args, *package.words("cmake-args")),
             ament_cmake_args=(*self.ament_cmake_args, *package.words("ament-cmake-args")),
             target=self.target or next(iter(package.words("cmake-target")), None),
+            skip_target=self.skip_target or bool(package.settings.get("cmake-target-skip-unavailable")),
         )
 
 

@@ -58,7 +58,12 @@ def needs_of_tests(names: Sequence[str], loaded: Loaded) -> dict[str, tuple[str,
     ordered = ordered_names(needs)
     position = {name: index for index, name in enumerate(ordered)}
     below = closures(needs, ordered)
-    return {name: (*sorted(below[name], key=position.__getitem__), name) for name in names}
+    seen = {}
+    for name in names:
+        later = loaded.provision.postponed.get(name, frozenset())
+        wanted = below[name].union(later, *(below[other] for other in later)) - {name}
+        seen[name] = (*sorted(wanted, key=position.__getitem__), name)
+    return seen
 
 
 def absent_problems(

@@ -26,6 +26,9 @@ pytestmark = pytest.mark.needs("colcon")
 
 VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
 SEEDS = range(8)
+LEFT_OUT = ("extension-points", "metadata", "version-check")
+LEFT_OUT_OF = {"extensions": {"--all", "--verbose"}}
+"""The commands, and the options of others, of which the page says so."""
 
 
 @pytest.fixture(scope="module")
@@ -137,19 +140,51 @@ def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tre
     assert ours.out == re.sub(r"    get_python_setup_options: .*\n", "", theirs.out)
 
 
-def test_the_page_knows_every_option(colcon: Colcon, tmp_path: Path) -> None:
-    """docs/reference/from-colcon.md has a word on each option of each command."""
+def test_the_same_versions_are_missed(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+    chance = random.Random(3)  # noqa: S311
+    versions = ("0.1.0", "0.1", "0.2.0", "00.1.0", "1.0.0", "0.0.9", "0.1.0.1")
+    words = ("lt", "lte", "eq", "gte", "gt")
+    files = {"src/a/package.xml": manifest_text("a")}
+    for number in range(30):
+        asked = {word: chance.choice(versions) for word in chance.sample(words, chance.randrange(1, 3))}
+        attributes = "".join(f' version_{word}="{version}"' for word, version in asked.items())
+        tag = chance.choice(("depend", "test_depend", "build_depend", "doc_depend", "conflict"))
+        name = f"b{number}"
+        files[f"src/{name}/package.xml"] = manifest_text(name, f"<{tag}{attributes}>a</{tag}>")
+    for number, asked_in_python in enumerate(
+        ("a>=1,<2", "a~=0.1.0", "a~=0.2; python_version > '3'", "a==0.1", "a!=0.1")
+    ):
+        name = f"p{number}"
+        said = f"[metadata]\nname={name}\nversion=1\n[options]\ninstall_requires=\n  {asked_in_python}\n"
+        files |= {
+            f"src/{name}/setup.cfg": said,
+            f"src/{name}/setup.py": "from setuptools import setup\nsetup()",
+        }
+    root = tree(files)
+    ours, theirs = both(colcon, forge, root, "list")
+    assert ours.out == theirs.out
+    found = re.findall(r"warning: '(\w+)' wants 'a' in version ", ours.err)
+    assert found
+    assert sorted(found) == sorted(set(re.findall(r"(\w+) depends on a which has version", theirs.err)))
+
+
+def options_of(text: str) -> set[str]:
+    """Return the long options that a help text or a page names."""
+    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z](?![\w-])", text))
+
+
+def test_every_option_of_colcon_is_taken(colcon: Colcon, forge: Forge, tmp_path: Path) -> None:
+    """Forge takes each option that colcon's own help names, and the page has a word on it."""
     page = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
-    known = set(re.findall(r"--[a-z][a-z-]+", page))
     commands = re.findall(r"\{([a-z,-]+)\}", colcon("--help", cwd=tmp_path).out)[0].split(",")
     for command in ("", *commands):
-        offered = set(
-            re.findall(
-                r"(?<![\w-])--[a-z][a-z-]+", colcon(*filter(None, [command, "--help"]), cwd=tmp_path).out
-            )
-        )
-        assert offered - known <= {"--help"}, command
+        words = [*filter(None, [command]), "--help"]
+        offered = options_of(colcon(*words, cwd=tmp_path).out) - {"--help"}
+        assert offered <= options_of(page), command
         assert not command or f"`{command}`" in page
+        if command not in LEFT_OUT:
+            taken = options_of(forge(*words, cwd=tmp_path).out)
+            assert offered - LEFT_OUT_OF.get(command, set()) <= taken, command
 
 
 def _parts(text: str) -> list[str]:

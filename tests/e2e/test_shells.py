@@ -21,13 +21,16 @@ if TYPE_CHECKING:
 
     from forge.layout import Layout
 
-SHELLS = {"sh": ("dash",), "bash": ("bash", "--norc"), "zsh": ("zsh", "-f")}
+SHELLS = {"sh": ("dash",), "bash": ("bash", "--norc"), "zsh": ("zsh", "-f"), "fish": ("fish", "--no-config")}
 ODD = 'wörk space\'s "$HOME" `id` %n !x #y \\ *;&'
 PLAIN = {"PATH": "/usr/bin:/bin", "HOME": "/", "LOGNAME": "someone"}
-_SHELL_S_OWN = {"_", "SHLVL", "PWD", "OLDPWD"}
+_SHELL_S_OWN = {"_", "SHLVL", "PWD", "OLDPWD", "USER"}  # fish says who we are
 
 each_shell = pytest.mark.parametrize(
     "shell", [pytest.param(name, marks=pytest.mark.needs(argv[0])) for name, argv in SHELLS.items()]
+)
+each_posix_shell = pytest.mark.parametrize(
+    "shell", [pytest.param(name, marks=pytest.mark.needs(SHELLS[name][0])) for name in ("sh", "bash", "zsh")]
 )
 each_layout = pytest.mark.parametrize("layout_word", ["isolated", "merged"])
 
@@ -50,8 +53,14 @@ def run(
     shell: str, body: str, variables: Mapping[str, str], *arguments: str, cwd: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run `body` in a shell that read none of its user's files; $1 and on are the arguments."""
-    argv = [*SHELLS[shell], "-c", body, shell, *arguments]
+    name = () if shell == "fish" else (shell,)
+    argv = [*SHELLS[shell], "-c", body, *name, *arguments]
     return subprocess.run(argv, env=dict(variables), cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def sourced(shell: str, *, times: int = 1) -> str:
+    """Return a body that sources its first argument, strictly where a shell can be strict."""
+    return "\n".join(['source "$argv[1]"'] * times if shell == "fish" else ["set -eu", *['. "$1"'] * times])
 
 
 def setup(layout: Layout, shell: str) -> str:
@@ -108,7 +117,7 @@ def test_a_shell_reports_what_was_computed(
         layout = make_install(Path(folder) / ODD, made, merged=layout_word == "merged")
         before = {**PLAIN, **held}
         expected = workspace_environment([layout.install], before)
-        assert report(shell, 'set -eu; . "$1"', before, setup(layout, shell)) == expected
+        assert report(shell, sourced(shell), before, setup(layout, shell)) == expected
 
 
 @each_shell
@@ -126,6 +135,8 @@ def test_a_package_alone_is_what_its_users_are_built_in(
         ]
         scripts = [str(prefix / f"share/{name}/package.{shell}") for name, prefix in packages]
         body = 'set -eu; for script do . "$script"; done'
+        if shell == "fish":
+            body = "for script in $argv; source $script; end"
         assert _sets_apart(report(shell, body, before, *scripts)) == _sets_apart(
             build_environment(packages, before)
         )
@@ -143,9 +154,24 @@ def _sets_apart(variables: dict[str, str]) -> dict[str, str]:
 def test_sourcing_twice_adds_nothing(shell: str, layout_word: str, tmp_path: Path) -> None:
     """The second time finds everything in its place."""
     layout = make_install(tmp_path, [LIBRARY, PROGRAMS], merged=layout_word == "merged")
-    once = report(shell, '. "$1"', PLAIN, setup(layout, shell))
+    once = report(shell, sourced(shell), PLAIN, setup(layout, shell))
     assert once["PATH"].startswith(str(layout.prefix("programs") / "bin:"))
-    assert report(shell, '. "$1"; . "$1"', PLAIN, setup(layout, shell)) == once
+    assert report(shell, sourced(shell, times=2), PLAIN, setup(layout, shell)) == once
+
+
+@each_layout
+@each_shell
+def test_sourcing_after_a_build_adds_what_is_new(shell: str, layout_word: str, tmp_path: Path) -> None:
+    """A terminal goes on with what it has; new packages come in front of all, others stay where they are."""
+    merged = layout_word == "merged"
+    layout = make_install(tmp_path, [LIBRARY, PROGRAMS], merged=merged)
+    before = report(shell, sourced(shell), PLAIN, setup(layout, shell))
+    between = Made("middle", ("library",), "ament_python", {"bin/walk": "", f"{SITE}/middle.py": ""})
+    make_install(tmp_path, [LIBRARY, between, PROGRAMS], merged=merged)
+    after = report(shell, sourced(shell), before, setup(layout, shell))
+    assert after == workspace_environment([layout.install], before)
+    if not merged:
+        assert after["PATH"] == f"{layout.install}/middle/bin:{before['PATH']}"
 
 
 @each_shell
@@ -155,9 +181,9 @@ def test_it_does_not_matter_where_one_stands(shell: str, cwd: str, path: str | N
     layout = make_install(tmp_path, [LIBRARY, PROGRAMS])
     (tmp_path / "astray" / "install").mkdir(parents=True)
     variables = PLAIN | {"CDPATH": str(tmp_path / "astray")}
-    expected = report(shell, '. "$1"', variables, setup(layout, shell))
+    expected = report(shell, sourced(shell), variables, setup(layout, shell))
     argument = f"{path}.{shell}" if path else setup(layout, shell)
-    assert report(shell, '. "$1"', variables, argument, cwd=tmp_path / cwd) == expected
+    assert report(shell, sourced(shell), variables, argument, cwd=tmp_path / cwd) == expected
 
 
 @each_layout
@@ -174,9 +200,12 @@ def test_nothing_is_left_behind(shell: str, layout_word: str, tmp_path: Path) ->
         "sh": "set | sed -n 's/^\\([A-Za-z_0-9]*\\)=.*/\\1/p'",
         "bash": "compgen -v; compgen -A function",
         "zsh": "print -l ${(k)parameters} ${(k)functions}",
+        "fish": "set -n; functions -n -a | string split ,",
     }
     look = names[shell]
     body = f'before=$({look}); after=; . "$1"; after=$({look}); printf "%s--\\n%s" "$before" "$after"'
+    if shell == "fish":
+        body = f'{look}; source "$argv[1]"; echo --; {look}'
     done = run(shell, body, PLAIN, setup(layout, shell))
     before, _, after = done.stdout.partition("--\n")
     assert {name for name in set(after.split()) - set(before.split()) if "forge" in name or "_" in name} - {
@@ -188,7 +217,7 @@ def test_nothing_is_left_behind(shell: str, layout_word: str, tmp_path: Path) ->
     } == set()
 
 
-@each_shell
+@each_posix_shell
 def test_after_a_package_script_the_documented_function_stays(shell: str, tmp_path: Path) -> None:
     """Hooks of colcon's packages call it."""
     layout = make_install(tmp_path, [LIBRARY])
@@ -198,7 +227,7 @@ def test_after_a_package_script_the_documented_function_stays(shell: str, tmp_pa
     assert after["X"] == "b:a"
 
 
-@each_shell
+@each_posix_shell
 def test_strict_shells_stay_strict(shell: str, tmp_path: Path) -> None:
     """A hook that 'set -eu' would stop does not stop it, and the options are as before."""
     hook = {"share/sloppy/hook.sh": 'false\nexport SEEN="$NOBODY_SET_THIS+"\n'}
@@ -216,7 +245,7 @@ def test_a_moved_tree_works_from_its_new_place(shell: str, tmp_path: Path) -> No
     shutil.move(layout.install, tmp_path / "new place")
     moved = tmp_path / "new place"
     telling = PLAIN | ({"COLCON_CURRENT_PREFIX": str(moved)} if shell == "sh" else {})
-    after = report(shell, 'set -eu; . "$1"', telling, str(moved / f"setup.{shell}"))
+    after = report(shell, sourced(shell), telling, str(moved / f"setup.{shell}"))
     assert after == workspace_environment([moved], PLAIN)
 
 
@@ -248,7 +277,7 @@ def test_removed_packages_are_left_out(shell: str, layout_word: str, tmp_path: P
         layout.prefix("gone") / "share/colcon-core/packages/gone",
     ):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    done = run(shell, 'set -eu; . "$1"; exec /usr/bin/env', PLAIN, setup(layout, shell))
+    done = run(shell, f"{sourced(shell)}\nexec /usr/bin/env", PLAIN, setup(layout, shell))
     assert done.returncode == 0
     assert "GONE=" not in done.stdout
     assert "HOOKED=" not in done.stdout
@@ -263,7 +292,7 @@ def test_underlays_come_first_and_stand_behind(shell: str, tmp_path: Path) -> No
     middle = make_install(tmp_path / "middle", [LIBRARY], underlays=(lowest.install,))
     chain = (lowest.install, middle.install)
     layout = make_install(tmp_path / "top", [PROGRAMS], underlays=chain)
-    after = report(shell, 'set -eu; . "$1"', PLAIN, setup(layout, shell))
+    after = report(shell, sourced(shell), PLAIN, setup(layout, shell))
     assert after == workspace_environment([*chain, layout.install], PLAIN)
     assert after["COLCON_PREFIX_PATH"] == ":".join(map(str, [layout.install, middle.install, lowest.install]))
     assert after["CMAKE_PREFIX_PATH"] == f"{middle.install}/library:{lowest.install}"
@@ -277,7 +306,7 @@ def test_a_foreign_underlay_is_sourced_as_it_expects(shell: str, tmp_path: Path)
         'export SEEN="$NOBODY:$COLCON_CURRENT_PREFIX"\n', encoding="utf-8"
     )
     layout = make_install(tmp_path / "top", [LIBRARY], underlays=(tmp_path / "ros",))
-    assert report(shell, 'set -eu; . "$1"', PLAIN, setup(layout, shell))["SEEN"] == f":{tmp_path}/ros"
+    assert report(shell, sourced(shell), PLAIN, setup(layout, shell))["SEEN"] == f":{tmp_path}/ros"
 
 
 @each_shell
@@ -286,11 +315,39 @@ def test_a_missing_underlay_is_one_line(shell: str, tmp_path: Path) -> None:
     below = make_install(tmp_path / "below", [LIBRARY])
     layout = make_install(tmp_path / "top", [PROGRAMS], underlays=(below.install,))
     shutil.rmtree(below.install)
-    done = run(shell, 'set -eu; . "$1"; echo "$PATH"', PLAIN, setup(layout, shell))
+    done = run(shell, f'{sourced(shell)}\necho "$PATH"', PLAIN, setup(layout, shell))
     assert done.returncode == 0
     assert done.stdout.startswith(str(layout.prefix("programs") / "bin"))
     path = below.install / f"local_setup.{shell}"
     assert done.stderr == f"warning: '{path}' is not there any more and is left out\n"
+
+
+@pytest.mark.needs("fish")
+def test_fish_takes_over_what_sh_makes_of_a_hook(tmp_path: Path) -> None:
+    """Also variables that go away, odd values, and functions that ament and colcon promise to hooks."""
+    hook = (
+        "export ODD='a b'\\''\"$HOME\" `x` \\ ö\nsecond line'\nunset TAKEN\necho talk\n"
+        'ament_append_unique_value ONE_PATH "/b c"\n_colcon_prepend_unique_value ONE_PATH /a\n'
+    )
+    hooked = dsv_package("hooked", "source;share/hooked/hook.sh", files={"share/hooked/hook.sh": hook})
+    layout = make_install(tmp_path, [hooked])
+    before = PLAIN | {"TAKEN": "yes", "ONE_PATH": "/a:/z"}
+    done = run("fish", f"{sourced('fish')}\nexec /usr/bin/env -0", before, setup(layout, "fish"))
+    after = dict(item.split("=", 1) for item in done.stdout.split("\0") if item)
+    assert done.stderr == "talk\n"
+    assert after["ODD"] == 'a b\'"$HOME" `x` \\ ö\nsecond line'
+    assert (after["ONE_PATH"], "TAKEN" in after) == ("/a:/z:/b c", False)
+
+
+@pytest.mark.needs("fish")
+def test_fish_outlives_a_hook_that_ends_its_shell(tmp_path: Path) -> None:
+    """It says so, and goes on with the rest."""
+    rude = dsv_package("rude", "source;share/rude/hook.sh", files={"share/rude/hook.sh": "exit 3\n"})
+    layout = make_install(tmp_path, [rude, PROGRAMS])
+    done = run("fish", f"{sourced('fish')}\necho $PATH[1]", PLAIN, setup(layout, "fish"))
+    assert done.stdout == f"{layout.prefix('programs')}/bin\n"
+    script = f"{layout.prefix('rude')}/share/rude/hook.sh"
+    assert done.stderr == f"warning: '{script}' ends the shell and is left out\n"
 
 
 @each_shell
@@ -299,7 +356,7 @@ def test_hooks_in_a_shell_s_own_language_go_before_plain_ones(shell: str, tmp_pa
     hooks = {f"share/multi/hook.{ext}": f"export SEEN=${{SEEN-}}{ext}\n" for ext in ("sh", "bash")}
     multi = dsv_package("multi", *(f"source;{path}" for path in hooks), files=hooks)
     layout = make_install(tmp_path, [multi])
-    after = report(shell, '. "$1"', PLAIN, setup(layout, shell))
+    after = report(shell, sourced(shell), PLAIN, setup(layout, shell))
     assert after["SEEN"] == ("bash" if shell == "bash" else "sh")
 
 
@@ -349,5 +406,6 @@ _MANY = (
 def test_tracing_names_the_scripts(shell: str, tmp_path: Path) -> None:
     """COLCON_TRACE prints what is sourced, as comments."""
     layout = make_install(tmp_path, [LIBRARY])
-    done = run(shell, '. "$1"', PLAIN | {"COLCON_TRACE": "1"}, setup(layout, shell))
-    assert done.stdout == f'# . "{layout.install}/local_setup.{shell}"\n'
+    done = run(shell, sourced(shell), PLAIN | {"COLCON_TRACE": "1"}, setup(layout, shell))
+    word = "source" if shell == "fish" else "."
+    assert done.stdout == f'# {word} "{layout.install}/local_setup.{shell}"\n'

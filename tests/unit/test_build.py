@@ -365,3 +365,32 @@ def test_what_a_killed_build_did_not_come_to_is_done_by_the_next(forge: Forge, w
     assert (workspace / "install/setup.sh").is_file()
     assert not any(draft.exists() for draft in drafts)
     assert journal.read_text().splitlines()[-1] != '{"ended": false}'
+
+
+@pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
+def test_a_target_that_a_package_lacks_may_be_skipped(forge: Forge, tree: Tree, generator: str) -> None:
+    touch = 'COMMAND "${CMAKE_COMMAND}" -E touch made'
+    more = f"add_custom_target(say.it {touch})\nadd_custom_target(fail.it COMMAND false)"
+    root = tree({**files("with", more=more), **files("without", more="add_custom_target(say_it)")})
+    options = ("--continue-on-error", "--cmake-args", "-G", generator, "--cmake-target")
+    strict = forge("build", *options, "say.it", cwd=root)
+    assert strict.code == 1
+    assert "Failed   <<< without" in strict.err
+    (root / "build/with/made").unlink()
+    ran = forge("build", "--cmake-target-skip-unavailable", *options, "say.it", cwd=root)
+    assert ran.code == 0, ran.err
+    assert (root / "build/with/made").is_file()
+    assert (root / "install/without/share/without/without.txt").is_file()
+    ran = forge("build", "--cmake-target-skip-unavailable", *options, "fail.it", cwd=root)
+    assert ran.code == 1
+    assert "Failed   <<< with " in ran.err
+    assert "Failed   <<< without" not in ran.err
+
+
+def test_a_variable_that_nobody_uses_is_told_once(forge: Forge, tree: Tree) -> None:
+    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    ran = forge("build", "--cmake-args", "-DUSED=1", "-DTYPO=1", cwd=root)
+    assert ran.code == 0
+    assert ran.err == ""
+    assert "no package used what --cmake-args defines: TYPO\n" in ran.out
+    assert "stderr" not in ran.out

@@ -144,6 +144,8 @@ def test_a_package_gets_hooks_scripts_and_index(tmp_path: Path) -> None:
         "share/library/hook/path.dsv",
         "share/library/package.bash",
         "share/library/package.dsv",
+        "share/library/package.fish",
+        "share/library/package.ps1",
         "share/library/package.sh",
         "share/library/package.xml",
         "share/library/package.zsh",

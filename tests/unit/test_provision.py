@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+from forge.graph import order
 from forge.model import Export, Package
-from forge.provision import missing_problems, provide
+from forge.provision import missing_problems, provide, without_test_circles
 from tests.packages import package
 
 
@@ -116,3 +117,29 @@ def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
     assert provide(own, EMBEDDED, nobody).superseded == set()
     made = provide(own, EMBEDDED, {"ament_cmake_core": 1, "std_msgs": 1, "unique_identifier_msgs": 1}.get)
     assert made.superseded == {"ament_cmake", "std_msgs"}
+
+
+def test_a_circle_that_only_tests_close_is_opened_with_a_warning() -> None:
+    made = provide(
+        by_name(
+            package("a", "b", "z", tag="test_depend"), package("b", "a"), package("z"), package("y", "z")
+        ),
+        {},
+        nobody,
+    )
+    opened, warnings = without_test_circles(made)
+    assert order(opened.needs) == ("y", "z", "a", "b") or order(opened.needs) == ("z", "a", "y", "b")
+    assert opened.needs["a"] == {"z"}
+    assert opened.postponed == {"a": {"b"}}
+    assert [warning.message for warning in warnings] == [
+        "'a' needs 'b' for its tests, in a circle: it is built without"
+    ]
+
+
+def test_a_circle_of_other_needs_stays_one() -> None:
+    strong = provide(by_name(package("a", "b"), package("b", "a")), {}, nobody)
+    opened, warnings = without_test_circles(strong)
+    assert order(opened.needs) is None
+    assert warnings == ()
+    open_already = provide(by_name(package("a", "b", tag="test_depend"), package("b")), {}, nobody)
+    assert without_test_circles(open_already) == (open_already, ())

@@ -103,6 +103,9 @@ def test_a_long_chain_goes_before_many_short_ones() -> None:
     known = {"wide": 1.0, "deep": 1.0, "end": 9.0, "a": 1.0, "b": 1.0, "c": 1.0}
     assert Board(plan_of(graph), 1).advance() == [Started("wide")]
     assert Board(plan_of(graph), 1, known).advance() == [Started("deep")]
+    first = next(iter(plan_of(graph).tasks))
+    for seconds in (known, {**known, "wide": 99.0}):
+        assert Board(plan_of(graph), 1, seconds, in_order=True).advance() == [Started(first)]
 
 
 def test_a_package_never_built_counts_like_the_usual_one() -> None:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.environment import Edit, Installed, Script
-from forge.scripts import SHELLS, dsv, local_setup, package_setup, quoted, setup
+from forge.scripts import dsv, local_setup, package_setup, setup
+from forge.shells import SHELLS
 
 if TYPE_CHECKING:
     from tests.conftest import Golden
@@ -56,8 +57,14 @@ def test_local_setup_reads_as_written_by_hand(case: str, packages: list[Installe
 
 def test_setup_sources_the_chain(golden: Golden) -> None:
     """Underlays by their scripts, then this workspace."""
-    below = [Path("/opt/ros/humble/local_setup.sh"), Path("/home/a b/install/local_setup.bash")]
-    golden("scripts/chain", {f"setup.{shell}": setup(shell, ROOT, below) for shell in SHELLS})
+    foreign = Path("/opt/ros/humble/local_setup.sh")
+    golden(
+        "scripts/chain",
+        {
+            f"setup.{shell}": setup(shell, ROOT, [foreign, Path(f"/home/a b/install/local_setup.{shell}")])
+            for shell in SHELLS
+        },
+    )
 
 
 @pytest.mark.parametrize(("name", "edits"), [("library", LIBRARY), ("odd", EVERYTHING)])
@@ -74,6 +81,14 @@ def test_a_dsv_file_is_its_lines() -> None:
     assert dsv(["set;A;b", "source;c"]) == "set;A;b\nsource;c\n"
 
 
-def test_quoting_keeps_what_double_quotes_would_change() -> None:
-    """Four characters mean something between double quotes."""
-    assert quoted("a \"b\" $c `d` \\e 'f' !g") == "a \\\"b\\\" \\$c \\`d\\` \\\\e 'f' !g"
+@pytest.mark.parametrize(
+    ("shell", "quoted"),
+    [
+        ("sh", "a \\\"b\\\" \\$c \\`d\\` \\\\e 'f' !g “h”"),
+        ("fish", "a \\\"b\\\" \\$c `d` \\\\e 'f' !g “h”"),
+        ("ps1", "a `\"b`\" `$c ``d`` \\e 'f' !g `“h`”"),
+    ],
+)
+def test_quoting_keeps_what_double_quotes_would_change(shell: str, quoted: str) -> None:
+    """What means something between double quotes differs; PowerShell takes typographic ones, too."""
+    assert SHELLS[shell].quoted("a \"b\" $c `d` \\e 'f' !g “h”") == quoted

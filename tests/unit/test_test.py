@@ -240,3 +240,23 @@ def test_pytest_must_be_there_where_it_is_asked_for(forge: Forge, workspace: Pat
     assert ran.code == 2
     assert f"error: '{python}' has no pytest, which tests 'p_test'" in ran.err
     assert "--python-testing unittest" in ran.err
+
+
+def test_tests_of_a_circle_see_what_was_built_later(forge: Forge, tree: Tree) -> None:
+    """Tests of a need b, which needs a: colcon refuses to order that, though building does not need it."""
+    check = 'add_test(NAME sees COMMAND sh -c "echo $CMAKE_PREFIX_PATH | grep -q install/b")'
+    root = tree(
+        {
+            **cmake_package("a", check, needs="<test_depend>b</test_depend>"),
+            **cmake_package("b", "install(FILES package.xml DESTINATION . RENAME bConfig.cmake)"),
+        }
+    )
+    (root / "src/b/package.xml").write_text(manifest_text("b", "<depend>a</depend>", build_type="cmake"))
+    built = forge("build", cwd=root)
+    assert built.code == 0, built.err
+    assert "warning: 'a' needs 'b' for its tests, in a circle: it is built without" in built.err
+    ran = forge("test", "--return-code-on-test-failure", cwd=root)
+    assert ran.code == 0, ran.out
+    assert forge("list", "-t", "-n", cwd=root).out == "a\nb\n"
+    only = forge("build", "--packages-up-to", "b", cwd=root)
+    assert "2 packages unchanged" in only.out

@@ -36,9 +36,9 @@ if _forge_setup_present "/opt/ros/humble/local_setup.sh"; then
 fi
 
 # The workspace /home/a b/install.
-if _forge_setup_present "/home/a b/install/local_setup.bash"; then
+if _forge_setup_present "/home/a b/install/local_setup.sh"; then
   COLCON_CURRENT_PREFIX="/home/a b/install"
-  . "/home/a b/install/local_setup.bash"
+  . "/home/a b/install/local_setup.sh"
   unset COLCON_CURRENT_PREFIX
 fi
 

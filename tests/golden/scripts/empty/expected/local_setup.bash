@@ -14,26 +14,34 @@ _forge_gone=
 
 # _forge_select VARIABLE ENTRIES: set _forge_held to what the variable holds, and _forge_new to those
 # of the entries, each followed by ':', that are not among it and whose package is still there.
+# Entries are paths below this folder, separated by ':', or one path that begins with '/'.
 _forge_select() {
-  eval "_forge_held=\${$1-}"
-  _forge_new=$2:
+  local entry name new= IFS=: options=$-
+  local -A known
+  set -f
+  _forge_held=${!1-}
+  _forge_new=
+  case $2 in
+    /*) _forge_new=$2: ;;
+    *) for entry in $2; do _forge_new+=$_forge_root/$entry:; done ;;
+  esac
   case $_forge_gone::$_forge_held: in
     # Sourced before: there is nothing to add.
-    :*":$2:"*) _forge_new= ;;
+    :*":$_forge_new"*) _forge_new= ;;
     # Some of this tree is there already, or some is gone: look at each entry.
     " "* | *"$_forge_root"[:/]*)
-      _forge_new=
-      _forge_left=$2:
-      while [ -n "$_forge_left" ]; do
-        _forge_entry=${_forge_left%%:*}
-        _forge_left=${_forge_left#*:}
-        _forge_name=${_forge_entry#"$_forge_root"/}
-        case :$_forge_held: in *":$_forge_entry:"*) continue ;; esac
-        case $_forge_gone in *" ${_forge_name%%/*} "*) continue ;; esac
-        _forge_new=$_forge_new$_forge_entry:
+      for entry in $_forge_held; do known["$entry:"]=yes; done
+      for entry in $_forge_new; do
+        name=${entry#"$_forge_root"/}
+        case ${known["$entry:"]-}$_forge_gone in
+          yes* | *" ${name%%/*} "*) ;;
+          *) new+=$entry: ;;
+        esac
       done
+      _forge_new=$new
       ;;
   esac
+  case $options in *f*) ;; *) set +f ;; esac
 }
 
 # _forge_prepend VARIABLE ENTRIES: put the selected entries before those that the variable holds.
@@ -65,7 +73,6 @@ _forge_first() {
 
 _forge_first COLCON_PREFIX_PATH "$_forge_root"
 
-unset -f _forge_select _forge_prepend
-unset -f _forge_first
-unset _forge_root _forge_gone _forge_name _forge_held _forge_new _forge_left _forge_entry
+unset -f _forge_select _forge_prepend _forge_first
+unset _forge_root _forge_gone _forge_name _forge_held _forge_new
 unset COLCON_CURRENT_PREFIX

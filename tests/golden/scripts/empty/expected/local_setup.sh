@@ -35,6 +35,7 @@ _forge_select() {
         case $_forge_gone in *" ${_forge_name%%/*} "*) continue ;; esac
         _forge_new=$_forge_new$_forge_entry:
       done
+      unset _forge_left _forge_entry
       ;;
   esac
 }
@@ -68,7 +69,6 @@ _forge_first() {
 
 _forge_first COLCON_PREFIX_PATH "$_forge_root"
 
-unset -f _forge_select _forge_prepend
-unset -f _forge_first
-unset _forge_root _forge_gone _forge_name _forge_held _forge_new _forge_left _forge_entry
+unset -f _forge_select _forge_prepend _forge_first
+unset _forge_root _forge_gone _forge_name _forge_held _forge_new
 unset COLCON_CURRENT_PREFIX

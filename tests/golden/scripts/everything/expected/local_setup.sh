@@ -21,7 +21,7 @@ for _forge_name in \
   programs
 do
   if [ ! -e "$_forge_root/$_forge_name/share/colcon-core/packages/$_forge_name" ]; then
-    _forge_gone="$_forge_gone $_forge_name "
+    _forge_gone="${_forge_gone:- }$_forge_name "
   fi
 done
 
@@ -45,6 +45,7 @@ _forge_select() {
         case $_forge_gone in *" ${_forge_name%%/*} "*) continue ;; esac
         _forge_new=$_forge_new$_forge_entry:
       done
+      unset _forge_left _forge_entry
       ;;
   esac
 }
@@ -128,7 +129,9 @@ _forge_prepend LD_LIBRARY_PATH "$_forge_root/library/lib"
 
 _forge_prepend AMENT_PREFIX_PATH "$_forge_root/library"
 
-_forge_prepend PATH "/opt/odd \$HOME"
+if [ -e "$_forge_root/odd/share/colcon-core/packages/odd" ]; then
+  _forge_prepend PATH "/opt/odd \$HOME"
+fi
 
 _forge_append PATH "$_forge_root/odd/last"
 
@@ -156,13 +159,11 @@ _forge_prepend PATH "$_forge_root/programs/bin"
 
 _forge_prepend PYTHONPATH "$_forge_root/programs/lib/python3.11/site-packages"
 
-unset -f _forge_select _forge_prepend
-unset -f _forge_first
+unset -f _forge_select _forge_prepend _forge_first
 unset -f _forge_append
-unset -f _forge_present
-unset -f ament_append_value ament_append_unique_value ament_prepend_unique_value
+unset -f _forge_present ament_append_value ament_append_unique_value ament_prepend_unique_value
 case $_forge_options in *e*) set -e ;; esac
 case $_forge_options in *u*) set -u ;; esac
 unset _forge_options
-unset _forge_root _forge_gone _forge_name _forge_held _forge_new _forge_left _forge_entry
+unset _forge_root _forge_gone _forge_name _forge_held _forge_new
 unset COLCON_CURRENT_PREFIX

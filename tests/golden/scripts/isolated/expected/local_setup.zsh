@@ -14,30 +14,38 @@ for _forge_name in \
   programs
 do
   if [ ! -e "$_forge_root/$_forge_name/share/colcon-core/packages/$_forge_name" ]; then
-    _forge_gone="$_forge_gone $_forge_name "
+    _forge_gone="${_forge_gone:- }$_forge_name "
   fi
 done
 
 # _forge_select VARIABLE ENTRIES: set _forge_held to what the variable holds, and _forge_new to those
 # of the entries, each followed by ':', that are not among it and whose package is still there.
+# Entries are paths below this folder, separated by ':', or one path that begins with '/'.
 _forge_select() {
-  eval "_forge_held=\${$1-}"
-  _forge_new=$2:
+  emulate -L zsh
+  local name
+  local -a held new
+  _forge_held=${(P)1-}
+  case $2 in
+    /*) _forge_new=$2: ;;
+    *)
+      new=("${(@s.:.)2}")
+      new=("$_forge_root/"$^new)
+      _forge_new=${(j.:.)new}:
+      ;;
+  esac
   case $_forge_gone::$_forge_held: in
     # Sourced before: there is nothing to add.
-    :*":$2:"*) _forge_new= ;;
+    :*":$_forge_new"*) _forge_new= ;;
     # Some of this tree is there already, or some is gone: look at each entry.
     " "* | *"$_forge_root"[:/]*)
-      _forge_new=
-      _forge_left=$2:
-      while [ -n "$_forge_left" ]; do
-        _forge_entry=${_forge_left%%:*}
-        _forge_left=${_forge_left#*:}
-        _forge_name=${_forge_entry#"$_forge_root"/}
-        case :$_forge_held: in *":$_forge_entry:"*) continue ;; esac
-        case $_forge_gone in *" ${_forge_name%%/*} "*) continue ;; esac
-        _forge_new=$_forge_new$_forge_entry:
+      held=("${(@s.:.)_forge_held}")
+      new=("${(@s.:.)${_forge_new%:}}")
+      new=("${(@)new:|held}")
+      for name in ${=_forge_gone}; do
+        new=("${(@)new:#$_forge_root/$name(|/*)}")
       done
+      _forge_new=${(j.:.)new}${new:+:}
       ;;
   esac
 }
@@ -71,19 +79,18 @@ _forge_first() {
 
 _forge_first COLCON_PREFIX_PATH "$_forge_root"
 
-_forge_prepend CMAKE_PREFIX_PATH "$_forge_root/library"
+_forge_prepend CMAKE_PREFIX_PATH "library"
 
-_forge_prepend LD_LIBRARY_PATH "$_forge_root/library/lib"
+_forge_prepend LD_LIBRARY_PATH "library/lib"
 
 _forge_prepend AMENT_PREFIX_PATH "\
-$_forge_root/programs:\
-$_forge_root/library"
+programs:\
+library"
 
-_forge_prepend PATH "$_forge_root/programs/bin"
+_forge_prepend PATH "programs/bin"
 
-_forge_prepend PYTHONPATH "$_forge_root/programs/lib/python3.11/site-packages"
+_forge_prepend PYTHONPATH "programs/lib/python3.11/site-packages"
 
-unset -f _forge_select _forge_prepend
-unset -f _forge_first
-unset _forge_root _forge_gone _forge_name _forge_held _forge_new _forge_left _forge_entry
+unset -f _forge_select _forge_prepend _forge_first
+unset _forge_root _forge_gone _forge_name _forge_held _forge_new
 unset COLCON_CURRENT_PREFIX

@@ -89,8 +89,7 @@ fi
 _colcon_prepend_unique_value AMENT_PREFIX_PATH "$_forge_prefix"
 
 unset -f _forge_append
-unset -f _forge_present
-unset -f ament_append_value ament_append_unique_value ament_prepend_unique_value
+unset -f _forge_present ament_append_value ament_append_unique_value ament_prepend_unique_value
 case $_forge_options in *e*) set -e ;; esac
 case $_forge_options in *u*) set -u ;; esac
 unset _forge_options

@@ -1,0 +1,165 @@
+"""forge and colcon build the same packages in the same order, say so alike, and fail alike.
+
+docs/reference/from-colcon.md lists what is meant to differ.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.peers import Colcon
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran
+
+pytestmark = pytest.mark.needs("colcon", "cmake", "ninja")
+
+NAMES = ("a", "b_2", "c-c", "Dd", "e", "zz")
+CMAKE = """cmake_minimum_required(VERSION 3.5)
+project({name} NONE)
+{more}
+install(FILES package.xml DESTINATION share/{name})
+"""
+FAILS = 'if(NOT EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/mended")\n  message(FATAL_ERROR "no luck")\nendif()'
+VARIABLES = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
+ONE = ("--executor", "sequential")
+"""One package after the other: then it is the order alone that decides what happens."""
+
+
+@pytest.fixture(scope="module")
+def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
+    """Start colcon for all tests, far from the user's own settings."""
+    home = tmp_path_factory.mktemp("home")
+    running = Colcon(
+        {**VARIABLES, "HOME": str(home), "COLCON_HOME": str(home), "COLCON_LOG_PATH": "/dev/null"}
+    )
+    yield running
+    running.end()
+
+
+class Twins:
+    """Two copies of a workspace, one for each tool."""
+
+    def __init__(self, home: Path, colcon: Colcon, forge: Forge) -> None:
+        """Begin with two empty folders."""
+        self.roots = home / "ours", home / "theirs"
+        self._colcon = colcon
+        self._forge = forge
+
+    def write(self, name: str, text: str) -> None:
+        """Write a file into both."""
+        for root in self.roots:
+            path = root / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+
+    def package(self, name: str, *lines: str, more: str = "", folder: str = "") -> None:
+        """Write a plain CMake package into both."""
+        home = f"src/{folder or name}"
+        self.write(f"{home}/package.xml", manifest_text(name, *lines, build_type="cmake"))
+        self.write(f"{home}/CMakeLists.txt", CMAKE.format(name=name, more=more))
+
+    def build(self, *options: str) -> tuple[Ran, Ran]:
+        """Build both, with a code of zero in both or in none."""
+        ours = self._forge("build", *options, cwd=self.roots[0], env=VARIABLES)
+        theirs = self._colcon("build", *options, cwd=self.roots[1])
+        assert (ours.code == 0) == (theirs.code == 0), f"{options}\n{ours}\n{theirs}"
+        return ours, theirs
+
+
+@pytest.fixture
+def twins(tmp_path: Path, colcon: Colcon, forge: Forge) -> Twins:
+    """Return two copies of an empty workspace."""
+    return Twins(tmp_path, colcon, forge)
+
+
+def told(ran: Ran) -> list[str]:
+    """Return what was said about packages, and the sums; not how long it took, nor what was fresh."""
+    lines = [re.sub(r" \[[^]]*\]|, \d+ packages? unchanged", "", line) for line in ran.out.splitlines()]
+    lines = [line for line in lines if line and "stderr output" not in line]
+    failed = [re.sub(r" \[[^]]*\]", "", line) for line in ran.err.splitlines() if line.startswith("Failed ")]
+    return [*lines, *failed]
+
+
+def notes(root: Path) -> dict[str, str]:
+    """Return colcon's note on each package's build."""
+    return {path.parent.name: path.read_text().strip() for path in root.glob("build/*/colcon_build.rc")}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_packages_are_built_in_the_same_order_and_fail_alike(twins: Twins, seed: int) -> None:
+    chance = random.Random(seed)  # noqa: S311  (no secrets)
+    names = chance.sample(NAMES, 5)
+    bad = names[chance.randrange(1, 3)]
+    for number, name in enumerate(names):
+        needs = chance.sample(names[:number], min(number, chance.randrange(3)))
+        tags = [chance.choice(("depend", "exec_depend", "test_depend")) for _ in needs]
+        lines = [f"<{tag}>{need}</{tag}>" for tag, need in zip(tags, needs, strict=True)]
+        twins.package(name, *lines, more=FAILS if name == bad else "")
+    for options in ((*ONE,), (*ONE, "--continue-on-error"), (*ONE, "--packages-select-build-failed")):
+        forget(twins)
+        ours, theirs = twins.build(*options)
+        assert told(ours) == told(theirs), options
+        assert ours.code
+        assert notes(twins.roots[0]).keys() == notes(twins.roots[1]).keys()
+        assert failed(twins.roots[0]) == failed(twins.roots[1]) == {bad}
+    twins.write(f"src/{bad}/mended", "")
+    ours, theirs = twins.build(*ONE, "--packages-skip-build-finished")
+    assert told(ours) == told(theirs)
+    ours, theirs = twins.build(*ONE, "--packages-up-to", names[-1])
+    assert ours.code == 0
+    assert notes(twins.roots[0]) == notes(twins.roots[1])
+
+
+def forget(twins: Twins) -> None:
+    """Let forge forget what is fresh; colcon knows no such thing."""
+    for path in twins.roots[0].glob("build/forge_*"):
+        path.unlink()
+
+
+def failed(root: Path) -> set[str]:
+    """Return the packages whose build failed, as far as colcon's selection options can tell."""
+    return {name for name, note in notes(root).items() if note not in {"0", "SIGINT"}}
+
+
+def test_what_cannot_be_built_is_an_error_of_both(twins: Twins) -> None:
+    twins.package("a")
+    twins.package("b", "<depend>a</depend>")
+    ours, theirs = twins.build("--packages-select", "b")
+    assert ours.code
+    twins.package("a", folder="another_a")
+    assert twins.build()[0].code
+    assert not twins.build("--packages-select", "b", "--packages-skip", "a")[0].out.startswith("Starting")
+    ours, theirs = twins.build("--packages-up-to", "nobody")
+    assert ours.code
+    ours, theirs = twins.build("--packages-select", "nobody")
+    assert told(ours) == told(theirs) == ["Summary: 0 packages finished"]
+
+
+def test_folders_of_another_layout_are_refused_by_both(twins: Twins) -> None:
+    twins.package("a")
+    assert twins.build()[0].code == 0
+    assert twins.build("--merge-install")[0].code
+    for root in twins.roots:
+        (root / "build/.built_by").write_text("ament_tools")
+    assert twins.build()[0].code
+
+
+def test_options_reach_cmake_alike(twins: Twins) -> None:
+    twins.package("a", more='file(WRITE "${CMAKE_BINARY_DIR}/said" "[${X}][${Y}][${CMAKE_BUILD_TYPE}]")')
+    twins.write("src/a/colcon.pkg", "cmake-args: [-DY=package]\n")
+    twins.write("colcon.meta", "names: {a: {cmake-args: ['-DCMAKE_BUILD_TYPE=Debug']}}\n")
+    twins.write("colcon_defaults.yaml", "build: {cmake-args: [-DX=default, -Wno-dev]}\n")
+    for options in ((), ("--cmake-args", "-DX=a b", " -DY=line", "-G", "Unix Makefiles"), ("--metas",)):
+        # CMake's cache keeps what colcon's users do not say any more; forge begins with another one.
+        twins.build("--cmake-clean-cache", *options)
+        said = [(root / "build/a/said").read_text() for root in twins.roots]
+        assert said[0] == said[1], options

@@ -1,0 +1,225 @@
+"""forge and colcon build the same packages: the install trees and what their scripts do are the same.
+
+docs/reference/from-colcon.md lists which files are meant to differ.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import re
+import shlex
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from typing import TYPE_CHECKING, Protocol
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.peers import Colcon
+from tests.random_installs import TYPES, random_installs
+from tests.snippets import ROOT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from tests.conftest import Forge
+
+pytestmark = pytest.mark.needs("colcon", "cmake", "ninja", "bash", "zsh")
+
+AMENT = """cmake_minimum_required(VERSION 3.18)
+project(below NONE)
+find_package(ament_cmake REQUIRED)
+install(DIRECTORY lib DESTINATION .)
+ament_export_libraries(below)
+ament_package()
+"""
+FORMS = {"isolated": (), "merged": ("--merge-install",), "linked": ("--symlink-install",)}
+LINKED = ("cmake", "ament_cmake")
+"""The build types of which a linked tree can be compared; for Python colcon needs an old setuptools."""
+CASES = (*itertools.product(("isolated", "merged"), range(3)), ("linked", 3))
+USED: Counter[str] = Counter()
+"""How often each line of the page was needed."""
+
+
+@pytest.fixture(scope="module")
+def surroundings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Build an underlay with forge's own ament, and source it as people do."""
+    root = tmp_path_factory.mktemp("under") / "below"
+    for name, text in {
+        "src/below/package.xml": manifest_text("below", "<depend>ament_cmake</depend>"),
+        "src/below/CMakeLists.txt": AMENT,
+        "src/below/lib/libbelow.so": "",
+    }.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    home = tmp_path_factory.mktemp("home")
+    variables = {"PATH": os.environ["PATH"], "HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1"}
+    built = subprocess.run(
+        [sys.executable, "-m", "forge", "build"],
+        cwd=root,
+        env={**variables, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    return sourced(root / "install/setup.sh", "sh", variables)
+
+
+class Both(Protocol):
+    """What the fixture `both` gives."""
+
+    def __call__(self, root: Path, *options: str) -> tuple[Path, Path]:
+        """Build a workspace with both; returns the folders with the build and install folders of each."""
+
+
+@pytest.fixture(scope="module")
+def colcon(surroundings: dict[str, str]) -> Iterator[Colcon]:
+    """Start colcon above that underlay."""
+    running = Colcon({**surroundings, "COLCON_LOG_PATH": "/dev/null"})
+    yield running
+    running.end()
+
+
+@pytest.fixture
+def both(colcon: Colcon, forge: Forge, surroundings: dict[str, str]) -> Both:
+    """Build with both."""
+
+    def build(root: Path, *options: str) -> tuple[Path, Path]:
+        homes = root / "ours", root / "theirs"
+        for home in homes:
+            argv = ["build", "--build-base", f"{home}/build", "--install-base", f"{home}/install", *options]
+            ran = forge(*argv, cwd=root, env=surroundings) if home == homes[0] else colcon(*argv, cwd=root)
+            assert ran.code == 0, ran.err
+        return homes
+
+    return build
+
+
+@pytest.mark.parametrize(("form", "seed"), CASES)
+def test_install_trees_and_what_their_scripts_do_are_the_same(
+    both: Both, tmp_path: Path, form: str, seed: int
+) -> None:
+    # No blank in the path: colcon's own scripts cannot be sourced then.
+    root = tmp_path / f"{form}{seed}"
+    for name, text in random_installs(random.Random(seed), LINKED if form == "linked" else TYPES):  # noqa: S311
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+        (root / name).chmod(0o755 if text.startswith("#!") else 0o644)
+    ours, theirs = both(root, *FORMS[form])
+    assert differing_files(ours / "install", theirs / "install") == []
+    assert differing_variables(ours, theirs) == {}
+
+
+def differing_files(ours: Path, theirs: Path) -> list[str]:
+    """Return the files that one tree lacks or that say something else, but for those on the page."""
+    found = contents(ours), contents(theirs)
+    lines = []
+    for name in sorted(found[0].keys() | found[1].keys()):
+        texts = [texts.get(name) for texts in found]
+        if name.endswith("/package.dsv"):
+            # It names the hooks that there are.
+            texts = [shared_lines(text or "", name, found) for text in texts]
+        if texts[0] != texts[1]:
+            who = "colcon" if texts[0] is None else "forge" if texts[1] is None else "both"
+            if not explained(name, who):
+                lines.append(f"{name}: {who}")
+    return lines
+
+
+def contents(install: Path) -> dict[str, str]:
+    """Return what each file says and if it can be run; the place of the tree is left out."""
+    found = {}
+    for path in install.rglob("*"):
+        if path.is_file() and "__pycache__" not in path.parts:
+            text = without_noise(path.read_text(errors="replace"))
+            runs = "may run\n" if os.access(path, os.X_OK) else ""
+            name = path.relative_to(install).as_posix()
+            found[name] = f"{runs}{text}".replace(str(install.parent), "HOME")
+    return found
+
+
+def without_noise(text: str) -> str:
+    """Return what counts of a file: not which interpreter, nor how an entry point is called."""
+    text = re.sub(r"^#!/.*/python3?\n", "#!python\n", text)
+    return text.partition("\n")[0] if text.startswith("#!python") and "sys.exit(" in text else text
+
+
+def shared_lines(text: str, name: str, found: tuple[Mapping[str, str], Mapping[str, str]]) -> str:
+    """Return the lines of a package.dsv that name files which both trees have."""
+    prefix = name.partition("share/")[0]
+    return "\n".join(
+        line
+        for line in text.splitlines()
+        if all(f"{prefix}{line.partition(';')[2]}" in files for files in found)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the page: which files differ, and who has them; 'both' have them with other text."""
+
+    pattern: str
+    who: str
+
+
+@cache
+def page() -> tuple[Row, ...]:
+    """Return the lines of the page about files of install trees."""
+    text = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
+    section = text.partition("\n## Files of an install tree\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (`[^|]+) \| (\w+)[^|]* \|", section, re.MULTILINE)
+    return tuple(Row(pattern, who) for cell, who in rows for pattern in re.findall("`([^`]+)`", cell))
+
+
+def test_the_page_names_no_file_that_does_not_differ() -> None:
+    """Runs after the trees were compared: each line was needed by one of them."""
+    if not USED:
+        pytest.skip("the trees were not compared in this run")
+    assert {row.pattern for row in page()} == set(USED)
+
+
+def explained(name: str, who: str) -> bool:
+    """Tell if the page says that a file differs so."""
+    row = next((row for row in page() if row.who == who and fnmatchcase(name, row.pattern)), None)
+    if row:
+        USED[row.pattern] += 1
+    return row is not None
+
+
+def differing_variables(ours: Path, theirs: Path) -> dict[str, object]:
+    """Return the variables that sourcing the two trees sets to different values, by script and shell."""
+    found: dict[str, object] = {}
+    for shell, name in itertools.product(("sh", "bash", "zsh"), ("setup", "local_setup")):
+        pair = []
+        for home in (ours, theirs):
+            script = home / "install" / f"{name}.{shell}"
+            seen = sourced(script, shell, {"PATH": os.environ["PATH"], "HOME": "/"})
+            pair.append({key: value.replace(str(home), "HOME") for key, value in told(seen).items()})
+        for key in sorted(pair[0].keys() | pair[1].keys()):
+            values = [variables.get(key) for variables in pair]
+            if values[0] != values[1]:
+                found[f"{name}.{shell} {key}"] = values
+    return found
+
+
+def told(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables without the two differences that the page tells of."""
+    kept = {name: value for name, value in variables.items() if not name.startswith("SCRIPT_")}
+    entries = [entry for entry in kept.pop("PKG_CONFIG_PATH", "").split(":") if os.path.isdir(entry)]  # noqa: PTH112
+    return {**kept, "PKG_CONFIG_PATH": ":".join(entries)}
+
+
+def sourced(script: Path, shell: str, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return what a shell exports once it has sourced a script."""
+    argv = [shell, "-c", f". {shlex.quote(str(script))} && env -0"]
+    text = subprocess.run(argv, env=variables, capture_output=True, text=True, check=True, cwd="/").stdout
+    pairs = (line.partition("=") for line in text.split("\0") if line)
+    return {name: value for name, _, value in pairs if name not in {"_", "SHLVL", "PWD", "OLDPWD"}}
