@@ -24,7 +24,7 @@ FLOORS = {
         undertaking worker workspace
     """,
     3: """
-        budget capacity digests discovery execution explaining externals feed folders installation
+        budget bundling capacity digests discovery execution explaining externals feed folders installation
         installed interpreter jobs jobserver journal occupancy prefixes records reporting results
         runner snapshot sourcing steps toolchain tools transcript wheels configuration
         identification identity limits mixins overrides plain_packages testing testing.*
@@ -32,8 +32,8 @@ FLOORS = {
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        charts cmake_reading conditions creation diagnosis environment formats freshness graph hooks
-        makeflags manifest planning provision python_reading recipes recipes.* schedule settings
+        assignments charts cmake_reading conditions creation diagnosis environment formats freshness
+        graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing unused_variables
     """,
