@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 _REQUIREMENT = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
+_ASKED = re.compile(r"(~=(?=\s*\d+\.)|==|!=|<=|>=|<|>)\s*(\d+(?:\.\d+)*)(?![\w.*+!-])")
+_SYMBOLS = {"==": "eq", "!=": "neq", "<=": "lte", ">=": "gte", "<": "lt", ">": "gt"}
 _TEST_EXTRAS = ("test", "tests", "testing")
 _KINDS = {
     "setup_requires": frozenset({Kind.BUILD}),
@@ -122,20 +124,33 @@ def _facts(values: Mapping[str, Any]) -> PythonFacts:
 
 def _dependencies(values: Mapping[str, Any]) -> Iterator[Dependency]:
     for key, kinds in _KINDS.items():
-        yield from (Dependency(name, kinds) for name in _required(values.get(key, ())))
+        yield from (Dependency(name, kinds, asked) for name, asked in _required(values.get(key, ())))
     extras = values.get("extras_require")
     if isinstance(extras, dict):
         for extra in _TEST_EXTRAS:
-            yield from (Dependency(name, frozenset({Kind.TEST})) for name in _required(extras.get(extra, ())))
+            needed = _required(extras.get(extra, ()))
+            yield from (Dependency(name, frozenset({Kind.TEST}), asked) for name, asked in needed)
 
 
-def _required(said: object) -> Iterator[str]:
-    """Yield the distribution names of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
+def _required(said: object) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
+    """Yield name and versions of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
     lines = said.splitlines() if isinstance(said, str) else said if isinstance(said, list | tuple) else ()
     for line in lines:
         match = _REQUIREMENT.match(line) if isinstance(line, str) else None
         if match:
-            yield match[1]
+            rest = line[match.end() :].partition(";")[0].partition(" #")[0]
+            yield match[1], tuple(_versions(rest))
+
+
+def _versions(said: str) -> Iterator[tuple[str, str]]:
+    """Yield what a requirement says of versions in words like those of package.xml; wildcards have none."""
+    for symbol, version in _ASKED.findall(said):
+        if symbol == "~=":
+            yield "gte", version
+            *kept, last, _ = map(int, version.split("."))
+            yield "lt", ".".join(map(str, (*kept, last + 1)))
+        else:
+            yield _SYMBOLS[symbol], version
 
 
 def _people(values: Mapping[str, Any]) -> Iterator[Person]:

@@ -8,6 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge import package_options
+from forge.constraints import unmet_versions
 from forge.discovery import discover, discover_embedded
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.graph import ordered_names
@@ -72,8 +73,9 @@ def load_workspace(
     clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
+    doubts = (*workspace.notes, *circles, *unmet_versions(workspace.packages))
     told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    warn((*told, *workspace.notes, *circles, *warnings))
+    warn((*told, *doubts, *warnings))
     return Loaded(workspace, provision, selection, packages, needs, ordered)
 
 

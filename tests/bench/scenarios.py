@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -37,9 +38,36 @@ def list_100(folder: Path, peers: Peers) -> tuple[Variant, ...]:
     return tuple(variants)
 
 
+def complete_300(folder: Path, peers: Peers) -> tuple[Variant, ...]:
+    """Measure a press of the key for a package's name in bash: to be below a tenth of a second.
+
+    The script is sourced beforehand in life, and here in the variant to compare with.
+    """
+    del peers
+    root = write_workspace(folder / "ws", 300, files=1)
+    asked = subprocess.run(
+        (*builds.forge(), "completion", "bash"), cwd=root, check=True, capture_output=True, text=True
+    )
+    script = folder / "completion.bash"
+    script.write_text(asked.stdout, encoding="utf-8")
+    words = f"COMP_WORDS=({' '.join(COMPLETED)}) COMP_CWORD={len(COMPLETED) - 1}"
+    press = f'{words}; _forge; [ "${{#COMPREPLY[@]}}" = 100 ]'
+    sourced = ("bash", "--norc", "-c")
+    cache = {"XDG_CACHE_HOME": str(folder / "cache")}
+    return (
+        _base(root),
+        Variant("bash, script sourced", (*sourced, f". {script}"), root, env=cache),
+        Variant("bash, key pressed", (*sourced, f". {script}; {press}"), root, env=cache),
+    )
+
+
+COMPLETED = ("forge", "build", "--packages-select", "bench_01")
+"""A command line of which the last word is to be completed, to one of a hundred names."""
+
 SCENARIOS: Mapping[str, Callable[[Path, Peers], tuple[Variant, ...]]] = {
     "start": start,
     "list-100": list_100,
+    "complete-300": complete_300,
     "configure": configures.configure,
     **builds.SCENARIOS,
 }

@@ -140,6 +140,34 @@ def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tre
     assert ours.out == re.sub(r"    get_python_setup_options: .*\n", "", theirs.out)
 
 
+def test_the_same_versions_are_missed(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+    chance = random.Random(3)  # noqa: S311
+    versions = ("0.1.0", "0.1", "0.2.0", "00.1.0", "1.0.0", "0.0.9", "0.1.0.1")
+    words = ("lt", "lte", "eq", "gte", "gt")
+    files = {"src/a/package.xml": manifest_text("a")}
+    for number in range(30):
+        asked = {word: chance.choice(versions) for word in chance.sample(words, chance.randrange(1, 3))}
+        attributes = "".join(f' version_{word}="{version}"' for word, version in asked.items())
+        tag = chance.choice(("depend", "test_depend", "build_depend", "doc_depend", "conflict"))
+        name = f"b{number}"
+        files[f"src/{name}/package.xml"] = manifest_text(name, f"<{tag}{attributes}>a</{tag}>")
+    for number, asked_in_python in enumerate(
+        ("a>=1,<2", "a~=0.1.0", "a~=0.2; python_version > '3'", "a==0.1", "a!=0.1")
+    ):
+        name = f"p{number}"
+        said = f"[metadata]\nname={name}\nversion=1\n[options]\ninstall_requires=\n  {asked_in_python}\n"
+        files |= {
+            f"src/{name}/setup.cfg": said,
+            f"src/{name}/setup.py": "from setuptools import setup\nsetup()",
+        }
+    root = tree(files)
+    ours, theirs = both(colcon, forge, root, "list")
+    assert ours.out == theirs.out
+    found = re.findall(r"warning: '(\w+)' wants 'a' in version ", ours.err)
+    assert found
+    assert sorted(found) == sorted(set(re.findall(r"(\w+) depends on a which has version", theirs.err)))
+
+
 def options_of(text: str) -> set[str]:
     """Return the long options that a help text or a page names."""
     return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z](?![\w-])", text))
