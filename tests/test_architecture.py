@@ -34,7 +34,8 @@ FLOORS = {
     2: """
         assignments charts cmake_reading conditions constraints creation diagnosis environment formats
         freshness graph hooks makeflags manifest planning provision python_reading recipes recipes.*
-        schedule settings scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
+        schedule settings scripts selection shells xml_tree interfaces.* testing.outcomes
+        testing.recipes testing.showing
         completing unused_variables
     """,
     1: "model layout interfaces.model",
