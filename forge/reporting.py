@@ -125,6 +125,8 @@ class Report:
 
         `logs` is the folder that failures point at, `shared` the CMake variables that all packages get.
         """
+        self.python = "python3"
+        """The interpreter of the workspace, as hints name it."""
         self._packages = packages
         self._tasks = plan.tasks
         self._on = handlers
@@ -281,11 +283,22 @@ class Report:
         if error:
             lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
             lines += [f"    {line}" for line in error.lines]
+        hint = self._hint(task, text)
+        if hint:
+            lines.append(f"  hint: {hint}")
         if self.logs:
             lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
         if repeat:
             lines.append(f"  repeat: {repeat}")
         _write(("\n".join(lines) + "\n").encode(), stderr=True)
+
+    def _hint(self, task: str, text: Sequence[str]) -> str | None:
+        """Return what to do about a failure whose cause is known."""
+        from forge.discovery import discover_embedded  # noqa: PLC0415  (only a failure pays for it)
+        from forge.hints import Scene, hint_of  # noqa: PLC0415
+
+        everything = {**discover_embedded(), **self._packages}
+        return hint_of("".join(text), Scene(self._packages[task], everything, self.python))
 
 
 def duration(seconds: float) -> str:

@@ -72,6 +72,7 @@ def carry_out(
         spoken = without_prose(handlers) if options.json else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
         report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
+        report.python = str(undertaking.interpreter.path)
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}

@@ -32,11 +32,11 @@ FLOORS = {
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
     """,
     2: """
-        assignments charts cmake_reading conditions constraints creation diagnosis environment formats
-        freshness graph hooks makeflags manifest planning provision python_reading recipes recipes.*
-        schedule settings scripts selection shells xml_tree interfaces.* testing.outcomes
-        testing.recipes testing.showing
-        completing unused_variables
+        charts cmake_reading conditions constraints creation diagnosis environment formats freshness
+        graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
+        scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
+        completing hints unused_variables
+        assignments
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",
