@@ -36,7 +36,7 @@ FLOORS = {
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints unused_variables
-        assignments
+        assignments lengths
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",
