@@ -1,4 +1,4 @@
-"""What sourcing takes: 500 packages, each in a prefix of its own, beside an empty shell and colcon's script."""
+"""What sourcing takes: 500 packages, each in its own prefix, beside an empty shell and colcon's script."""
 
 from __future__ import annotations
 
