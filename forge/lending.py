@@ -12,9 +12,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 _PROBE = """import importlib.util, os, sys
-found = importlib.util.find_spec("setuptools")
-home = os.path.dirname(found.origin) if found and found.origin else ""
-able = home and (os.path.exists(home + "/command/bdist_wheel.py") or importlib.util.find_spec("wheel"))
+del sys.path[0]
+home, other = (
+    os.path.dirname(found.origin) if (found := importlib.util.find_spec(name)) and found.origin else ""
+    for name in ("setuptools", "wheel")
+)
+able = home and (other or os.path.exists(home + "/command/bdist_wheel.py"))
 print("%d.%d.%d" % sys.version_info[:3], "able" if able else "lacking")
 """
 _NEEDED = ("setuptools", "pkg_resources", "_distutils_hack", "setuptools-*.dist-info")

@@ -150,11 +150,15 @@ def test_warnings_of_a_backend_are_no_news(tree: Tree, capfd: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize("contents", [["--without-pip"], []])
-def test_a_fresh_virtual_environment_needs_nothing_more(tree: Tree, contents: list[str]) -> None:
+def test_a_fresh_virtual_environment_needs_nothing_more(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, contents: list[str]
+) -> None:
     """It has no setuptools, or one of its Python's age that makes no wheels."""
     root = tree(SETUP)
     subprocess.run([sys.executable, "-m", "venv", *contents, str(root / "venv")], check=True)
     python = root / "venv/bin/python3"
+    (root / "build/talk/wheel").mkdir(parents=True)
+    monkeypatch.chdir(root / "build/talk")  # where a build runs it, and a folder is no module called wheel
     assert install(root, python=str(python)) == 0
     assert files(root / "install") == INSTALLED
     assert (root / "install/lib/talk/hello").read_text().startswith(f"#!{python}\n")
