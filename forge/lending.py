@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 _PROBE = """import importlib.util, os, sys
-del sys.path[0]
+sys.path = [entry for entry in sys.path if entry]
 home, other = (
     os.path.dirname(found.origin) if (found := importlib.util.find_spec(name)) and found.origin else ""
     for name in ("setuptools", "wheel")
