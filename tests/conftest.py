@@ -6,6 +6,7 @@ import difflib
 import os
 import shutil
 import sys
+import tempfile
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -142,11 +143,26 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--accept", action="store_true", help="write what goldens are to expect from now on")
 
 
-def pytest_configure() -> None:
-    """Let tests find the programs of their own virtual environment, activated or not, and last the peers'."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Let tests find the programs of their own virtual environment, activated or not, and last the peers'.
+
+    FORGE_TEST_CMAKE names a CMake that everybody finds first, and CMAKE_GENERATOR what all projects are
+    built by.
+    """
+    if "FORGE_TEST_CMAKE" in os.environ:
+        _put_first(Path(os.environ["FORGE_TEST_CMAKE"]), config)
     for folder in (Path(sys.executable).parent, GOLDEN.parents[1] / ".venv-peers" / "bin"):
         if folder.is_dir() and str(folder) not in os.environ.get("PATH", "").split(os.pathsep):
             os.environ["PATH"] = os.pathsep.join(filter(None, (os.environ.get("PATH"), str(folder))))
+
+
+def _put_first(cmake: Path, config: pytest.Config) -> None:
+    """Put a CMake and its CTest first on PATH, and nothing else that lies beside them."""
+    folder = tempfile.TemporaryDirectory(prefix="forge-test-cmake-")
+    config.add_cleanup(folder.cleanup)
+    for program in ("cmake", "ctest"):
+        Path(folder.name, program).symlink_to(cmake.absolute().with_name(program))
+    os.environ["PATH"] = os.pathsep.join((folder.name, os.environ.get("PATH", "")))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -1,6 +1,7 @@
 """CMake projects on the embedded ament, built by a real CMake.
 
-The embedded packages are installed once per session. FORGE_TEST_CMAKE names another CMake to try.
+The embedded packages are installed once per session. FORGE_TEST_CMAKE names another CMake to try, and
+CMAKE_GENERATOR another build tool than Ninja.
 """
 
 from __future__ import annotations
@@ -22,8 +23,6 @@ collect_ignore = ["shapes"]
 
 ROOT = Path(__file__).parents[2]
 EMBEDDED = ROOT / "forge" / "embedded"
-CMAKE = os.environ.get("FORGE_TEST_CMAKE", "cmake")
-CTEST = str(Path(CMAKE).with_name("ctest"))
 PYTHON_VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 BUILD_TOOLS = ("ament_cmake", "ament_lint_auto", "rosidl_default_runtime", "rosidl_default_generators")
 INTERFACES = ("builtin_interfaces", "unique_identifier_msgs", "service_msgs", "action_msgs", "std_msgs")
@@ -73,8 +72,8 @@ class Project:
     def configure(self, *arguments: str) -> Outcome:
         """Run CMake; see Outcome for how it ended."""
         return self._run(
-            CMAKE,
-            *("-S", str(self.source), "-B", str(self.build), "-G", "Ninja"),
+            "cmake",
+            *("-S", str(self.source), "-B", str(self.build)),
             f"-DCMAKE_INSTALL_PREFIX={self.prefix}",
             f"-DPython3_EXECUTABLE={sys.executable}",
             f"-DFORGE_PYTHON_VERSION={PYTHON_VERSION}",
@@ -84,23 +83,23 @@ class Project:
 
     def make(self, *words: str) -> Outcome:
         """Build, which must succeed."""
-        return self._succeed(CMAKE, "--build", str(self.build), *words)
+        return self._succeed("cmake", "--build", str(self.build), *words)
 
     def try_to_make(self) -> Outcome:
         """Build; see Outcome for how it ended."""
-        return self._run(CMAKE, "--build", str(self.build))
+        return self._run("cmake", "--build", str(self.build))
 
     def install(self, *arguments: str) -> Project:
         """Configure, build and install, all of which must succeed."""
         outcome = self.configure(*arguments)
         assert outcome.code == 0, outcome.text
         self.make()
-        self._succeed(CMAKE, "--install", str(self.build))
+        self._succeed("cmake", "--install", str(self.build))
         return self
 
     def test(self) -> Outcome:
         """Run the tests."""
-        return self._run(CMAKE, "-E", "chdir", str(self.build), CTEST, "--output-on-failure")
+        return self._run("cmake", "-E", "chdir", str(self.build), "ctest", "--output-on-failure")
 
     def files(self) -> set[str]:
         """Return what is installed."""
@@ -120,6 +119,7 @@ class Project:
         paths = os.pathsep.join(map(str, self.prefixes))
         libraries = os.pathsep.join(f"{prefix}/lib" for prefix in self.prefixes)
         kept["LD_LIBRARY_PATH"] = libraries  # what a sourced workspace sets; installed programs count on it
+        kept["CMAKE_GENERATOR"] = os.environ.get("CMAKE_GENERATOR", "Ninja")
         variables = {**kept, "PYTHONPATH": str(ROOT), "CMAKE_PREFIX_PATH": paths, **self.variables}
         done = subprocess.run(
             argv, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False

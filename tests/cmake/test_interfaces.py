@@ -181,6 +181,33 @@ def test_python_imports_what_was_installed(motion: Project) -> None:
 
 
 @cxx
+def test_code_lies_where_packages_of_ros_include_it_from(rosidl: Ament) -> None:
+    """Some name the folder instead of linking a target; a change is seen in the same build."""
+    demo = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(demo msg/One.msg)\n"
+        "rosidl_generate_interfaces(more msg/Two.msg SKIP_INSTALL)\n"
+        "add_executable(one one.cpp)\nadd_dependencies(one demo)\n"
+        "target_include_directories(one PRIVATE ${CMAKE_CURRENT_BINARY_DIR}/rosidl_generator_cpp)\n"
+        "target_link_libraries(one rosidl_runtime_cpp::rosidl_runtime_cpp)\n"
+        "ament_package()",
+        manifest=MEMBER,
+        files={
+            "msg/One.msg": "uint8 a\n",
+            "msg/Two.msg": "uint8 b\n",
+            "one.cpp": "#include <demo/msg/one.hpp>\nint main() { return demo::msg::One().a; }\n",
+        },
+    )
+    demo.install()
+    assert (demo.build / "rosidl_generator_c/demo/msg/one.h").is_file()
+    assert (demo.build / "rosidl_generator_py/demo/msg/__init__.py").is_file()
+    assert not (demo.build / "rosidl_generator_cpp/demo/msg/two.hpp").exists()
+    assert "include/demo/demo/msg/one.hpp" in demo.files()
+
+    (demo.source / "msg/One.msg").write_text("uint8 a\nuint8 c\n", encoding="utf-8")
+    assert "one.cpp" in demo.make().text
+
+
+@cxx
 @pytest.mark.parametrize(
     "generator", ["Ninja", pytest.param("Unix Makefiles", marks=pytest.mark.needs("make"))]
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from .conftest import CTEST, EMBEDDED
+from .conftest import EMBEDDED
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,7 +28,7 @@ LINT_AUTO = "find_package(ament_lint_auto REQUIRED)\nament_lint_auto_find_test_d
 
 def registered(project: Project) -> dict[str, dict[str, object]]:
     """Return the registered tests with their properties."""
-    argv = [CTEST, "--show-only=json-v1"]
+    argv = ["ctest", "--show-only=json-v1"]
     ran = subprocess.run(argv, cwd=project.build, capture_output=True, text=True, check=True)
     listed = json.loads(ran.stdout)
     return {
@@ -244,21 +245,34 @@ def test_without_pytest_there_is_a_warning_and_no_test(ament: Ament) -> None:
     assert registered(demo) == {}
 
 
-def test_missing_linters_are_left_out_in_one_line(ament: Ament) -> None:
+@pytest.fixture
+def tools(tmp_path: Path) -> Path:
+    """Return a folder with what a build takes and no linters, for PATH."""
+    folder = tmp_path / "tools"
+    folder.mkdir()
+    for name in ("cmake", "ctest", "make", "ninja", "sh"):
+        if found := shutil.which(name):
+            (folder / name).symlink_to(found)
+    return folder
+
+
+def test_missing_linters_are_left_out_in_one_line(ament: Ament, tools: Path) -> None:
     demo = ament(f"{LINT_AUTO}ament_package()", manifest=LINT_DEPENDS, files={"x.py": "", "y.hpp": ""})
+    demo = replace(demo, variables={"PATH": str(tools)})
     outcome = demo.configure()
     assert outcome.code == 0, outcome.text
     assert outcome.text.count("Linters that are not installed") == 1
     assert registered(demo) == {}
 
 
-def test_an_explicit_linter_is_a_skipped_test(ament: Ament) -> None:
+def test_an_explicit_linter_is_a_skipped_test(ament: Ament, tools: Path) -> None:
     demo = ament(
         "find_package(ament_cmake_cppcheck REQUIRED)\nfind_package(ament_cmake_pep257 REQUIRED)\n"
         "ament_cppcheck(LANGUAGE c++ INCLUDE_DIRS a b)\n"
         "set_tests_properties(cppcheck PROPERTIES TIMEOUT 400)\n"
         "ament_pep257(TESTNAME docs EXCLUDE x)\nament_package()"
     )
+    demo = replace(demo, variables={"PATH": str(tools)})
     assert demo.configure().code == 0
     assert registered(demo)["cppcheck"]["TIMEOUT"] == 400.0
     assert demo.test().text.count("***Skipped") == 2
@@ -278,7 +292,9 @@ def linters(tmp_path: Path) -> Path:
     return folder
 
 
-def test_linters_run_late_where_there_is_work_and_may_be_turned_off(ament: Ament, linters: Path) -> None:
+def test_linters_run_late_where_there_is_work_and_may_be_turned_off(
+    ament: Ament, linters: Path, tools: Path
+) -> None:
     demo = ament(
         "set(ament_cmake_copyright_FOUND TRUE)\n"
         f"{LINT_AUTO}"
@@ -291,7 +307,7 @@ def test_linters_run_late_where_there_is_work_and_may_be_turned_off(ament: Ament
         manifest=LINT_DEPENDS,
         files={"src/y.hpp": ""},
     )
-    demo = replace(demo, variables={"PATH": f"{linters}:/usr/local/bin:/usr/bin:/bin"})
+    demo = replace(demo, variables={"PATH": f"{linters}:{tools}"})
     outcome = demo.configure()
     assert outcome.code == 0, outcome.text
     assert outcome.said("found") == "ament_lint_auto;ament_lint_common"
@@ -305,7 +321,7 @@ def test_linters_run_late_where_there_is_work_and_may_be_turned_off(ament: Ament
 COMPLAINT = '#!/bin/sh\nfor file; do :; done\necho "$file:3:1: too $1"\nexit 1\n'
 
 
-def test_linters_run_as_people_have_them_installed(ament: Ament, tmp_path: Path) -> None:
+def test_linters_run_as_people_have_them_installed(ament: Ament, tmp_path: Path, tools: Path) -> None:
     """Without ament's own programs: files are found, options translated, complaints told file by file."""
     folder = tmp_path / "bin"
     folder.mkdir()
@@ -318,7 +334,7 @@ def test_linters_run_as_people_have_them_installed(ament: Ament, tmp_path: Path)
         manifest=LINT_DEPENDS,
         files={"b/bad.py": "", "b/good.py": "", "x.hpp": "", "third/AMENT_IGNORE": "", "third/no.py": ""},
     )
-    demo = replace(demo, variables={"PATH": f"{folder}:/usr/local/bin:/usr/bin:/bin"})
+    demo = replace(demo, variables={"PATH": f"{folder}:{tools}"})
     assert demo.configure().code == 0
     assert {"flake8", "mine", "xmllint", "uncrustify"} <= registered(demo).keys()
     ran = demo.test()

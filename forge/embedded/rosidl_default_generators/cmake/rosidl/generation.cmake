@@ -3,6 +3,7 @@
 # _rosidl_generate(<target> <tuples> <interface packages>): add the custom target, and what it runs.
 function(_rosidl_generate target tuples packages)
   _rosidl_output_folder(output "${target}")
+  _rosidl_place_code("${target}")
   set(words
     --package ${PROJECT_NAME} --output "${output}" --no-runtime
     --lang python --lang cpp --lang c --lang idl --lang json
@@ -25,7 +26,7 @@ function(_rosidl_generate target tuples packages)
   if(CMAKE_VERSION VERSION_GREATER_EQUAL 3.20)
     list(APPEND track_inputs DEPFILE "${output}/stamp.d")
   endif()
-  _rosidl_headers(headers "${output}" ${tuples})
+  _rosidl_headers(headers "${target}" ${tuples})
   _rosidl_service_command(cut_services byproducts "${output}" ${tuples})
   add_custom_command(
     OUTPUT "${output}/stamp"
@@ -43,12 +44,55 @@ function(_rosidl_generate target tuples packages)
   endforeach()
 endfunction()
 
+# _rosidl_place_code(<target>)
+#
+# Some packages include generated code not by a target but from where rosidl's own generators write it:
+# rosidl_generator_cpp and so on, in the build folder. The code of a folder's first target lies there, too; the
+# compiler gets to it by links in its output folder.
+function(_rosidl_place_code target)
+  set(is_first FALSE)
+  get_property(first DIRECTORY PROPERTY rosidl_first_target)
+  if(NOT first)
+    set_property(DIRECTORY PROPERTY rosidl_first_target ${target})
+    set(is_first TRUE)
+  endif()
+  _rosidl_output_folder(output ${target})
+  set(has_links FALSE)
+  if(IS_SYMLINK "${output}/cpp")
+    set(has_links TRUE)
+  endif()
+  if(NOT has_links STREQUAL is_first)
+    file(REMOVE_RECURSE "${output}")  # an older forge wrote here, or another target was the first
+  endif()
+  if(is_first)
+    file(MAKE_DIRECTORY "${output}")
+    foreach(language IN ITEMS cpp c python)
+      _rosidl_code_folder(folder ${target} ${language})
+      file(MAKE_DIRECTORY "${folder}")
+      file(CREATE_LINK "${folder}" "${output}/${language}" SYMBOLIC)
+    endforeach()
+  endif()
+endfunction()
+
+# _rosidl_code_folder(<variable> <target> <cpp, c or python>): the folder that holds the target's <project>/.
+function(_rosidl_code_folder variable target language)
+  get_property(first DIRECTORY PROPERTY rosidl_first_target)
+  if(NOT first STREQUAL target)
+    _rosidl_output_folder(output ${target})
+    set(folder "${output}/${language}")
+  elseif(language STREQUAL "python")
+    set(folder "${CMAKE_CURRENT_BINARY_DIR}/rosidl_generator_py")
+  else()
+    set(folder "${CMAKE_CURRENT_BINARY_DIR}/rosidl_generator_${language}")
+  endif()
+  set(${variable} "${folder}" PARENT_SCOPE)
+endfunction()
+
 # _rosidl_add_targets(<target> <interface packages>)
 #
 # Everything is header-only, so every target is an INTERFACE library. Those of a kind link the same kind of
 # the dependencies; whoever links one of this project waits for the generation.
 function(_rosidl_add_targets target packages)
-  _rosidl_output_folder(output "${target}")
   foreach(kind IN ITEMS
       rosidl_generator_c rosidl_typesupport_introspection_c rosidl_typesupport_fastrtps_c rosidl_typesupport_c
       rosidl_generator_cpp rosidl_typesupport_introspection_cpp rosidl_typesupport_fastrtps_cpp
@@ -59,8 +103,9 @@ function(_rosidl_add_targets target packages)
     add_dependencies(${library} ${target})
     if(kind MATCHES "_(cpp|c)$")
       set(language ${CMAKE_MATCH_1})
+      _rosidl_code_folder(code ${target} ${language})
       target_include_directories(${library} INTERFACE
-        "$<BUILD_INTERFACE:${output}/${language}>" "$<INSTALL_INTERFACE:include/${PROJECT_NAME}>")
+        "$<BUILD_INTERFACE:${code}>" "$<INSTALL_INTERFACE:include/${PROJECT_NAME}>")
       foreach(package IN LISTS packages)
         target_link_libraries(${library} INTERFACE ${${package}_TARGETS__${kind}})
       endforeach()
@@ -118,10 +163,12 @@ function(_rosidl_known_inputs variable output tuples)
   set(${variable} "${inputs}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_headers(<variable> <output folder> <tuple>...): the headers that generation writes.
-function(_rosidl_headers variable output)
-  set(in_cpp "${output}/cpp/${PROJECT_NAME}")
-  set(in_c "${output}/c/${PROJECT_NAME}")
+# _rosidl_headers(<variable> <target> <tuple>...): the headers that generation writes.
+function(_rosidl_headers variable target)
+  _rosidl_code_folder(in_cpp ${target} cpp)
+  _rosidl_code_folder(in_c ${target} c)
+  string(APPEND in_cpp "/${PROJECT_NAME}")
+  string(APPEND in_c "/${PROJECT_NAME}")
   set(headers
     "${in_cpp}/msg/rosidl_generator_cpp__visibility_control.hpp"
     "${in_c}/msg/rosidl_generator_c__visibility_control.h")

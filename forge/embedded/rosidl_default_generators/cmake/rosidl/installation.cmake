@@ -4,7 +4,8 @@
 function(_rosidl_install target tuples)
   _rosidl_output_folder(output "${target}")
   foreach(language IN ITEMS cpp c)
-    install(DIRECTORY "${output}/${language}/${PROJECT_NAME}/"
+    _rosidl_code_folder(code ${target} ${language})
+    install(DIRECTORY "${code}/${PROJECT_NAME}/"
       DESTINATION "include/${PROJECT_NAME}/${PROJECT_NAME}")
   endforeach()
   foreach(language IN ITEMS idl json)
@@ -19,18 +20,20 @@ function(_rosidl_install target tuples)
   if(tuples MATCHES "\\.srv(;|$)")
     install(DIRECTORY "${output}/halves/" DESTINATION "share/${PROJECT_NAME}/srv")
   endif()
-  _rosidl_install_python("${output}")
+  _rosidl_install_python("${target}")
 
   get_property(libraries GLOBAL PROPERTY rosidl_libraries_of_${target})
   install(TARGETS ${libraries} EXPORT export_${target}__rosidl)
 endfunction()
 
-# _rosidl_install_python(<output folder>): the generated package and its metadata.
-function(_rosidl_install_python output)
+# _rosidl_install_python(<target>): the generated package and its metadata.
+function(_rosidl_install_python target)
+  _rosidl_output_folder(output "${target}")
+  _rosidl_code_folder(code "${target}" python)
   if(COMMAND _ament_claim_python_name)
     _ament_claim_python_name("${PROJECT_NAME}")
   endif()
-  install(DIRECTORY "${output}/python/${PROJECT_NAME}/" DESTINATION "${PYTHON_INSTALL_DIR}/${PROJECT_NAME}"
+  install(DIRECTORY "${code}/${PROJECT_NAME}/" DESTINATION "${PYTHON_INSTALL_DIR}/${PROJECT_NAME}"
     PATTERN "__pycache__" EXCLUDE)
 
   set(version "${${PROJECT_NAME}_VERSION}")

@@ -1,0 +1,148 @@
+"""What to do about a failure whose cause is known: one sentence for the person who reads the error; pure.
+
+A hint names the line to add or the command to run. Where more than one cause fits, the first in the table
+is the surest. No hint is better than a wrong one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from forge.model import BUILD_KINDS
+from forge.provision import is_ros_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from forge.model import Package
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Where something failed: the package, all that can be built beside it, and the interpreter."""
+
+    package: Package
+    packages: Mapping[str, Package]
+    python: str = "python3"
+
+    @property
+    def manifest(self) -> str:
+        """The package's manifest as a person types it."""
+        return str(self.package.manifest.path)
+
+    def declares(self, name: str) -> bool:
+        """Tell if the manifest says that a package is needed to build."""
+        return name in self.package.manifest.names(BUILD_KINDS)
+
+
+def hint_of(said: str, scene: Scene) -> str | None:
+    """Return what to do, as far as the output `said` of a failed package tells; else None."""
+    for pattern, remedy in _REMEDIES:
+        match = pattern.search(said)
+        hint = remedy(match[1] if pattern.groups else "", scene) if match else None
+        if hint:
+            return hint
+    return None
+
+
+def _package_not_found(name: str, scene: Scene) -> str | None:
+    if name in scene.packages:
+        if scene.declares(name):
+            return None
+        return (
+            f"'{name}' is there, but not said to be needed: add <depend>{name}</depend> to {scene.manifest}"
+        )
+    if is_ros_name(name):
+        return f"source a ROS installation that has '{name}', or add its sources to the workspace"
+    return (
+        f"install the system package that has {name}Config.cmake "
+        f"(Debian: apt-file search -x '/({name}Config|{name.lower()}-config).cmake$')"
+    )
+
+
+def _header_not_found(header: str, scene: Scene) -> str | None:
+    name = header.split("/", maxsplit=1)[0]
+    if "/" in header and name in scene.packages and name != scene.package.name:
+        lines = [] if scene.declares(name) else [f"<depend>{name}</depend> in {scene.manifest}"]
+        lines += [f"find_package({name} REQUIRED)", f"ament_target_dependencies(YOUR_TARGET {name})"]
+        return f"'{header}' belongs to the package '{name}'; needed are {_listed(lines)}"
+    if name == scene.package.name or "/" not in header:
+        return "if it is the package's own: target_include_directories(YOUR_TARGET PRIVATE include)"
+    if is_ros_name(name):
+        return f"source a ROS installation that has '{name}', or add its sources to the workspace"
+    return f"install the system package that has it (Debian: apt-file search {header})"
+
+
+def _target_not_found(target: str, scene: Scene) -> str | None:
+    name = target.split("::", maxsplit=1)[0]
+    depend = "" if scene.declares(name) else f" and <depend>{name}</depend> to {scene.manifest}"
+    return f"add find_package({name} REQUIRED) before its use in CMakeLists.txt{depend}"
+
+
+def _command_not_found(command: str, _scene: Scene) -> str | None:
+    packages = (
+        ("rosidl_", "rosidl_default_generators"),
+        ("ament_add_gtest", "ament_cmake_gtest"),
+        ("ament_add_gmock", "ament_cmake_gmock"),
+        ("ament_add_pytest", "ament_cmake_pytest"),
+        ("ament_auto_", "ament_cmake_auto"),
+        ("ament_python_", "ament_cmake_python"),
+        ("ament_", "ament_cmake"),
+    )
+    name = next((package for beginning, package in packages if command.startswith(beginning)), None)
+    return f"add find_package({name} REQUIRED) before it in CMakeLists.txt" if name else None
+
+
+def _module_not_found(module: str, scene: Scene) -> str | None:
+    name = module.split(".", maxsplit=1)[0]
+    if name in scene.packages:
+        depend = f"add <depend>{name}</depend> to {scene.manifest}"
+        return None if scene.declares(name) else f"'{name}' is a package of the workspace: {depend}"
+    known = {"em": "'empy<4'", "yaml": "PyYAML", "catkin_pkg": "catkin_pkg", "cv2": "opencv-python"}
+    return f"{scene.python} -m pip install {known.get(name, name)}"
+
+
+def _other_empy(_: str, scene: Scene) -> str:
+    return f"this ROS needs the third empy: {scene.python} -m pip install 'empy<4'"
+
+
+def _out_of_memory(_: str, _scene: Scene) -> str:
+    return "memory ran out: build with fewer jobs (--jobs 1), or raise what is kept free (--memory-limit)"
+
+
+def _disk_full(_: str, _scene: Scene) -> str:
+    return "the disk is full: 'forge clean stale' removes what nobody needs, 'df -h .' says how full it is"
+
+
+def _no_git(url: str, _scene: Scene) -> str:
+    return f"the package clones {url} while it is built: it needs the network, or a system package instead"
+
+
+_REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, Scene], str | None]], ...] = (
+    (
+        re.compile(r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)"),
+        _out_of_memory,
+    ),
+    (re.compile(r"No space left on device"), _disk_full),
+    (re.compile(r"package\s+configuration\s+file\s+provided\s+by\s+\"([^\"]+)\""), _package_not_found),
+    (re.compile(r"Could NOT find (\w+) \(missing:"), _package_not_found),
+    (re.compile(r"Unknown CMake command\s+\"([^\"]+)\""), _command_not_found),
+    (
+        re.compile(r'links\s+to(?:\s+target|:)\s+"?([\w-]+::[\w-]+)"?\s+but\s+the\s+target\s+was\s+not'),
+        _target_not_found,
+    ),
+    (re.compile(r"Failed to clone repository: '([^']+)'"), _no_git),
+    (re.compile(r"module 'em' has no attribute"), _other_empy),
+    (re.compile(r"(?:ModuleNotFoundError|ImportError): No module named '([^']+)'"), _module_not_found),
+    (
+        re.compile(r"fatal error: '?([^':]+?)'?(?:: No such file or directory| file not found)"),
+        _header_not_found,
+    ),
+)
+"""What programs say, and what to do about it; the group is what it is about."""
+
+
+def _listed(lines: list[str]) -> str:
+    return f"{', '.join(lines[:-1])} and {lines[-1]}"

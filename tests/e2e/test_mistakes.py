@@ -1,0 +1,113 @@
+"""Mistakes in packages as people make them: each failure ends with a hint that mends it; real tools speak."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Tree
+
+pytestmark = pytest.mark.needs("cmake", "g++")
+
+PLAIN = """cmake_minimum_required(VERSION 3.18)
+project({name} {languages})
+{lines}
+"""
+MAIN = "add_executable(main main.cpp)"
+LIBRARY = {
+    "src/shapes/package.xml": manifest_text("shapes", build_type="cmake"),
+    "src/shapes/CMakeLists.txt": PLAIN.format(
+        name="shapes", languages="NONE", lines="install(DIRECTORY include DESTINATION .)"
+    ),
+    "src/shapes/include/shapes/circle.hpp": "#pragma once\n",
+}
+
+
+def broken(
+    lines: str, *depends: str, languages: str = "NONE", main: str = "", build_type: str = "cmake"
+) -> dict[str, str]:
+    """Return a workspace with a package that cannot be built, and a good one."""
+    needed = (f"<depend>{depend}</depend>" for depend in depends)
+    return {
+        **LIBRARY,
+        "src/broken/package.xml": manifest_text("broken", *needed, build_type=build_type),
+        "src/broken/CMakeLists.txt": PLAIN.format(name="broken", languages=languages, lines=lines),
+        "src/broken/main.cpp": f"{main}\nint main() {{}}\n",
+    }
+
+
+@pytest.mark.parametrize(
+    ("files", "hint"),
+    [
+        pytest.param(
+            broken("find_package(shapes REQUIRED)"),
+            "'shapes' is there, but not said to be needed: add <depend>shapes</depend> to src/broken/",
+            id="a package of the workspace that the manifest does not name",
+        ),
+        pytest.param(
+            broken("find_package(rclcpp REQUIRED)"),
+            "source a ROS installation that has 'rclcpp', or add its sources to the workspace",
+            id="a package of ROS",
+        ),
+        pytest.param(
+            broken("find_package(Qt7Widgets REQUIRED)"),
+            "install the system package that has Qt7WidgetsConfig.cmake (Debian: apt-file search",
+            id="a package of the system",
+        ),
+        pytest.param(
+            broken("ament_target_dependencies(x y)"),
+            "add find_package(ament_cmake REQUIRED) before it in CMakeLists.txt",
+            id="a command of ament",
+        ),
+        pytest.param(
+            broken("rosidl_generate_interfaces(broken)"),
+            "add find_package(rosidl_default_generators REQUIRED) before it in CMakeLists.txt",
+            id="a command of rosidl",
+        ),
+        pytest.param(
+            broken(f"{MAIN}\ntarget_link_libraries(main shapes::shapes)", languages="CXX"),
+            "add find_package(shapes REQUIRED) before its use in CMakeLists.txt and <depend>shapes",
+            id="a target that nobody looked for",
+        ),
+        pytest.param(
+            broken(MAIN, languages="CXX", main='#include "shapes/circle.hpp"'),
+            "'shapes/circle.hpp' belongs to the package 'shapes'; needed are <depend>shapes</depend> in "
+            "src/broken/package.xml, find_package(shapes REQUIRED) and ament_target_dependencies(",
+            id="a header of another package",
+        ),
+        pytest.param(
+            broken(MAIN, languages="CXX", main='#include "std_msgs/msg/string.hpp"'),
+            "'std_msgs/msg/string.hpp' belongs to the package 'std_msgs'; needed are",
+            id="a header of an interface that forge brings along",
+        ),
+        pytest.param(
+            broken(MAIN, languages="CXX", main='#include "broken/own.hpp"'),
+            "if it is the package's own: target_include_directories(YOUR_TARGET PRIVATE include)",
+            id="a header of its own",
+        ),
+        pytest.param(
+            broken(MAIN, languages="CXX", main="#include <zxing/qr.h>"),
+            "install the system package that has it (Debian: apt-file search zxing/qr.h)",
+            id="a header of the system",
+        ),
+        pytest.param(
+            broken(
+                "find_program(python python3)\n"
+                'execute_process(COMMAND ${python} -c "import em_is_not_here" COMMAND_ERROR_IS_FATAL ANY)'
+            ),
+            "-m pip install em_is_not_here",
+            id="a module of Python",
+        ),
+    ],
+)
+def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, str], hint: str) -> None:
+    ran = forge("build", cwd=tree(files))
+    assert ran.code == 1
+    assert "Traceback (most" not in ran.err.partition("Failed   <<<")[2]
+    hints = [line for line in ran.err.splitlines() if line.startswith("  hint: ")]
+    assert len(hints) == 1, ran.err
+    assert hint in hints[0]
