@@ -50,6 +50,7 @@ class Provision:
     `missing` maps a package to its dependencies that look like ROS packages and that nobody provides.
     `superseded` are embedded packages that must not be there, since somebody else answers for them.
     `postponed` are needs of tests alone, left out of `needs` since they would close a circle.
+    `withheld` maps each name that forge could answer to, but for its family, to the reason.
     """
 
     packages: Mapping[str, Package]
@@ -57,6 +58,7 @@ class Provision:
     missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     superseded: frozenset[str] = frozenset()
     postponed: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    withheld: Mapping[str, str] = field(default_factory=dict)
 
 
 def provide(
@@ -68,7 +70,8 @@ def provide(
 
     `provider(name)` tells the prefix in which an underlay or the system has a package, else None.
     """
-    answers = _answers(workspace, embedded, provider)
+    reasons = _provided_families(workspace, provider)
+    answers, withheld = _answers(embedded, reasons)
     packages = dict(workspace)
     needs: dict[str, frozenset[str]] = {}
     missing: dict[str, tuple[str, ...]] = {}
@@ -91,7 +94,7 @@ def provide(
                 waiting.append(other.name)
     standing = {package.name for package in answers.values()}
     superseded = (name for name in embedded if name not in standing or provider(name))
-    return Provision(packages, needs, missing, frozenset(superseded) - workspace.keys())
+    return Provision(packages, needs, missing, frozenset(superseded) - workspace.keys(), withheld=withheld)
 
 
 def without_test_circles(provision: Provision) -> tuple[Provision, tuple[Problem, ...]]:
@@ -159,24 +162,36 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
     )
 
 
+def _provided_families(
+    workspace: Mapping[str, Package], provider: Callable[[str], object | None]
+) -> dict[str, str]:
+    """Return the families that others provide, each with who does."""
+    families = {}
+    for family, marks in FAMILY_MARKS.items():
+        for mark in marks:
+            if mark in workspace:
+                families[family] = f"'{mark}' is in the workspace ({workspace[mark].path})"
+            elif found := provider(mark):
+                families[family] = f"'{mark}' comes from '{found}'"
+    return families
+
+
 def _answers(
-    workspace: Mapping[str, Package],
-    embedded: Mapping[str, Package],
-    provider: Callable[[str], object | None],
-) -> dict[str, Package]:
-    """Return every name that an embedded package answers to, families that others provide left out."""
-    taken = {
-        family
-        for family, marks in FAMILY_MARKS.items()
-        if any(mark in workspace or provider(mark) for mark in marks)
-    }
+    embedded: Mapping[str, Package], reasons: Mapping[str, str]
+) -> tuple[dict[str, Package], dict[str, str]]:
+    """Return every name that an embedded package answers to; apart those of families that others provide."""
     answers: dict[str, Package] = {}
+    withheld: dict[str, str] = {}
     for package in embedded.values():
         exports = package.manifest.exports
-        if not any(export.tag == "forge_family" and export.content in taken for export in exports):
-            names = [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
+        names = [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
+        families = (e.content for e in exports if e.tag == "forge_family")
+        reason = next((reasons[family] for family in families if family in reasons), None)
+        if reason is None:
             answers.update(dict.fromkeys(names, package))
-    return answers
+        else:
+            withheld.update(dict.fromkeys(names, reason))
+    return answers, withheld
 
 
 def _wanted(package: Package) -> tuple[str, ...]:
@@ -203,10 +218,18 @@ def _resolve(
 def _missing(dependency: str, users: list[str], provision: Provision) -> Problem:
     who = ", ".join(f"'{user}'" for user in sorted(users))
     verb = "needs" if len(users) == 1 else "need"
+    what = f"{who} {verb} '{dependency}', which is neither in the workspace nor in a sourced underlay"
+    place = Place(provision.packages[min(users)].manifest.path)
+    if dependency in provision.withheld:
+        return Problem(
+            f"{what}, and forge's own would not fit: {provision.withheld[dependency]}",
+            place,
+            f"add '{dependency}' from where that is, or take that away: forge then uses its own for all "
+            "(docs/explanation/embedded.md in the documentation)",
+        )
     return Problem(
-        f"{who} {verb} '{dependency}', which is neither in the workspace nor in a sourced underlay, "
-        "and forge does not bring it along",
-        Place(provision.packages[min(users)].manifest.path),
+        f"{what}, and forge does not bring it along",
+        place,
         "source an installation that has it, or add its sources to the workspace "
         "(docs/how-to/rclcpp.md in the documentation)",
     )

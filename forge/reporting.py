@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.model import (
@@ -37,6 +37,7 @@ HANDLERS = {
     "console_start_end": True,
     "console_stderr": True,
     "summary": True,
+    "status": True,
     "console_direct": False,
     "console_cohesion": False,
     "console_package_list": False,
@@ -47,7 +48,6 @@ HANDLERS = {
     "store_result": True,
     "compile_commands": True,
     "desktop_notification": False,
-    "status": False,
     "parallel_status": False,
     "terminal_title": False,
 }
@@ -79,6 +79,34 @@ def handlers_of(words: Sequence[str]) -> dict[str, bool]:
 def without_prose(handlers: Mapping[str, bool]) -> dict[str, bool]:
     """Return the event handlers without those that would print between lines for a program."""
     return {**handlers, **dict.fromkeys(_PROSE, False)}
+
+
+class Screen(Protocol):
+    """Where a report is printed; `quiet_starts` where something else shows what begins."""
+
+    quiet_starts: bool
+
+    def write(self, content: bytes, *, stderr: bool = False) -> None:
+        """Write bytes as they are: a package's output may be in any encoding."""
+
+
+class _Plain:
+    """The streams themselves."""
+
+    quiet_starts = False
+
+    def write(self, content: bytes, *, stderr: bool = False) -> None:
+        stream = sys.stderr if stderr else sys.stdout
+        sys.stdout.flush()
+        binary = getattr(stream, "buffer", None)
+        if binary is None:
+            stream.write(content.decode(errors="replace"))
+        else:
+            binary.write(content)
+        stream.flush()
+
+
+PLAIN: Screen = _Plain()
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +153,7 @@ class Report:
 
         `logs` is the folder that failures point at, `shared` the CMake variables that all packages get.
         """
+        self.screen = PLAIN
         self.python = "python3"
         """The interpreter of the workspace, as hints name it."""
         self._packages = packages
@@ -135,6 +164,7 @@ class Report:
         self._unused = UnusedVariables(shared)
         self._configured: set[str] = set()
         self._stderr: set[str] = set()
+        self._listed = False
         self._finished: list[str] = []
         self._failed: dict[str, Fault] = {}
         self._aborted: list[str] = []
@@ -177,7 +207,8 @@ class Report:
         """Print what `event` means to a person."""
         match event:
             case Started(task):
-                self._progress(f"Starting >>> {self._label(task)}")
+                self._list()
+                self._start(task)
             case Output(task, line, stderr):
                 self._take(task, line, stderr=stderr)
             case Finished():
@@ -204,10 +235,10 @@ class Report:
             return
         tally = self.tally
         unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
-        _out(f"\nSummary: {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
+        self._out(f"\nSummary: {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
         brought = len(tally.embedded)
         if brought:
-            _out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
+            self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
         for names, words in (
             (tally.failed, "failed"),
             (tally.aborted, "aborted"),
@@ -215,15 +246,29 @@ class Report:
             (tally.test_failures, f"had {TEST_FAILURES}"),
         ):
             if names:
-                _out(f"  {_count(names)} {words}: {' '.join(names)}")
+                self._out(f"  {_count(names)} {words}: {' '.join(names)}")
         if tally.not_processed:
-            _out(f"  {_count(tally.not_processed)} not processed")
+            self._out(f"  {_count(tally.not_processed)} not processed")
         if self._unused.names:
-            _out(f"  no package used what --cmake-args defines: {' '.join(self._unused.names)}")
+            self._out(f"  no package used what --cmake-args defines: {' '.join(self._unused.names)}")
+
+    def _start(self, task: str) -> None:
+        if not self.screen.quiet_starts:
+            self._progress(f"Starting >>> {self._label(task)}")
+
+    def _list(self) -> None:
+        """Print what may be built and in which order, once and where that was asked for."""
+        if self._on["console_package_list"] and not self._listed:
+            own = [task.package for task in self._tasks.values() if not task.embedded]
+            self._out("\n".join(("Topological order", *(f"- {one.name} ({one.type})" for one in own))))
+        self._listed = True
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:
-            _out(line)
+            self._out(line)
+
+    def _out(self, line: str) -> None:
+        self.screen.write(f"{line}\n".encode())
 
     def _label(self, task: str) -> str:
         return f"{task} (embedded)" if self._embedded(task) else task
@@ -238,7 +283,7 @@ class Report:
             # The beginning holds the first error, the end the last words: the middle may go.
             del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
         if self._on["console_direct"] and not self._embedded(task):
-            _write(line, stderr=stderr)
+            self.screen.write(line, stderr=stderr)
 
     def _close(self, task: str) -> None:
         """Show a task's output as one piece where that was asked for."""
@@ -249,14 +294,14 @@ class Report:
         if errors:
             self._stderr.add(task)
         if self._on["console_cohesion"] and lines and not self._on["console_direct"]:
-            _write(f"--- output: {task}\n".encode())
+            self.screen.write(f"--- output: {task}\n".encode())
             for line, _ in lines:
-                _write(line)
-            _write(b"---\n")
+                self.screen.write(line)
+            self.screen.write(b"---\n")
         elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
-            _write(f"--- stderr: {task}\n".encode(), stderr=True)
-            _write(errors, stderr=True)
-            _write(b"---\n", stderr=True)
+            self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
+            self.screen.write(errors, stderr=True)
+            self.screen.write(b"---\n", stderr=True)
 
     def _finish(self, event: Finished) -> None:
         task = event.task
@@ -290,7 +335,7 @@ class Report:
             lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
         if repeat:
             lines.append(f"  repeat: {repeat}")
-        _write(("\n".join(lines) + "\n").encode(), stderr=True)
+        self.screen.write(("\n".join(lines) + "\n").encode(), stderr=True)
 
     def _hint(self, task: str, text: Sequence[str]) -> str | None:
         """Return what to do about a failure whose cause is known."""
@@ -315,19 +360,3 @@ def duration(seconds: float) -> str:
 
 def _count(names: Sequence[str]) -> str:
     return f"{len(names)} package{'' if len(names) == 1 else 's'}"
-
-
-def _out(line: str) -> None:
-    _write(f"{line}\n".encode())
-
-
-def _write(content: bytes, *, stderr: bool = False) -> None:
-    """Write bytes as they are: a package's output may be in any encoding."""
-    stream = sys.stderr if stderr else sys.stdout
-    sys.stdout.flush()
-    binary = getattr(stream, "buffer", None)
-    if binary is None:
-        stream.write(content.decode(errors="replace"))
-    else:
-        binary.write(content)
-    stream.flush()

@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
 from forge.compile_commands import merge_compile_commands
-from forge.errors import Problem
+from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.execution import execute
 from forge.feed import Feed
 from forge.files import write_if_changed
 from forge.freshness import environment_that_counts
 from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
+from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
 from forge.preparation import INTERFACE_GROUP
 from forge.recipes.cmake import common_arguments
@@ -68,10 +69,12 @@ def carry_out(
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         warm_worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan)) as budget,
+        live_view(plan, records.seconds(), wanted=not options.json and is_wanted(handlers)) as view,
     ):
         spoken = without_prose(handlers) if options.json else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
         report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
+        report.screen = view.screen
         report.python = str(undertaking.interpreter.path)
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
@@ -84,6 +87,7 @@ def carry_out(
             for event in execute(plan, jobs.runner(budget, toolchain), board, records.settle):
                 records.take(event, plan)
                 transcript.write(event)
+                view.show(event)
                 report.show(event)
                 feed.write(event, report)
         finally:
@@ -93,6 +97,9 @@ def carry_out(
             seconds = time.monotonic() - begun
             report.summarise(seconds)
             feed.conclude(report, seconds)
+    if options.strict:
+        raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
+    warn(records.clashes(plan.tasks))
     return report.exit_code
 
 

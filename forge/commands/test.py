@@ -14,6 +14,7 @@ from forge import package_options
 from forge.errors import WorkspaceError
 from forge.execution import execute
 from forge.feed import Feed
+from forge.live import is_wanted, live_view
 from forge.model import Finished
 from forge.preparation import build_variables
 from forge.reporting import Report, handlers_of, without_prose
@@ -72,9 +73,11 @@ def run(options: argparse.Namespace) -> int:
     with (
         closing(open_transcript(layout.logs, "test", sys.argv)) as transcript,
         closing(open_test_budget(options, variables)) as budget,
+        live_view(plan, {}, wanted=not options.json and is_wanted(handlers)) as view,
     ):
         spoken = without_prose(handlers) if options.json else handlers
         report = Report(plan, loaded.packages, spoken, transcript.folder)
+        report.screen = view.screen
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         feed.announce()
@@ -84,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
         try:
             for event in execute(plan, runner, board, lambda task: task):
                 transcript.write(event)
+                view.show(event)
                 report.show(event)
                 feed.write(event, report)
                 note_result(event, plan.tasks[event.task], report.failed_tests)
@@ -92,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
             report.summarise(seconds)
             failures = _failures(plan, bench, report.failed_tests)
             if not options.json and failures:
-                print(*("", *table(failures)), sep="\n")
+                view.screen.write("\n".join(("", *table(failures), "")).encode(errors="surrogateescape"))
             feed.tell_failures(failures)
             code = report.exit_code or int(options.return_code_on_test_failure and bool(report.failed_tests))
             feed.conclude(report, seconds, code)

@@ -11,7 +11,7 @@ from forge.recipes.kitchen import Recipe, places
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from forge.model import Package
+    from forge.model import Package, Pairs
     from forge.recipes.kitchen import Kitchen
 
 RECORD = "configured"
@@ -30,14 +30,15 @@ def plain_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
 
 def ament_recipe(package: Package, kitchen: Kitchen) -> Recipe:
     """Return the steps for an ament_cmake package; ament's own option tells it of symlinks."""
-    links = "1" if _links(package, kitchen) else "0"
-    own = (f"-DAMENT_CMAKE_SYMLINK_INSTALL={links}", *_test_results(kitchen), *kitchen.ament_cmake_args)
-    return _recipe(package, kitchen, (*kitchen.cmake_args, *own))
+    links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, kitchen) else "0")
+    arguments = (*kitchen.cmake_args, *kitchen.ament_cmake_args)
+    return _recipe(package, kitchen, arguments, (links, *_test_results(kitchen)))
 
 
 def ament_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
     """Return the words whose change means another configure."""
-    return (*plain_options(package, kitchen), *_test_results(kitchen), *kitchen.ament_cmake_args)
+    told = (value for _, value in _test_results(kitchen))
+    return (*plain_options(package, kitchen), *told, *kitchen.ament_cmake_args)
 
 
 def leftovers(build: Path) -> tuple[Path, ...]:
@@ -62,14 +63,14 @@ def handover_folder(build_dir: Path) -> Path:
     return build_dir / "handover"
 
 
-def _recipe(package: Package, kitchen: Kitchen, arguments: tuple[str, ...]) -> Recipe:
+def _recipe(package: Package, kitchen: Kitchen, arguments: tuple[str, ...], ament: Pairs = ()) -> Recipe:
     build = kitchen.layout.build_dir(package.name)
     from forge.recipes import handover  # noqa: PLC0415  (a fresh package needs no templates)
 
     folder = handover_folder(build)
     manifest = folder / "manifest.cmake"
     files = (
-        (folder / "handover.cmake", handover.handover(kitchen, manifest)),
+        (folder / "handover.cmake", handover.handover(kitchen, manifest, ament)),
         (manifest, handover.manifest_variables(package.manifest)),
     )
     configure = _configure(package, kitchen, arguments, files[0][1])
@@ -149,8 +150,8 @@ def _how_to_install(package: Package, kitchen: Kitchen) -> tuple[tuple[str, str]
     return (*always, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY")) if _links(package, kitchen) else always
 
 
-def _test_results(kitchen: Kitchen) -> tuple[str, ...]:
-    return (f"-DAMENT_TEST_RESULTS_DIR={kitchen.test_results}",) if kitchen.test_results else ()
+def _test_results(kitchen: Kitchen) -> Pairs:
+    return (("AMENT_TEST_RESULTS_DIR", str(kitchen.test_results)),) if kitchen.test_results else ()
 
 
 def _links(package: Package, kitchen: Kitchen) -> bool:

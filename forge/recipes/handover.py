@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from forge.model import Export, Manifest
+    from forge.model import Export, Manifest, Pairs
     from forge.recipes.kitchen import Kitchen
 
 _LISTS = {
@@ -46,11 +46,12 @@ class _Variable:
     arguments: str
 
 
-def handover(kitchen: Kitchen, manifest: Path) -> str:
+def handover(kitchen: Kitchen, manifest: Path, ament: Pairs = ()) -> str:
     """Return the cache entries for CMake's -C option; `manifest` is where manifest_variables() go.
 
-    All packages may use them, whether they know forge or not. The text depends on nothing else, so
-    it changes exactly when a package must be configured again.
+    All packages may use them, whether they know forge or not; `ament` are more, for those of that build
+    type: as -D CMake would complain of a package that finds no ament. The text depends on nothing else,
+    so it changes exactly when a package must be configured again.
     """
     python = quoted(str(kitchen.python))
     version = _PYTHON_VERSION.search(kitchen.site_packages)
@@ -62,6 +63,7 @@ def handover(kitchen: Kitchen, manifest: Path) -> str:
         ("FORGE_COMMAND", quoted(*kitchen.generator), "STRING", "The words that start forge"),
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new one generates interfaces anew"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
+        *((name, quoted(value), "STRING", "What ament is told") for name, value in ament),
     )
     return render(
         "cmake/handover.cmake.j2",

@@ -263,7 +263,6 @@ def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> No
         "-G",
         "Ninja",
         "-DCMAKE_MAKE_PROGRAM=/usr/bin/ninja",
-        "-DAMENT_CMAKE_SYMLINK_INSTALL=0",
         "-DCMAKE_INSTALL_PREFIX=/ws/install/a",
     )
     assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a")
@@ -317,7 +316,8 @@ def test_an_existing_folder_keeps_its_generator() -> None:
 def test_links_are_for_the_workspaces_packages_only() -> None:
     linked = plan("e", "a", "p", kitchen=replace(KITCHEN, layout=replace(LAYOUT, symlink=True))).tasks
     assert ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY") in linked["a"].steps[2].env
-    assert "-DAMENT_CMAKE_SYMLINK_INSTALL=1" in linked["a"].steps[0].argv
+    handed_over = dict(linked["a"].files)[Path("/ws/build/a/handover/handover.cmake")]
+    assert 'set(AMENT_CMAKE_SYMLINK_INSTALL "1" CACHE' in handed_over
     assert linked["e"].steps[2].env == (("CMAKE_INSTALL_ALWAYS", "1"),)
     assert "--link" in linked["p"].steps[0].argv
 

@@ -73,6 +73,20 @@ def test_a_family_is_used_whole_or_not_at_all() -> None:
     assert "rosidl_default_generators" in made.packages
     assert made.needs["rosidl_default_generators"] == frozenset()
     assert made.missing == {"a": ("ament_cmake_auto",)}
+    errors, _ = missing_problems(made, ["a"])
+    assert errors[0].message.endswith("and forge's own would not fit: 'ament_cmake' comes from '1'")
+
+
+def test_who_has_half_of_a_family_in_the_workspace_is_told_so() -> None:
+    half = package("ament_cmake_core", build_type="cmake")
+    made = provide(by_name(package("a", "ament_cmake_auto"), half), EMBEDDED, nobody)
+    errors, _ = missing_problems(made, ["a"])
+    assert errors[0].message == (
+        "'a' needs 'ament_cmake_auto', which is neither in the workspace nor in a sourced underlay, "
+        "and forge's own would not fit: 'ament_cmake_core' is in the workspace (src/ament_cmake_core)"
+    )
+    assert errors[0].hint is not None
+    assert errors[0].hint.startswith("add 'ament_cmake_auto' from where that is")
 
 
 def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
