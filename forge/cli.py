@@ -35,11 +35,16 @@ COMMANDS = {
     "interface": "compile, list and show .msg, .srv and .action files",
     "pkg": "create a package; ask about installed ones",
     "run": "run an executable of an installed package",
+    "env": "print what sourcing the workspace sets",
+    "shell": "start a shell, or a command, that needs no sourcing",
+    "bundle": "pack what running needs into one archive",
 }
 
 _VALUED = frozenset({"--log-base", "--log-level", "-C"})
 
-_IN_WORKSPACE = frozenset({"build", "test", "test-result", "list", "graph", "info", "clean"})
+_IN_WORKSPACE = frozenset(
+    {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
+)
 """The commands that run at the root of the workspace, wherever inside they are typed."""
 
 _REFUSALS = frozenset({errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT})

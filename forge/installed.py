@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from forge import ament_index
 from forge.errors import EnvironmentFault, ForgeError, Problem
 from forge.names import did_you_mean, is_package_name
+from forge.prefixes import LAYOUT_MARKER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,6 +36,18 @@ def find_package(name: str, variables: Mapping[str, str]) -> Path:
         hint = _unsourced(name, variables) or did_you_mean(name, ament_index.resources("packages", where))
         raise ForgeError(Problem(f"package '{name}' not found", hint=hint))
     return prefix
+
+
+def workspace_of(name: str, variables: Mapping[str, str]) -> Path | None:
+    """Return the install folder around here that has package `name`, where the environment has none."""
+    if not is_package_name(name) or ament_index.prefix_of(name, ament_index.prefixes(variables)):
+        return None
+    setup = _setup_near(Path.cwd(), variables)
+    if setup is None:
+        return None
+    install = setup.parent.absolute()
+    built = (install / LAYOUT_MARKER).is_file()
+    return install if built and ament_index.prefix_of(name, (install, install / name)) else None
 
 
 def executables(package: str, prefix: Path) -> tuple[Path, ...]:

@@ -87,7 +87,11 @@ def _add_selection(parser: Parser) -> None:
     group.add_argument(
         "--since", default="HEAD", metavar="REV", help="changed against which revision (default: HEAD)"
     )
-    group.add_argument("--strict", action="store_true", help="a name that no package has is always an error")
+    group.add_argument(
+        "--strict",
+        action="store_true",
+        help="a name that no package has, or a file of two packages, is an error",
+    )
 
 
 def _add_sets(parser: Parser) -> None:

@@ -13,6 +13,7 @@ from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
 from forge.interpreter import find_interpreter, require_modules
+from forge.lengths import too_long
 from forge.makeflags import read_make_flags
 from forge.planning import Standing
 from forge.prefixes import find_underlays
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from forge.interpreter import Interpreter
     from forge.layout import Layout
+    from forge.model import BuildPlan
     from forge.workspace import Loaded
 
 INTERFACE_GROUP = "rosidl_interface_packages"
@@ -73,6 +75,17 @@ def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str]) -> None:
         problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
     warn(warnings)
     raise_if_any(problems, WorkspaceError)
+
+
+def refuse_what_is_too_long(
+    plan: BuildPlan, loaded: Loaded, kitchen: Kitchen, variables: Mapping[str, str]
+) -> None:
+    """Raise WorkspaceError when programs could not be started, for a variable is too long; warn if later."""
+    errors, warnings = too_long(
+        plan, loaded.provision.packages, kitchen.layout, kitchen.site_packages, variables
+    )
+    warn(warnings)
+    raise_if_any(errors, WorkspaceError)
 
 
 def prepare(

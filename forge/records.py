@@ -21,8 +21,9 @@ from forge.results import STATE, remove_file
 from forge.snapshot import moved_externals
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Collection, Iterable, Mapping
 
+    from forge.errors import Problem
     from forge.freshness import Outlook
     from forge.interpreter import Interpreter
     from forge.journal import Journal
@@ -111,10 +112,13 @@ class Records:
         """Return the record of a task that ended well, once what only its last build installed is gone."""
         from forge.externals import external_inputs  # noqa: PLC0415  (most builds make nothing)
         from forge.installation import installed_files  # noqa: PLC0415
+        from forge.ownership import note_contents  # noqa: PLC0415
 
         files = installed_files(task.package, self._layout)
         self._date(files)
         self._remove_stale(task.name, set(task.earlier) - set(files))
+        if self._layout.merged:
+            note_contents(task.build_dir, files, self.table)
         inside = (self.source(task), self._layout.build, self._layout.install)
         externals = external_inputs(task.build_dir, inside)
         return Record(
@@ -144,6 +148,14 @@ class Records:
             stamp = stamp_files(self.journal.externals)
             if not moved_externals(self.journal, self.table):
                 self.journal.agree(stamp)
+
+    def clashes(self, names: Collection[str]) -> tuple[Problem, ...]:
+        """Return what any of the packages and others install into one prefix, with different contents."""
+        if not self._layout.merged:
+            return ()
+        from forge.ownership import clashes  # noqa: PLC0415  (most trees are not merged)
+
+        return clashes(self._layout, self.journal.records, names)
 
     def close(self) -> None:
         """Write what is still to be written."""

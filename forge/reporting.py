@@ -164,6 +164,7 @@ class Report:
         self._unused = UnusedVariables(shared)
         self._configured: set[str] = set()
         self._stderr: set[str] = set()
+        self._listed = False
         self._finished: list[str] = []
         self._failed: dict[str, Fault] = {}
         self._aborted: list[str] = []
@@ -206,6 +207,7 @@ class Report:
         """Print what `event` means to a person."""
         match event:
             case Started(task):
+                self._list()
                 self._start(task)
             case Output(task, line, stderr):
                 self._take(task, line, stderr=stderr)
@@ -253,6 +255,13 @@ class Report:
     def _start(self, task: str) -> None:
         if not self.screen.quiet_starts:
             self._progress(f"Starting >>> {self._label(task)}")
+
+    def _list(self) -> None:
+        """Print what may be built and in which order, once and where that was asked for."""
+        if self._on["console_package_list"] and not self._listed:
+            own = [task.package for task in self._tasks.values() if not task.embedded]
+            self._out("\n".join(("Topological order", *(f"- {one.name} ({one.type})" for one in own))))
+        self._listed = True
 
     def _progress(self, line: str) -> None:
         if self._on["console_start_end"]:

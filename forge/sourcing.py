@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from forge import scripts
 from forge.environment import Edit, Installed, Script, apply, order, read_hooks, settle
-from forge.errors import EnvironmentFault, Problem
-from forge.prefixes import installed_packages
+from forge.errors import EnvironmentFault, Problem, WorkspaceError
+from forge.prefixes import LAYOUT_MARKER, installed_packages
+from forge.results import recorded_underlays
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -43,6 +44,24 @@ def workspace_environment(chain: Sequence[Path], variables: Mapping[str, str]) -
             (root / package.folder, edit) for package in packages_in_order(root) for edit in package.edits
         ]
         result = _apply(edits, result, first=False)
+    return result
+
+
+def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return `variables` after sourcing the `setup` script of an install folder; lost underlays add nothing.
+
+    Raises WorkspaceError where nothing was built, or as `build_environment` does.
+    """
+    if not (install / LAYOUT_MARKER).is_file():
+        hint = "run 'forge build', or name another folder with '--install-base'"
+        raise WorkspaceError(Problem(f"nothing was built into '{install}'", hint=hint))
+    result = dict(variables)
+    for root in (*recorded_underlays(install), install):
+        script = root / "local_setup.sh"
+        if (root / LAYOUT_MARKER).is_file():
+            result = workspace_environment([root], result)
+        elif script.is_file():  # a distribution: what its own script does is not for us to guess
+            result = _source(script, root, result)
     return result
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
 from forge.compile_commands import merge_compile_commands
-from forge.errors import Problem
+from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.execution import execute
 from forge.feed import Feed
 from forge.files import write_if_changed
@@ -97,6 +97,9 @@ def carry_out(
             seconds = time.monotonic() - begun
             report.summarise(seconds)
             feed.conclude(report, seconds)
+    if options.strict:
+        raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
+    warn(records.clashes(plan.tasks))
     return report.exit_code
 
 

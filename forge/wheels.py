@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from installer.sources import WheelFile
 
 from forge.errors import EnvironmentFault, ForgeError, Problem
 from forge.files import replace_file
+from forge.lending import lent_setuptools
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -84,7 +86,7 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         str(source),
         system["build-backend"],
         backend_path=system.get("backend-path"),
-        runner=_run_backend,
+        runner=partial(_run_backend, surroundings=_surroundings(system, python, build)),
         python_executable=python,
     )
     try:
@@ -104,8 +106,23 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         raise EnvironmentFault(Problem(message, hint=remedy if backend == _OURS else None)) from None
 
 
+def _surroundings(system: Mapping[str, Any], python: str, build: Path) -> Mapping[str, str]:
+    """Return the environment of the backend, with a setuptools where the interpreter lacks one."""
+    if not (system["build-backend"].startswith("setuptools.") or "backend-path" in system):
+        return os.environ
+    lent = lent_setuptools(python, build / "lent")
+    if lent is None:
+        return os.environ
+    path = os.pathsep.join(filter(None, (str(lent), os.environ.get("PYTHONPATH"))))
+    return {**os.environ, "PYTHONPATH": path}
+
+
 def _run_backend(
-    cmd: Sequence[str], cwd: str | None = None, extra_environ: Mapping[str, str] | None = None
+    cmd: Sequence[str],
+    cwd: str | None = None,
+    extra_environ: Mapping[str, str] | None = None,
+    *,
+    surroundings: Mapping[str, str],
 ) -> None:
     """Run the backend; what it says goes to stdout, since backends chatter on stderr when all is well.
 
@@ -114,7 +131,7 @@ def _run_backend(
     done = subprocess.run(
         cmd,
         cwd=cwd,
-        env={**os.environ, **(extra_environ or {})},
+        env={**surroundings, **(extra_environ or {})},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

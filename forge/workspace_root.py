@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
 
-_ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base")
+_ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base", "--output")
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
 
 

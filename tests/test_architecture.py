@@ -25,17 +25,19 @@ FLOORS = {
     """,
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
-        installed interpreter jobs jobserver journal live occupancy prefixes records reporting results
+        installed interpreter jobs jobserver journal lending live occupancy prefixes records reporting results
         runner snapshot sourcing steps toolchain tools transcript wheels configuration
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
+        bundling ownership
     """,
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
+        assignments lengths
     """,
     1: "model layout interfaces.model",
     0: ". errors names files templating ament_index",

@@ -17,6 +17,7 @@ from forge.preparation import (
     build_variables,
     prepare,
     refuse_what_cannot_work,
+    refuse_what_is_too_long,
     standing,
 )
 from forge.records import open_records
@@ -69,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
         )
         records.confirm(plan, snapshot, outlook)
+        refuse_what_is_too_long(plan, loaded, kitchen, variables)
         _say(plan, options, level, loaded.packages)
         if options.dry_run:
             return 0

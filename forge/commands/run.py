@@ -12,11 +12,11 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, ForgeError, Problem
-from forge.installed import executables, find_package
+from forge.installed import executables, find_package, workspace_of
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
     from types import FrameType
 
@@ -37,11 +37,22 @@ def run(options: argparse.Namespace) -> int:
         hint = "'forge pkg executables' lists them"
         raise ForgeError(Problem("name a package and one of its executables", hint=hint))
     package, name, *arguments = words
-    path = _choose(package, name, find_package(package, os.environ))
-    code = _wait_for((*_words(options.prefix), str(path), *arguments))
+    variables = _environment(package)
+    path = _choose(package, name, find_package(package, variables))
+    code = _wait_for((*_words(options.prefix), str(path), *arguments), variables)
     if code:
         print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
     return code
+
+
+def _environment(package: str) -> Mapping[str, str]:
+    """Return our environment, with the workspace around sourced where only that has the package."""
+    install = workspace_of(package, os.environ)
+    if install is None:
+        return os.environ
+    from forge.sourcing import sourced_environment  # noqa: PLC0415  (who has sourced does without)
+
+    return sourced_environment(install, os.environ)
 
 
 def _choose(package: str, name: str, prefix: Path) -> Path:
@@ -75,12 +86,12 @@ def _words(command: str | None) -> list[str]:
         raise ForgeError(Problem(f"--prefix cannot be read: {str(error).lower()}")) from None
 
 
-def _wait_for(argv: Sequence[str]) -> int:
+def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
     """Run a program with our input, output and folder until it ends, whatever signals we get."""
     sys.stdout.flush()
     with _deaf() as listeners:
         try:
-            child = subprocess.Popen(argv)
+            child = subprocess.Popen(argv, env=variables)
         except OSError as error:
             hint = "a script says in its first line what runs it, such as '#!/usr/bin/env python3'"
             problem = Problem(f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=hint)

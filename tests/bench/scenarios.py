@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tests.bench import builds, configures
+from tests.bench import builds, configures, sourcing
 from tests.bench.timing import Variant
 from tests.bench.workspaces import write_workspace
 
@@ -70,6 +70,7 @@ SCENARIOS: Mapping[str, Callable[[Path, Peers], tuple[Variant, ...]]] = {
     "complete-300": complete_300,
     "configure": configures.configure,
     **builds.SCENARIOS,
+    **sourcing.SCENARIOS,
 }
 
 

@@ -119,6 +119,20 @@ def test_packages_are_built_in_the_same_order_and_fail_alike(twins: Twins, seed:
     assert notes(twins.roots[0]) == notes(twins.roots[1])
 
 
+@pytest.mark.parametrize(
+    "handler", ["console_package_list+", "console_start_end-", "summary-", "console_cohesion+"]
+)
+def test_event_handlers_say_the_same(twins: Twins, handler: str) -> None:
+    twins.package("b", more='message(STATUS "two words")')
+    twins.package("a", "<depend>b</depend>", more='message(WARNING "hm")')
+    ours, theirs = twins.build(*ONE, "--event-handlers", handler)
+    # What programs print is theirs: forge starts them in other ways.
+    aside = re.compile(r"^--- output: \w+\n.*?^---\n", re.MULTILINE | re.DOTALL)
+    said = [aside.sub("[output]\n", re.sub(r" \[[\d.]+s\]", "", ran.out)) for ran in (ours, theirs)]
+    assert said[0] == said[1]
+    assert all(("two words" in ran.out) == (handler == "console_cohesion+") for ran in (ours, theirs))
+
+
 def forget(twins: Twins) -> None:
     """Let forge forget what is fresh; colcon knows no such thing."""
     for path in twins.roots[0].glob("build/forge_*"):

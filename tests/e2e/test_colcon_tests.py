@@ -90,6 +90,8 @@ def test_the_same_workspace_is_tested_alike(colcon: Colcon, forge: Forge, tree: 
             line for line in without_times(theirs) if said in line
         ]
     their_sums = colcon("test-result", "--all", cwd=root)
+    # Each tool reads the other's results as its own.
+    assert without_times(forge("test-result", "--all", "--verbose", cwd=root)) == without_times(our_sums)
     assert our_sums.code == their_sums.code == 1
     # What ament's tests leave twice is counted once; the files together are what colcon sums up.
     their_sum = without_times(their_sums)[-1].partition(": ")[2]

@@ -6,12 +6,12 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
+import pytest
+
 from forge.wheels import main
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    import pytest
 
     from tests.conftest import Tree
 
@@ -30,13 +30,13 @@ setup(name="talk", version="0.1.0", packages=["talk"],
 }
 
 
-def install(root: Path, *options: str) -> int:
-    """Install the package talk below root/install with this interpreter."""
+def install(root: Path, *options: str, python: str = sys.executable) -> int:
+    """Install the package talk below root/install with an interpreter."""
     return main(
         [
             str(root / "src/talk"),
             *("--package", "talk", "--build", str(root / "build/talk"), "--prefix", str(root / "install")),
-            *("--python", sys.executable, "--site-packages", SITE, *options),
+            *("--python", python, "--site-packages", SITE, *options),
         ]
     )
 
@@ -147,3 +147,19 @@ def test_warnings_of_a_backend_are_no_news(tree: Tree, capfd: pytest.CaptureFixt
     said = capfd.readouterr()
     assert said.err == ""
     assert "tests_require" in said.out
+
+
+@pytest.mark.parametrize("contents", [["--without-pip"], []])
+def test_a_fresh_virtual_environment_needs_nothing_more(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, contents: list[str]
+) -> None:
+    """It has no setuptools, or one of its Python's age that makes no wheels."""
+    root = tree(SETUP)
+    subprocess.run([sys.executable, "-m", "venv", *contents, str(root / "venv")], check=True)
+    python = root / "venv/bin/python3"
+    (root / "build/talk/wheel").mkdir(parents=True)
+    monkeypatch.chdir(root / "build/talk")  # where a build runs it, and a folder is no module called wheel
+    assert install(root, python=str(python)) == 0
+    assert files(root / "install") == INSTALLED
+    assert (root / "install/lib/talk/hello").read_text().startswith(f"#!{python}\n")
+    assert hello(root) == "hello from talk\n"
