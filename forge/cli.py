@@ -114,10 +114,10 @@ class Parser(argparse.ArgumentParser):
         """Parse after shielding the values of greedy options with a blank, as colcon's users do."""
         shielded = self._shielded(args or ())
         if self.verb is None:
-            return super().parse_known_args(shielded, namespace)
+            return self._gathered(*super().parse_known_args(shielded, namespace))
         actions = [action for action in self._actions if action.default is not argparse.SUPPRESS]
         namespace = argparse.Namespace(**dict.fromkeys((action.dest for action in actions), _NOT_GIVEN))
-        options, rest = super().parse_known_args(shielded, namespace)
+        options, rest = self._gathered(*super().parse_known_args(shielded, namespace))
         given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
         said = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
         # What may stand before the command, too, must not win over that.
@@ -125,6 +125,18 @@ class Parser(argparse.ArgumentParser):
         defaults = {action.dest: self._default(action) for action in actions}
         values = {**defaults, **given, **said, "given": frozenset(given), "general": general}
         return argparse.Namespace(**values), rest
+
+    def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
+        """Give names that stand after an option to the argument that takes any number of them.
+
+        By itself argparse takes only those in front of the first option: 'clean packages -y P' has none.
+        """
+        takers = [action for action in self._actions if not action.option_strings and action.nargs == "*"]
+        if not takers or not rest or any(word.startswith("-") for word in rest):
+            return options, rest
+        before = getattr(options, takers[-1].dest)
+        setattr(options, takers[-1].dest, [*(before if isinstance(before, list) else ()), *rest])
+        return options, []
 
     def _default(self, action: argparse.Action) -> object:
         """Return the value of an option that nobody gave; a text is converted as if typed."""

@@ -13,6 +13,7 @@ import pytest
 
 from tests.packages import manifest_text
 from tests.peers import Colcon
+from tests.snippets import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,10 +70,14 @@ class Twins:
 
     def build(self, *options: str) -> tuple[Ran, Ran]:
         """Build both, with a code of zero in both or in none."""
-        ours = self._forge("build", *options, cwd=self.roots[0], env=VARIABLES)
-        theirs = self._colcon("build", *options, cwd=self.roots[1])
+        ours, theirs = self.try_to_build(*options)
         assert (ours.code == 0) == (theirs.code == 0), f"{options}\n{ours}\n{theirs}"
         return ours, theirs
+
+    def try_to_build(self, *options: str) -> tuple[Ran, Ran]:
+        """Build both."""
+        ours = self._forge("build", *options, cwd=self.roots[0], env=VARIABLES)
+        return ours, self._colcon("build", *options, cwd=self.roots[1])
 
 
 @pytest.fixture
@@ -156,6 +161,25 @@ def test_what_cannot_be_built_is_an_error_of_both(twins: Twins) -> None:
     assert ours.code
     ours, theirs = twins.build("--packages-select", "nobody")
     assert told(ours) == told(theirs) == ["Summary: 0 packages finished"]
+
+
+MEANT = {
+    "begins to build what needs a ROS package that nobody provides": ("<depend>nav2_msgs</depend>", "cmake"),
+    "leaves out packages of a build type that it does not know, with a warning": ("", "wierd"),
+    "refuses a circle that only a `test_depend` closes": ("<test_depend>b</test_depend>", "cmake"),
+}
+"""Lines of the page, each with a package that shows the difference."""
+
+
+@pytest.mark.parametrize("line", MEANT)
+def test_what_the_page_says_of_builds_is_so(twins: Twins, line: str) -> None:
+    need, build_type = MEANT[line]
+    twins.package("a")
+    twins.write("src/a/package.xml", manifest_text("a", need, build_type=build_type))
+    twins.package("b", "<depend>a</depend>" if "test" in need else "")
+    ours, theirs = twins.try_to_build()
+    assert (ours.code == 0) != (theirs.code == 0)
+    assert f"| {line} |" in (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
 
 
 def test_folders_of_another_layout_are_refused_by_both(twins: Twins) -> None:

@@ -133,3 +133,14 @@ def test_links_are_removed_and_not_followed(forge: Forge, tree: Tree) -> None:
     assert forge("clean", "workspace", "-y", cwd=root).code == 0
     assert (root / "elsewhere/kept").is_file()
     assert not (root / "build").exists()
+
+
+@pytest.mark.parametrize("words", [("-y", "a", "b"), ("a", "-y", "b"), ("a", "b", "-y")])
+def test_names_may_stand_before_and_after_options(
+    forge: Forge, workspace: Path, words: tuple[str, ...]
+) -> None:
+    ran = forge("clean", "packages", *words, cwd=workspace)
+    assert ran.code == 0, ran.err
+    assert not (workspace / "build/a").exists()
+    assert not (workspace / "build/b").exists()
+    assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=workspace).code == 2
