@@ -46,6 +46,7 @@ bench: .venv/.ready
 
 clean:
 	rm -rf .venv .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
+	rm -rf examples_ws/ros2/build examples_ws/ros2/install examples_ws/ros2/log
 
 # The demo installs forge as its users do: a wheel, with the cmake and ninja wheels beside it.
 .venv-demo/.ready: pyproject.toml $(shell find forge templates -type f -not -name '*.pyc')
