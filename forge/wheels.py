@@ -1,14 +1,17 @@
 """`python -m forge.wheels SOURCE ...`: build a Python package's wheel and unpack it into a prefix.
 
 The package's own backend (PEP 517; setuptools for a setup.py) makes the wheel in the workspace's
-interpreter, the `installer` library unpacks it: console scripts go to lib/<package>, where `run`
-looks for them, or to bin, modules to the site-packages folder, data files to where the package says.
+interpreter, the `installer` library unpacks it: console scripts go where setup.cfg says, commonly to
+lib/<package>, where `run` looks for them, or to bin, modules to the site-packages folder, data files to
+where the package says.
 What an earlier build installed and this one does not is removed.
 """
 
 from __future__ import annotations
 
 import argparse
+import configparser
+import contextlib
 import csv
 import filecmp
 import itertools
@@ -65,7 +68,11 @@ def _parser() -> argparse.ArgumentParser:
         "--python", required=True, metavar="PATH", help="the interpreter to build with and for"
     )
     parser.add_argument("--site-packages", required=True, metavar="DIR", help="relative to the prefix")
-    parser.add_argument("--scripts", metavar="DIR", help="relative to the prefix (default: lib/PACKAGE)")
+    parser.add_argument(
+        "--scripts",
+        metavar="DIR",
+        help="for a package without a setup.py, relative to the prefix (default: lib/PACKAGE)",
+    )
     parser.add_argument("--link", action="store_true", help="link files to their sources instead of copying")
     return parser
 
@@ -162,7 +169,7 @@ def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
     schemes = {
         "purelib": str(site),
         "platlib": str(site),
-        "scripts": str(options.prefix / (options.scripts or f"lib/{options.package}")),
+        "scripts": str(options.prefix / _scripts_folder(options)),
         "data": str(options.prefix),
         "headers": str(options.prefix / "include" / options.package),
     }
@@ -175,6 +182,29 @@ def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
         record = site / source.dist_info_dir / "RECORD"
     lines = record.read_text(encoding="utf-8").splitlines()
     return tuple(Path(os.path.normpath(site / _path_of(line))) for line in lines)
+
+
+def _scripts_folder(options: argparse.Namespace) -> str:
+    """Return where programs go, relative to the prefix; as setuptools has it where there is a setup.py.
+
+    Its setup.cfg may name a folder, and `bin` is where the others go: `ros2` itself is such a program.
+    """
+    said = _install_scripts(options.source / "setup.cfg")
+    if said:
+        return said
+    if (options.source / "setup.py").is_file():
+        return "bin"
+    return options.scripts or f"lib/{options.package}"
+
+
+def _install_scripts(path: Path) -> str | None:
+    """Return the folder below the prefix that a setup.cfg names for programs, if it names one."""
+    parser = configparser.RawConfigParser()
+    with contextlib.suppress(configparser.Error):
+        parser.read(path, encoding="utf-8")
+    section = dict(parser["install"]) if parser.has_section("install") else {}
+    base, _, folder = (section.get("install_scripts") or section.get("install-scripts") or "").partition("/")
+    return folder if base in {"$base", "$platbase"} else None
 
 
 def _remove_links(manifest: Path) -> None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def recipe(package: Package, kitchen: Kitchen) -> Recipe:
-    """Return the one step; its scripts go to lib/<package>, where `ros2 run` looks."""
+    """Return the one step; without a setup.py its scripts go to lib/<package>, where `ros2 run` looks."""
     return _recipe(package, kitchen)
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 SITE = "lib/python3/site-packages"
 
 SETUP = {
+    "src/talk/setup.cfg": "[install]\ninstall_scripts=$base/lib/talk\n",
     "src/talk/setup.py": """from setuptools import setup
 setup(name="talk", version="0.1.0", packages=["talk"],
       data_files=[("share/talk/launch", ["launch/talk.launch.py"])],
@@ -70,6 +71,27 @@ def test_a_setup_py_package_is_installed_and_its_source_folder_stays_clean(tree:
     assert files(root / "install") == INSTALLED
     assert hello(root) == "hello from talk\n"
     assert files(root / "src") == before
+
+
+@pytest.mark.parametrize(
+    ("said", "folder"),
+    [
+        (SETUP["src/talk/setup.cfg"], "lib/talk"),
+        ("[install]\ninstall-scripts = $base/libexec/talk/\n", "libexec/talk"),
+        ("[install]\ninstall_scripts=/elsewhere\n", "bin"),
+        ("[develop]\nscript_dir=$base/lib/talk\n", "bin"),
+        (None, "bin"),
+    ],
+)
+def test_programs_go_where_setup_cfg_says_or_else_onto_the_path(
+    tree: Tree, said: str | None, folder: str
+) -> None:
+    """As setuptools has it: ros2 itself, and the linters, say nothing and are typed without `ros2 run`."""
+    root = tree(SETUP | {"src/talk/setup.cfg": said or ""})
+    if said is None:
+        (root / "src/talk/setup.cfg").unlink()
+    assert install(root) == 0
+    assert [name for name in files(root / "install") if name.endswith("/hello")] == [f"{folder}/hello"]
 
 
 def test_what_is_no_longer_part_of_the_package_is_removed(tree: Tree) -> None:

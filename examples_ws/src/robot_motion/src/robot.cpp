@@ -41,6 +41,12 @@ Robot::MoveAction::Feedback Robot::step()
   return feedback;
 }
 
+void Robot::stop()
+{
+  target_ = current_;
+  moving_ = false;
+}
+
 bool Robot::arrived() const
 {
   return plain_cmake_math::near(current_, target_, kTolerance);

@@ -27,6 +27,9 @@ public:
   /// Go one step towards the goal and tell how far that led.
   MoveAction::Feedback step();
 
+  /// Give up the goal and stay where it led so far.
+  void stop();
+
   /// Tell whether the goal is reached.
   bool arrived() const;
 

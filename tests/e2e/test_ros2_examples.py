@@ -1,0 +1,130 @@
+"""The examples that need rclcpp or rclpy: what holds of them on a machine without any ROS."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.manifest import parse_manifest
+from forge.model import BUILD_KINDS, RUN_KINDS
+from tests.snippets import ROOT, shell
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.model import Manifest
+    from tests.conftest import Forge
+
+EXAMPLES = ROOT / "examples_ws"
+SOURCES = EXAMPLES / "ros2/src"
+NODES = sorted(path.name for path in SOURCES.iterdir())
+SHARED = sorted(path.name for path in (EXAMPLES / "src").iterdir())
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Path:
+    """Copy the sources of both workspaces and return the folder of the outer one."""
+    folder = tmp_path / "examples_ws"
+    results = shutil.ignore_patterns("build", "install", "log")
+    shutil.copytree(EXAMPLES / "src", folder / "src")
+    shutil.copytree(EXAMPLES / "ros2", folder / "ros2", ignore=results)
+    return folder
+
+
+def code(package: str, *patterns: str) -> str:
+    """Return the text of a package's files that fit one of the patterns."""
+    paths = [path for pattern in patterns for path in sorted((SOURCES / package).rglob(pattern))]
+    return "".join(path.read_text(encoding="utf-8") for path in paths)
+
+
+def manifest_of(package: str) -> Manifest:
+    """Return what a package.xml says."""
+    path = SOURCES / package / "package.xml"
+    return parse_manifest(path.read_bytes(), path, {})
+
+
+def programs(package: str) -> set[str]:
+    """Return the names of what a package installs for `ros2 run`."""
+    targets = re.findall(r"add_executable\((\w+)", code(package, "CMakeLists.txt"))
+    scripts = re.findall(r'"(\w+) = [\w.]+:\w+"', code(package, "setup.py"))
+    return {*targets, *scripts}
+
+
+def test_the_workspace_of_the_nodes_holds_those_of_the_outer_one_too(forge: Forge, workspace: Path) -> None:
+    """The nodes speak interfaces and use a library that were written without any ROS."""
+    listed = forge("list", "--names-only", cwd=workspace / "ros2")
+    assert listed.out.split() == sorted([*NODES, *SHARED])
+    assert listed.err == ""
+
+
+def test_the_outer_workspace_does_not_see_the_nodes(forge: Forge, workspace: Path) -> None:
+    assert forge("list", "--names-only", cwd=workspace).out.split() == SHARED
+
+
+@pytest.mark.needs("colcon")
+def test_nor_does_colcon(workspace: Path) -> None:
+    assert shell("colcon --log-base /dev/null list --names-only", workspace).split() == SHARED
+
+
+def test_who_needs_whom_is_known_without_ros(forge: Forge, workspace: Path) -> None:
+    order = forge("list", "--names-only", "--topological-order", cwd=workspace / "ros2").out.split()
+    assert order.index("robot_motion") < order.index("example_action_rclcpp") < order.index("robot_startup")
+    graph = forge("graph", "--packages-above", "robot_motion", cwd=workspace / "ros2")
+    assert graph.code == 0
+    above = {line.split()[0] for line in graph.out.splitlines()}
+    assert above >= {"robot_motion", "example_action_rclcpp", "example_interfaces_rclcpp", "robot_startup"}
+    assert "example_topic_rclcpp" not in above
+
+
+def test_a_build_without_ros_names_what_is_missing_and_starts_nothing(forge: Forge, workspace: Path) -> None:
+    ran = forge("build", cwd=workspace / "ros2")
+    assert ran.code == 2
+    errors = [line for line in ran.err.splitlines() if ": error: " in line]
+    assert [re.findall(r"need\w* '(\w+)'", line) for line in errors] == [["rclcpp"], ["rclcpp_action"]]
+    assert "Starting >>>" not in ran.out
+    assert not (workspace / "ros2/build").exists()
+    assert not (workspace / "ros2/install").exists()
+
+
+def test_what_needs_rclpy_only_to_run_is_built_without_it(forge: Forge, workspace: Path) -> None:
+    ran = forge("build", "--packages-select", "example_py", cwd=workspace / "ros2")
+    assert ran.code == 0
+    assert "'example_py' needs 'rclpy'" in ran.err
+    assert (workspace / "ros2/install/example_py/lib/example_py/node_02").is_file()
+
+
+@pytest.mark.parametrize("package", NODES)
+def test_a_manifest_names_what_the_build_looks_for(package: str) -> None:
+    """Each find_package of CMakeLists.txt is a dependency, and each one to build with is looked for."""
+    manifest = manifest_of(package)
+    found = set(re.findall(r"find_package\((\w+)", code(package, "CMakeLists.txt")))
+    assert manifest.name == package
+    assert found == set(manifest.names(BUILD_KINDS))
+
+
+@pytest.mark.parametrize("package", NODES)
+def test_what_the_sources_include_and_import_is_a_dependency(package: str) -> None:
+    manifest = manifest_of(package)
+    included = set(re.findall(r'#include "(\w+)/', code(package, "*.cpp", "*.hpp")))
+    imported = set(re.findall(r"^(?:from|import) (\w+)", code(package, "*.py"), re.MULTILINE))
+    own = {package, "pathlib", "setuptools"}
+    assert (included | imported) - own <= set(manifest.names(BUILD_KINDS | RUN_KINDS))
+
+
+@pytest.mark.parametrize("path", sorted(SOURCES.rglob("*.py")), ids=lambda path: path.name)
+def test_python_sources_compile(path: Path) -> None:
+    compile(path.read_text(encoding="utf-8"), path, "exec")
+
+
+@pytest.mark.parametrize("path", sorted(SOURCES.rglob("*.launch.*")), ids=lambda path: path.name)
+def test_a_launch_file_starts_programs_that_exist(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for constant in re.findall(r'^PACKAGE = ("\w+")$', text, re.MULTILINE):
+        text = text.replace("package=PACKAGE", f"package={constant}")
+    started = re.findall(r'(?:package|pkg)="(\w+)",?\s+exec(?:utable)?="(\w+)"', text)
+    assert started
+    for package, program in started:
+        assert program in programs(package)
