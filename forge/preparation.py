@@ -21,6 +21,7 @@ from forge.provision import missing_problems
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
 from forge.tools import find_tools, identities
+from forge.underlays import lost_underlays
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -49,6 +50,11 @@ def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str
     from forge.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
 
     return workspace_environment(forgotten, variables)
+
+
+def tell_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str]) -> None:
+    """Warn of underlays that an earlier build or the environment names, and that are gone."""
+    warn(lost_underlays(layout.install, without_own(surroundings, layout.install)))
 
 
 def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
@@ -112,6 +118,7 @@ def prepare(
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
+        only_make=tools.only_make if tools else frozenset(),
         load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),

@@ -42,6 +42,11 @@ def recorded_underlays(root: Path) -> tuple[Path, ...]:
     return _recorded(root)[1]
 
 
+def forget_underlays(root: Path) -> None:
+    """Let an install tree be built as if it had been built on nothing before."""
+    (root / STATE).unlink(missing_ok=True)
+
+
 def recorded_python(root: Path) -> str | None:
     """Return the interpreter that an install tree was last built for, if there is a record and a file."""
     python = _recorded(root)[0]

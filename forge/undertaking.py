@@ -30,6 +30,7 @@ from forge.schedule import Board
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES
 from forge.transcript import open_transcript
+from forge.underlays import overridden
 from forge.unused_variables import defined
 from forge.workspace import warn
 
@@ -65,6 +66,8 @@ def carry_out(
     """Build what the plan says and return the exit code; `begun` is when the command started."""
     options, loaded, kitchen = undertaking.options, undertaking.loaded, undertaking.kitchen
     variables, layout = undertaking.variables, undertaking.kitchen.layout
+    mine = [name for name, task in plan.tasks.items() if not task.embedded]
+    warn(overridden(mine, layout.install, variables))
     with (
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         warm_worker(plan) as found_by,

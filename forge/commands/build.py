@@ -19,10 +19,11 @@ from forge.preparation import (
     refuse_what_cannot_work,
     refuse_what_is_too_long,
     standing,
+    tell_of_lost_underlays,
 )
 from forge.records import open_records
 from forge.reporting import Report, handlers_of
-from forge.results import begin_workspace
+from forge.results import begin_workspace, forget_underlays
 from forge.snapshot import take_snapshot
 from forge.templating import keep_compiled
 from forge.workspace import load_workspace
@@ -57,7 +58,10 @@ def run(options: argparse.Namespace) -> int:
 
         print(last_command(layout, options.print_command))
         return 0
+    if options.reset_underlays and not options.dry_run:
+        forget_underlays(layout.install)
     variables = build_variables(layout, os.environ)
+    tell_of_lost_underlays(layout, os.environ)
     loaded = load_workspace(root, options, variables, embedded=True, install=layout.install)
     names = wanted_names(loaded.selection, loaded.provision, loaded.provision.needs)
     refuse_what_cannot_work(loaded, names)
@@ -92,6 +96,9 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument("--continue-on-error", action="store_true", help="build what does not need the failed")
     group.add_argument(
         "--force", action="store_true", help="build the selected packages though they are fresh"
+    )
+    group.add_argument(
+        "--reset-underlays", action="store_true", help="forget underlays that are not sourced now"
     )
     group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
     group.add_argument("--test-result-base", metavar="DIR", help="where tests of ament leave their results")
