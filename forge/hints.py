@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.model import BUILD_KINDS
-from forge.provision import is_ros_name
+from forge.provision import is_like_a_ros_name, is_ros_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -54,7 +54,7 @@ def _package_not_found(name: str, scene: Scene) -> str | None:
         return (
             f"'{name}' is there, but not said to be needed: add <depend>{name}</depend> to {scene.manifest}"
         )
-    if is_ros_name(name):
+    if is_ros_name(name) or (scene.declares(name) and is_like_a_ros_name(name)):
         return f"source a ROS installation that has '{name}', or add its sources to the workspace"
     return (
         f"install the system package that has {name}Config.cmake "

@@ -84,7 +84,9 @@ def provide(
         found = {other: _resolve(other, workspace, answers, provider) for other in wanted}
         needs[name] = frozenset(other.name for other in found.values() if other and other.name != name)
         unmet = [
-            other for other in wanted if found[other] is None and is_ros_name(other) and not provider(other)
+            other
+            for other in wanted
+            if found[other] is None and is_like_a_ros_name(other) and not provider(other)
         ]
         if unmet:
             missing[name] = tuple(unmet)
@@ -135,6 +137,11 @@ def is_ros_name(name: str) -> bool:
     return name in _ROS_NAMES or name.startswith(_ROS_BEGINNINGS) or name.endswith(_ROS_ENDINGS)
 
 
+def is_like_a_ros_name(name: str) -> bool:
+    """Tell if a dependency is written like a ROS package: keys of system packages have '-' between words."""
+    return is_ros_name(name) or ("_" in name and "-" not in name)
+
+
 def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[Problem], list[Problem]]:
     """Return what stops a build of `names`, and what merely deserves a warning.
 
@@ -142,7 +149,8 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
     without them, and so is a package that needs them only to run. What only tests need is left alone. A
     package without a package.xml may get along: its find_package may be one of several ways. So may one
     that depends on a group: it takes the members that there are (REP 149), and tools that know no groups
-    make such packages list all members as dependencies, too.
+    make such packages list all members as dependencies, too. What is only written like a ROS package is
+    at most a warning, and only where something is built with it.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
@@ -153,8 +161,9 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
         required = set() if lenient else set(manifest.names(BUILD_KINDS))
         used = set(manifest.names(BUILD_KINDS | RUN_KINDS))
         for dependency in provision.missing.get(name, ()):
-            if dependency in used:
-                found = errors if dependency in required else warnings
+            sure = is_ros_name(dependency)
+            if dependency in required or (sure and dependency in used):
+                found = errors if sure and dependency in required else warnings
                 found.setdefault(dependency, []).append(name)
     return (
         [_missing(dependency, users, provision) for dependency, users in sorted(errors.items())],

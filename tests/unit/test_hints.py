@@ -37,6 +37,14 @@ def test_known_causes_have_a_remedy(said: str, expected: str) -> None:
     assert expected in hint
 
 
+def test_a_dependency_that_is_written_like_a_ros_package_is_not_looked_for_in_the_system() -> None:
+    said = 'asked CMake to find a package configuration file provided by "{}", but'
+    scene = Scene(package("mine", "odd_collector"), {"mine": package("mine")})
+    assert "add its sources" in str(hint_of(said.format("odd_collector"), scene))
+    # find_package's own names are spelled in every way: only the manifest tells.
+    assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
+
+
 @pytest.mark.parametrize(
     "said",
     [

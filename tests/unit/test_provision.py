@@ -115,6 +115,18 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
     ]
 
 
+def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with() -> None:
+    """Whole words with '_' between them are hardly ever a system package; sometimes what is named is optional."""
+    workspace = by_name(
+        package("a", "libodd_collector", "lib_x-dev", "spdlog"),
+        package("x", "libodd_collector", tag="exec_depend"),
+        package("p", "odd_python", build_type="ament_python"),
+    )
+    errors, warnings = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
+    assert not errors
+    assert [warning.message.split(",")[0] for warning in warnings] == ["'a' needs 'libodd_collector'"]
+
+
 def test_a_package_of_a_group_takes_the_members_that_there_are() -> None:
     """Its manifest lists all of them as dependencies for tools that know no groups."""
     switch = package("switch", "rmw_one", "rmw_two")
