@@ -4,11 +4,13 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test fuzz soak lint types bench clean
+.PHONY: help demo test newest-cmake oldest-cmake fuzz soak lint types bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
+	@echo "make newest-cmake, make oldest-cmake"
+	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
 	@echo "make soak    build after long random edits and many kills, compare with clean builds"
 	@echo "make peers   install colcon, which tests then compare forge with"
@@ -22,6 +24,14 @@ demo: .venv-demo/.ready
 
 test: .venv/.ready
 	$(PYTEST)
+
+# 'make test' takes the CMake that PATH has; these take the wheels'.
+newest-cmake: .venv/.ready
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv/bin/cmake $(PYTEST) tests/cmake
+
+oldest-cmake: .venv/.ready .venv-cmake/.ready
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake $(PYTEST) tests/cmake
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake CMAKE_GENERATOR="Unix Makefiles" $(PYTEST) tests/cmake
 
 fuzz: .venv/.ready
 	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \
@@ -45,7 +55,7 @@ bench: .venv/.ready
 	.venv/bin/python -m tests.bench
 
 clean:
-	rm -rf .venv .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
+	rm -rf .venv .venv-cmake .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
 	rm -rf examples_ws/ros2/build examples_ws/ros2/install examples_ws/ros2/log
 
 # The demo installs forge as its users do: a wheel, with the cmake and ninja wheels beside it.
@@ -59,6 +69,11 @@ clean:
 	$(PYTHON) -m venv .venv
 	.venv/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
 	.venv/bin/python -m pip install --quiet --editable '.[cmake]' --group test
+	@touch $@
+
+.venv-cmake/.ready:
+	$(PYTHON) -m venv .venv-cmake
+	.venv-cmake/bin/python -m pip install --quiet 'cmake==3.18.4.post1'
 	@touch $@
 
 # colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py.

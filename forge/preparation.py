@@ -118,6 +118,7 @@ def prepare(
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
+        only_make=tools.only_make if tools else frozenset(),
         load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),

@@ -17,6 +17,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from forge.files import replace_file
+from forge.tools import calls_make
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,11 +104,13 @@ def wants_the_usual(source: Path) -> bool:
     """Tell if nothing that stands before project() can bear on the compilers.
 
     A package that sets a toolchain or a compiler by itself, or includes a file that might, is asked as
-    CMake always does.
+    CMake always does; so is one that calls make, for its build tool is another than everybody's.
     """
     try:
         text = _COMMENT.sub("", (source / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace"))
     except OSError:
+        return False
+    if calls_make(text):
         return False
     while match := _HARMLESS.match(text):
         text = text[match.end() :]

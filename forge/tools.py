@@ -29,11 +29,15 @@ _PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE
 
 @dataclass(frozen=True, slots=True)
 class Tools:
-    """What was found; `ninja` and `make` are None when the machine has none."""
+    """What was found; `ninja` and `make` are None when the machine has none.
+
+    `only_make` are packages that call the make they are built by, so that no other tool builds them.
+    """
 
     cmake: Path
     ninja: Path | None = None
     make: Path | None = None
+    only_make: frozenset[str] = frozenset()
 
 
 def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Tools | None:
@@ -53,13 +57,15 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
         hint = "`pip install 'ros-forge[cmake]'` brings Ninja along"
         problems.append(Problem(f"neither Ninja nor make was found; {_who(needy)} one", hint=hint))
-    compiled = [package for package in needy if not package.embedded and _compiles(package)]
+    texts = [(package, _project_text(package)) for package in needy if not package.embedded]
+    compiled = [package for package, text in texts if _compiles(text)]
     if compiled and not _has_compiler(variables):
         hint = "install g++ or clang++, as in `apt install g++` or `dnf install gcc-c++`, or set CXX"
         problems.append(Problem(f"no C++ compiler was found; {_who(compiled)} one", hint=hint))
     raise_if_any(problems, EnvironmentFault)
     assert cmake is not None  # noqa: S101  (else there was a problem)
-    return Tools(cmake, ninja, make)
+    only_make = frozenset(package.name for package, text in texts if calls_make(text))
+    return Tools(cmake, ninja, make, only_make)
 
 
 def find_ctest(variables: Mapping[str, str]) -> Path:
@@ -132,14 +138,23 @@ def _has_compiler(variables: Mapping[str, str]) -> bool:
     return any(shutil.which(compiler, path=path) for compiler in _COMPILERS)
 
 
-def _compiles(package: Package) -> bool:
-    """Tell if the package's project() enables a language, as it does unless it says NONE."""
+def calls_make(text: str) -> bool:
+    """Tell if a CMakeLists.txt has commands that only a makefile can hold, as for an external project."""
+    return "$(MAKE)" in text
+
+
+def _project_text(package: Package) -> str:
+    """Return the text of a package's CMakeLists.txt, nothing where that cannot be read."""
     try:
-        text = (package.path / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
+        return (package.path / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
     except OSError:
-        return False
+        return ""
+
+
+def _compiles(text: str) -> bool:
+    """Tell if the project() of a CMakeLists.txt enables a language, as it does unless it says NONE."""
     project = _PROJECT.search(text)
-    return project is None or "NONE" not in project.group(1).split()
+    return bool(text) and (project is None or "NONE" not in project.group(1).split())
 
 
 def _who(packages: list[Package]) -> str:

@@ -55,7 +55,7 @@ def leftovers(build: Path) -> tuple[Path, ...]:
 
 def common_arguments(kitchen: Kitchen) -> tuple[str, ...]:
     """Return what is said to CMake for every new build folder."""
-    return (*_generator(kitchen, kitchen.cmake_args, ""), *kitchen.cmake_args)
+    return (*_generator(kitchen, kitchen.cmake_args), *kitchen.cmake_args)
 
 
 def handover_folder(build_dir: Path) -> Path:
@@ -112,7 +112,7 @@ def _configure(
         str(kitchen.root / package.path),
         "-C",
         str(handover_folder(build) / "handover.cmake"),
-        *_generator(kitchen, arguments, generator),
+        *_generator(kitchen, arguments, generator, only_make=package.name in kitchen.only_make),
         *arguments,
         f"-DCMAKE_INSTALL_PREFIX={kitchen.layout.prefix(package.name)}",
     )
@@ -124,7 +124,9 @@ def _configure(
     return (Step(CONFIGURE, argv, build, record=(handover_folder(build) / RECORD, digest)),)
 
 
-def _generator(kitchen: Kitchen, arguments: tuple[str, ...], current: str) -> tuple[str, ...]:
+def _generator(
+    kitchen: Kitchen, arguments: tuple[str, ...], current: str = "", *, only_make: bool = False
+) -> tuple[str, ...]:
     """Choose Ninja for a new build folder and stay with what there is, unless the user says otherwise."""
     if any(argument.startswith("-G") for argument in arguments):
         return ()
@@ -132,6 +134,8 @@ def _generator(kitchen: Kitchen, arguments: tuple[str, ...], current: str) -> tu
         return ("-G", current)
     if kitchen.environment_generator or kitchen.ninja is None:
         return ()
+    if only_make and kitchen.make:
+        return ("-G", "Unix Makefiles")
     return ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={kitchen.ninja}")
 
 

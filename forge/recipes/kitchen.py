@@ -34,6 +34,8 @@ class Kitchen:
     cmake: Path | None = None
     ninja: Path | None = None
     make: Path | None = None
+    only_make: frozenset[str] = frozenset()
+    """Packages that Ninja cannot build."""
     load_limit: float | None = None
     cmake_args: tuple[str, ...] = ()
     ament_cmake_args: tuple[str, ...] = ()

@@ -307,6 +307,13 @@ def test_the_users_generator_wins_over_ninja(kitchen: Kitchen) -> None:
     assert "Ninja" not in plan("a", kitchen=kitchen).tasks["a"].steps[0].argv
 
 
+def test_a_package_that_calls_make_is_built_by_it_where_there_is_one() -> None:
+    kitchen = replace(KITCHEN, only_make=frozenset({"a"}), make=Path("/usr/bin/make"))
+    assert plan("a", kitchen=kitchen).tasks["a"].steps[0].argv[4:6] == ("-G", "Unix Makefiles")
+    assert "Ninja" in plan("a", kitchen=replace(kitchen, make=None)).tasks["a"].steps[0].argv
+    assert "Ninja" in plan("b", kitchen=kitchen).tasks["b"].steps[0].argv
+
+
 def test_an_existing_folder_keeps_its_generator() -> None:
     snapshot = replace(COMPLETE, folders={"a": Folder("Unix Makefiles")})
     argv = plan("a", snapshot=snapshot).tasks["a"].steps[0].argv
