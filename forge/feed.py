@@ -26,6 +26,7 @@ from forge.model import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from forge.errors import Problem
     from forge.model import BuildPlan, Event, Package, Step
     from forge.reporting import Report
     from forge.testing.showing import Failure
@@ -59,8 +60,8 @@ class Feed:
             commands = {"steps": [_step(step) for step in task.steps]} if steps else {}
             self._say("Planned", name, reason=task.reason, conditional=task.conditional, **commands)
 
-    def write(self, event: Event, report: Report) -> None:
-        """Tell of one event, and what the report made of it."""
+    def write(self, event: Event, report: Report, why: Problem | None = None) -> None:
+        """Tell of one event, and what the report made of it; `why` is known of what could not begin."""
         match event:
             case Started(name):
                 self._say("Started", name, reason=self._plan.tasks[name].reason)
@@ -75,7 +76,7 @@ class Feed:
                 if self._printed and self._output:
                     self._print(self._line("Output", name, line=line.decode(errors="replace"), stderr=stderr))
             case Finished():
-                self._finish(event, report)
+                self._finish(event, report, why)
             case Aborted(name, seconds):
                 self._say("Aborted", name, seconds=round(seconds, 3))
             case Skipped(name, because):
@@ -101,7 +102,7 @@ class Feed:
             code = report.exit_code
         self._say("Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally))
 
-    def _finish(self, event: Finished, report: Report) -> None:
+    def _finish(self, event: Finished, report: Report, why: Problem | None) -> None:
         name, fault = event.task, report.fault(event.task)
         said: dict[str, object] = {
             "code": event.code,
@@ -112,7 +113,8 @@ class Feed:
         if fault:
             said |= {
                 "step": event.step.label if event.step else None,
-                "error": list(fault.lines),
+                "error": [why.message] if why else list(fault.lines),
+                "hint": why.hint if why else fault.hint,
                 "repeat": fault.repeat,
             }
         self._say("Finished", name, **said)

@@ -127,10 +127,11 @@ class Tally:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Why a package failed, as far as its output tells, and the line that repeats its last step."""
+    """Why a package failed, as far as its output tells, what to do, and the line that repeats its step."""
 
     error: FirstError | None
     repeat: str | None
+    hint: str | None = None
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -321,14 +322,14 @@ class Report:
         text = [line.decode(errors="replace") for line, _ in self._output.get(task, [])]
         error = first_error(text)
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
-        self._failed[task] = Fault(error, repeat)
+        hint = self._hint(task, text)
+        self._failed[task] = Fault(error, repeat, hint)
         lines = [
             f"Failed   <<< {self._label(task)} [{duration(event.seconds)}, exited with code {event.code}]"
         ]
         if error:
             lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
             lines += [f"    {line}" for line in error.lines]
-        hint = self._hint(task, text)
         if hint:
             lines.append(f"  hint: {hint}")
         if self.logs:

@@ -151,7 +151,7 @@ def _refuse(absent: Mapping[str, Problem], report: Report, feed: Feed) -> None:
         print(problem.render(), file=sys.stderr)
         refused = Finished(name, 1, 0.0)
         report.show(refused)
-        feed.write(refused, report)
+        feed.write(refused, report, problem)
 
 
 def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int) -> Board:

@@ -146,6 +146,8 @@ def test_tests_tell_what_failed_and_how_to_repeat_it(forge: Forge, tree: Tree) -
         "p": (0, True),
         "absent": (1, False),
     }
+    assert finished["absent"]["error"] == ["'absent' cannot be tested: 'absent' is not built"]
+    assert finished["absent"]["hint"] == "forge build --packages-up-to absent"
     failed = [e for e in events if e["event"] == "TestFailure"]
     assert [(e["package"], e["test"]) for e in failed] == [("c", "bad"), ("p", "tests.test_p.test_value[2]")]
     assert "ctest" in str(failed[0]["repeat"])
