@@ -1,5 +1,6 @@
 #!/bin/sh
 # Build these packages with the forge on PATH on top of the ROS 2 that is sourced, then let the nodes talk.
+# Options are those of `forge build`.
 
 set -eu
 cd "$(dirname "$0")"
@@ -69,7 +70,7 @@ if ! command -v ros2 >/dev/null; then
   exit 2
 fi
 
-forge build
+forge build "$@"
 # Setup scripts may read variables that are not set.
 set +u
 . install/setup.sh

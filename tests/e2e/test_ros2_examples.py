@@ -96,6 +96,12 @@ def test_what_needs_rclpy_only_to_run_is_built_without_it(forge: Forge, workspac
     assert (workspace / "ros2/install/example_py/lib/example_py/node_02").is_file()
 
 
+def test_the_demo_says_at_once_that_it_needs_ros(workspace: Path) -> None:
+    output = shell('PATH=/usr/bin:/bin sh ros2/demo.sh; echo "ended with $?"', workspace)
+    assert output == "source a ROS 2 first: these nodes need rclcpp and rclpy\nended with 2\n"
+    assert not (workspace / "ros2/build").exists()
+
+
 @pytest.mark.parametrize("package", NODES)
 def test_a_manifest_names_what_the_build_looks_for(package: str) -> None:
     """Each find_package of CMakeLists.txt is a dependency, and each one to build with is looked for."""
