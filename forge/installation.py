@@ -73,13 +73,17 @@ def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
+def markers(name: str, layout: Layout) -> tuple[Path, ...]:
+    """Return the files that make a package look installed, the one that readers begin with first."""
+    prefix = layout.prefix(name)
+    scripts_of_it = (prefix / "share" / name / f"package.{extension}" for extension in ("dsv", *SHELLS))
+    return (*scripts_of_it, *(prefix / index / name for index in (PACKAGES, INDEX / "packages")))
+
+
 def uninstall_markers(name: str, layout: Layout) -> None:
     """Remove what makes a package look installed, before it is built anew and might fail."""
-    prefix = layout.prefix(name)
-    for extension in ("dsv", *SHELLS):
-        (prefix / "share" / name / f"package.{extension}").unlink(missing_ok=True)
-    for index in (PACKAGES, INDEX / "packages"):
-        (prefix / index / name).unlink(missing_ok=True)
+    for path in markers(name, layout):
+        path.unlink(missing_ok=True)
 
 
 def finish_workspace(layout: Layout, underlays: tuple[Path, ...], python: Path) -> tuple[Path, ...]:

@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from forge import folders, installation
+from forge import fallback, folders, installation
 from forge.model import RUN_KINDS
 from forge.occupancy import VARIABLE
 from forge.runner import ProcessRunner
@@ -45,7 +45,7 @@ class Jobs:
             if toolchain is not None and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
-        return ProcessRunner(self._environment, begin, self._install, budget)
+        return ProcessRunner(self._environment, begin, self._install, budget, self._undo)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = [(need, self.layout.prefix(need)) for need in task.needs]
@@ -56,6 +56,7 @@ class Jobs:
         return {name: value for name, value in found.items() if value or name in self.variables}
 
     def _begin(self, task: Task) -> None:
+        fallback.keep(task.name, self.layout, task.earlier)
         installation.uninstall_markers(task.name, self.layout)
         self.records.begin(task)
         folders.begin(task, self.records.source(task))
@@ -66,7 +67,12 @@ class Jobs:
         packages = self.provision.packages
         needs |= {need for need in self.provision.needs[task.name] if packages[need].embedded}
         installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
-        return self.records.make(task)
+        record = self.records.make(task)
+        fallback.drop(task.name, self.layout)
+        return record
+
+    def _undo(self, task: Task) -> None:
+        fallback.restore(task.name, self.layout)
 
 
 def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:

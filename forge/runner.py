@@ -49,7 +49,8 @@ class ProcessRunner:
     """Starts each step as a process group of its own.
 
     `environment(task)` is what a task's programs see; `begin(task)` and `install(task)` are called
-    before its first step and after its last; the latter says what was made.
+    before its first step and after its last; the latter says what was made. `undo(task)` is called
+    instead when a step failed or the build was stopped.
     """
 
     def __init__(
@@ -58,12 +59,14 @@ class ProcessRunner:
         begin: Callable[[Task], None],
         install: Callable[[Task], Record],
         budget: Budget | None = None,
+        undo: Callable[[Task], None] = lambda _: None,
     ) -> None:
-        """Remember the three seams, and where jobs come from if they are counted; nothing runs yet."""
+        """Remember the seams, and where jobs come from if they are counted; nothing runs yet."""
         self._environment = environment
         self._begin = begin
         self._install = install
         self._budget = budget
+        self._undo = undo
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -85,24 +88,32 @@ class ProcessRunner:
         environment = self._environment(task)
         exports = [f"export {name}={shlex.quote(value)}" for name, value in _changed(environment)]
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
+        failure = self._run_steps(task, environment, put, started)
+        if failure is not None:
+            self._undo(task)
+            put(failure)
+            return
+        record = self._install(task)
+        seconds = time.monotonic() - started
+        put(Finished(task.name, 0, seconds, record=replace(record, seconds=seconds)))
+
+    def _run_steps(
+        self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float
+    ) -> Event | None:
+        """Run the steps until one fails or the build is stopped; return what that comes to."""
         verdict = SUCCESS
         for step in task.steps:
             if step.after not in {"", verdict}:
                 continue
             if self._stopping.is_set():
-                put(Aborted(task.name, time.monotonic() - started))
-                return
+                return Aborted(task.name, time.monotonic() - started)
             code = self._run_step(task, step, environment, put)
             if code and self._stopping.is_set() and code < 0:
-                put(Aborted(task.name, time.monotonic() - started))
-                return
+                return Aborted(task.name, time.monotonic() - started)
             if code and step.meaning(code) is None:
-                put(Finished(task.name, code, time.monotonic() - started, step))
-                return
+                return Finished(task.name, code, time.monotonic() - started, step)
             verdict = FAILURE if step.meaning(code) == TEST_FAILURES else SUCCESS
-        record = self._install(task)
-        seconds = time.monotonic() - started
-        put(Finished(task.name, 0, seconds, record=replace(record, seconds=seconds)))
+        return None
 
     def finish_steps(self) -> None:
         """Let running steps end and start no further one."""

@@ -30,7 +30,7 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        bundling ownership underlays
+        bundling fallback ownership underlays
     """,
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness

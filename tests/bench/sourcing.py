@@ -20,8 +20,13 @@ SITE = "lib/python3.11/site-packages"
 
 
 def source_500(folder: Path, peers: Peers) -> tuple[Variant, ...]:
+    """Measure the sourcing of 500 packages."""
+    return source(folder, peers, 500)
+
+
+def source(folder: Path, peers: Peers, packages: int) -> tuple[Variant, ...]:
     """Measure each shell that there is, alone and sourcing; colcon's script reads the same packages."""
-    layout = make_install(folder / "forge", list(_packages(500)))
+    layout = make_install(folder / "forge", list(_packages(packages)))
     roots = {"forge": layout.install}
     if peers.colcon:
         roots["colcon"] = _written_by_colcon(layout.install, folder / "colcon", peers.colcon)

@@ -180,6 +180,27 @@ def test_python_imports_what_was_installed(motion: Project) -> None:
     assert done.stdout == "1 motion.action.Walk_Goal(distance=0.0)\n", done.stderr
 
 
+def test_third_parties_have_definitions_written_as_idl(rosidl: Ament) -> None:
+    """While CMake configures, and again when a definition changes; types of other packages are known."""
+    demo = rosidl(
+        f"{GENERATORS}find_package(std_msgs REQUIRED)\n"
+        "rosidl_write_generator_arguments(${CMAKE_CURRENT_BINARY_DIR}/a.json PACKAGE_NAME demo\n"
+        "  NON_IDL_TUPLES ${CMAKE_CURRENT_SOURCE_DIR}:msg/One.msg ${CMAKE_CURRENT_SOURCE_DIR}:srv/Two.srv)\n"
+        "rosidl_adapt_interfaces(tuples ${CMAKE_CURRENT_BINARY_DIR}/a.json TARGET other)\n"
+        'message(STATUS "tuples=${tuples}")\nament_package()',
+        files={"msg/One.msg": "std_msgs/Header head\n", "srv/Two.srv": "uint8 x\n---\n"},
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    tuples = outcome.said("tuples").split(";")
+    assert [each.rpartition(":")[2] for each in tuples] == ["msg/One.idl", "srv/Two.idl"]
+    written = Path(tuples[0].replace(":", "/"))
+    assert "std_msgs::msg::Header head" in written.read_text(encoding="utf-8")
+    (demo.source / "msg/One.msg").write_text("int8 fresh\n", encoding="utf-8")
+    demo.make()
+    assert "int8 fresh" in written.read_text(encoding="utf-8")
+
+
 @cxx
 def test_code_lies_where_packages_of_ros_include_it_from(rosidl: Ament) -> None:
     """Some name the folder instead of linking a target; a change is seen in the same build."""
@@ -348,6 +369,7 @@ def test_third_party_generators_and_typesupports_have_their_turn(rosidl: Ament) 
         ),
         ("ament_package()\nrosidl_generate_interfaces(demo msg/X.msg)", MEMBER, "must be called before"),
         ("rosidl_get_typesupport_target(x none y)", MEMBER, "'none', which is no target"),
+        ("rosidl_adapt_interfaces(x y)", MEMBER, "takes a variable, a file and TARGET"),
         ("rosidl_target_interfaces(a b c)", MEMBER, "needs 'a', which is no target"),
         ("rosidl_generate_interfaces(demo action/A.action)", MEMBER, "<depend>action_msgs</depend>"),
     ],

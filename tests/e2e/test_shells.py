@@ -12,7 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.sourcing import build_environment, packages_in_order, workspace_environment
+from forge.sourcing import (
+    build_environment,
+    packages_in_order,
+    sourced_environment,
+    workspace_environment,
+)
 from tests.installs import Made, dsv_package, make_install
 from tests.strategies import graphs
 
@@ -104,19 +109,23 @@ _HELD = st.dictionaries(_VARIABLES, st.sampled_from(["", "/a", "/a:/b", ":/a", "
 
 @each_layout
 @each_shell
-@given(made=workspaces(), held=_HELD)
+@given(below=workspaces(), made=workspaces(), held=_HELD)
 @settings(max_examples=10, deadline=None)
 def test_a_shell_reports_what_was_computed(
     shell: str,
     layout_word: str,
+    below: list[Made],
     made: list[Made],
     held: dict[str, str],
 ) -> None:
-    """Sourcing is computing: the same variables, the same entries, the same order."""
+    """Sourcing is computing: the same variables, the same entries, the same order; underlays included."""
     with tempfile.TemporaryDirectory() as folder:
-        layout = make_install(Path(folder) / ODD, made, merged=layout_word == "merged")
+        merged = layout_word == "merged"
+        underlay = make_install(Path(folder) / "below" / ODD, below, merged=not merged).install
+        layout = make_install(Path(folder) / ODD, made, merged=merged, underlays=(underlay,))
         before = {**PLAIN, **held}
-        expected = workspace_environment([layout.install], before)
+        expected = workspace_environment([underlay, layout.install], before)
+        assert expected == sourced_environment(layout.install, before)
         assert report(shell, sourced(shell), before, setup(layout, shell)) == expected
 
 

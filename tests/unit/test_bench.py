@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.bench import builds, configures
+from tests.bench import builds, configures, sourcing
 from tests.bench.scenarios import SCENARIOS, Peers
+from tests.bench.sourcing import source
 from tests.bench.timing import Timing, Variant, compare
 from tests.bench.workspaces import write_ament_workspace, write_workspace
 
@@ -54,10 +55,18 @@ def test_a_reader_gets_milliseconds() -> None:
 
 def test_every_scenario_has_a_base_to_compare_with(tmp_path: Path) -> None:
     for name, scenario in SCENARIOS.items():
-        if name in {"configure", *builds.SCENARIOS}:
-            continue  # these build, and compare the tools or the packages with each other
+        if name in {"configure", *builds.SCENARIOS, *sourcing.SCENARIOS}:
+            continue  # these compare the tools or the packages with each other, or with an empty shell
         (tmp_path / name).mkdir()
         assert scenario(tmp_path / name, Peers(colcon="colcon"))[0].name.startswith("python"), name
+
+
+@pytest.mark.needs("bash")
+def test_shells_are_measured_alone_and_sourcing(tmp_path: Path) -> None:
+    variants = source(tmp_path, Peers(), 3)
+    assert [variant.name for variant in variants][:2] == ["bash alone", "bash with forge"]
+    for variant in variants:
+        variant.run()
 
 
 def test_what_is_run_before_does_not_count(tmp_path: Path) -> None:
