@@ -116,7 +116,7 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
 
 
 def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with() -> None:
-    """Whole words with '_' between them are hardly ever a system package; sometimes what is named is optional."""
+    """Words with '_' between them are hardly ever a system package; but what is named may be optional."""
     workspace = by_name(
         package("a", "libodd_collector", "lib_x-dev", "spdlog"),
         package("x", "libodd_collector", tag="exec_depend"),
