@@ -127,7 +127,8 @@ def _python(home: str, name: str, chance: random.Random) -> Iterator[tuple[str, 
     }
     yield f"{home}/setup.py", SETUP.format(name=name, module=module, **told)
     folders = f"[develop]\nscript_dir=$base/lib/{name}\n[install]\ninstall_scripts=$base/lib/{name}\n"
-    if len(data) > 1:
+    if not (told["modules"] and told["scripts"]):
+        # Without it programs go to bin.
         yield f"{home}/setup.cfg", folders
     yield f"{home}/{module}/__init__.py", "def main():\n    print('main')\n"
     yield f"{home}/{module}/words.txt", "words\n"
