@@ -127,7 +127,7 @@ def _python(home: str, name: str, chance: random.Random) -> Iterator[tuple[str, 
     }
     yield f"{home}/setup.py", SETUP.format(name=name, module=module, **told)
     folders = f"[develop]\nscript_dir=$base/lib/{name}\n[install]\ninstall_scripts=$base/lib/{name}\n"
-    if not (told["modules"] and told["scripts"]):
+    if told["modules"] or not told["scripts"]:
         # Without it programs go to bin.
         yield f"{home}/setup.cfg", folders
     yield f"{home}/{module}/__init__.py", "def main():\n    print('main')\n"
