@@ -86,16 +86,23 @@ def uninstall_markers(name: str, layout: Layout) -> None:
         path.unlink(missing_ok=True)
 
 
-def finish_workspace(layout: Layout, underlays: tuple[Path, ...], python: Path) -> tuple[Path, ...]:
+def finish_workspace(
+    layout: Layout, underlays: tuple[Path, ...], python: Path, *, as_before: bool = False
+) -> tuple[Path, ...]:
     """Write the scripts of the install root; return the underlays that they source, lowest first.
 
     An underlay of an earlier build stays, though it is not sourced this time: forgetting that must
-    not change what the workspace is. Raises WorkspaceError for a package's dsv file that is wrong.
+    not change what the workspace is. `as_before` tells that all packages say to shells what they said
+    when the scripts were written: these stay, unless underlays or interpreter are others.
+    Raises WorkspaceError for a package's dsv file that is wrong.
     """
     root = layout.install
     chain = _joined_chain(recorded_underlays(root), underlays)
     state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
-    write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
+    other = write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
+    written = (root / f"{name}.{shell}" for name in ("setup", "local_setup") for shell in SHELLS)
+    if as_before and not other and all(path.is_file() for path in written):
+        return chain
     packages = packages_in_order(root)
     for shell in SHELLS:
         write_if_changed(root / f"local_setup.{shell}", scripts.local_setup(shell, root, packages))

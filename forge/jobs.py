@@ -56,9 +56,9 @@ class Jobs:
         return {name: value for name, value in found.items() if value or name in self.variables}
 
     def _begin(self, task: Task) -> None:
+        self.records.begin(task)
         fallback.keep(task.name, self.layout, task.earlier)
         installation.uninstall_markers(task.name, self.layout)
-        self.records.begin(task)
         folders.begin(task, self.records.source(task))
 
     def _install(self, task: Task) -> Record:

@@ -16,7 +16,7 @@ from forge.folders import began
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
-from forge.prefixes import find_underlays
+from forge.prefixes import PACKAGES, find_underlays
 from forge.results import STATE, remove_file
 from forge.snapshot import moved_externals
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from forge.model import BuildPlan, Event, Snapshot, Task
 
 TABLE = "forge_files.json"
+_HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish", ".ps1")
 
 
 class Records:
@@ -45,6 +46,9 @@ class Records:
         self._interpreter = interpreter
         self._outlook: Outlook | None = None
         self._ran = False
+        self._unfinished = not journal.ended
+        self._altered: dict[str, str] = {}
+        """Packages whose part in the workspace's scripts may differ from now on, and what that was."""
 
     def confirm(self, plan: BuildPlan, snapshot: Snapshot, outlook: Outlook) -> None:
         """Take note of what the plan found fresh: new stamps, so that next time they are equal."""
@@ -74,6 +78,7 @@ class Records:
         for name in gone:
             remove(tuple(litter_of_package(name, self._layout, self.journal.records)))
             self.journal.forget(name)
+            self._altered[name] = ""
             self._ran = True
 
     def settle(self, task: Task) -> Task | None:
@@ -98,7 +103,9 @@ class Records:
     def begin(self, task: Task) -> None:
         """Look at what is installed of a package now, so that afterwards it shows what is different."""
         record = self.journal.records.get(task.name)
-        mark_files(record.files if record else (), self.table)
+        files = record.files if record else ()
+        mark_files(files, self.table)
+        self._altered[task.name] = self._said_to_shells(task.name, files)
 
     def seconds(self) -> dict[str, float]:
         """Return how long each package took when it was last built."""
@@ -117,6 +124,8 @@ class Records:
         files = installed_files(task.package, self._layout)
         self._date(files)
         self._remove_stale(task.name, set(task.earlier) - set(files))
+        if self._altered[task.name] == self._said_to_shells(task.name, files):
+            del self._altered[task.name]
         if self._layout.merged:
             note_contents(task.build_dir, files, self.table)
         inside = (self.source(task), self._layout.build, self._layout.install)
@@ -135,11 +144,12 @@ class Records:
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""
         install = self._layout.install
-        if self._ran or plan.tasks or not self.journal.ended or not (install / STATE).is_file():
+        if self._ran or plan.tasks or self._unfinished or not (install / STATE).is_file():
             from forge.installation import finish_workspace  # noqa: PLC0415  (most builds change nothing)
 
             chain = find_underlays(variables, install).chain
-            finish_workspace(self._layout, chain, self._interpreter.path)
+            as_before = not self._altered and not self._unfinished
+            finish_workspace(self._layout, chain, self._interpreter.path, as_before=as_before)
             self.journal.end(ended=True)
         if self._ran:
             self.journal.doubt()
@@ -161,6 +171,13 @@ class Records:
         """Write what is still to be written."""
         self.journal.close()
         self.table.save()
+
+    def _said_to_shells(self, name: str, files: tuple[str, ...]) -> str:
+        """Return a digest of what a package adds to the workspace's scripts; empty for one without files."""
+        prefix = self._layout.prefix(name)
+        share, index = f"{prefix}/share/{name}/", str(prefix / PACKAGES / name)
+        told = [path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))]
+        return digest_of(told, contents_of(told, self.table)) if told else ""
 
     def _date(self, files: tuple[str, ...]) -> None:
         """Give installed files whose content changed the present time.

@@ -394,3 +394,20 @@ def test_a_variable_that_nobody_uses_is_told_once(forge: Forge, tree: Tree) -> N
     assert ran.err == ""
     assert "no package used what --cmake-args defines: TYPO\n" in ran.out
     assert "stderr" not in ran.out
+
+
+def test_scripts_are_written_again_when_a_package_says_something_else(forge: Forge, workspace: Path) -> None:
+    assert forge("build", cwd=workspace).code == 0
+    script = workspace / "install/local_setup.sh"
+    before = script.stat().st_mtime_ns, script.read_text()
+    cmake = workspace / "src/b/CMakeLists.txt"
+    cmake.write_text(cmake.read_text() + "# changed\n")
+    assert forge("build", cwd=workspace).code == 0
+    assert (script.stat().st_mtime_ns, script.read_text()) == before
+    script.unlink()
+    cmake.write_text(cmake.read_text() + "# again\n")
+    assert forge("build", cwd=workspace).code == 0
+    assert script.read_text() == before[1]
+    cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION bin)\n")
+    assert forge("build", cwd=workspace).code == 0
+    assert "/b/bin" in script.read_text()
