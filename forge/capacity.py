@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +20,7 @@ _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _LEAST_SHARE, _LEAST_BYTES = 0.1, 1 << 30
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Memory:
     """Bytes of memory: all that there is for us, and what is left of it."""
 
@@ -27,7 +28,7 @@ class Memory:
     available: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MemoryLimit:
     """How much memory may be in use before new jobs wait: a share of all, or bytes; both None: no limit."""
 

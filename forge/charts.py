@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.graph import closures
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.selection import name_of
@@ -26,7 +26,7 @@ _KINDS = {"build": BUILD_KINDS, "run": RUN_KINDS, "test": TEST_KINDS}
 _GREY = '[color = "gray" fontcolor = "gray"]'
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Chart:
     """All nodes in topological order, what each needs, its package, and which nodes are to be shown."""
 
@@ -41,7 +41,7 @@ class Chart:
         return tuple(node for node in self.ordered if node in self.selected)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Edge:
     start: str
     end: str

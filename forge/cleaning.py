@@ -9,12 +9,12 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
 from forge.folders import MANIFESTS
+from forge.frozen import frozen
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
 from forge.results import remove_file
 
@@ -45,7 +45,7 @@ _LOG_FILES = ("COLCON_IGNORE", "latest", "latest_*")
 _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Litter:
     """What goes together: `label` says what it is, `paths` are files, links and folders below `base`."""
 

@@ -6,9 +6,9 @@ Options and words are written into the scripts; names of packages are asked for 
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.templating import render
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ PACKAGES, INSTALLED, WORDS, FOLDERS, FILES, ANYTHING = (
 """Kinds of things: names that are asked for, words that are given, what shells find by themselves."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Expected:
     """What follows an option, or stands alone: its kind, whether several may follow, and WORDS themselves."""
 
@@ -32,7 +32,7 @@ class Expected:
     words: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Option:
     """An option with all its spellings; `expected` is None for one that stands alone."""
 
@@ -41,7 +41,7 @@ class Option:
     expected: Expected | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Context:
     """What may follow the words `path`: further words with their summaries, options, other things."""
 
@@ -77,7 +77,7 @@ def completion(shell: str, contexts: Sequence[Context], answer: Sequence[str]) -
     )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Row:
     """A row of a shell's case: its pattern, and finished words."""
 

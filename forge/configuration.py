@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.errors import Place, Problem, SelectionError, WorkspaceError
 from forge.formats import read_toml, read_yaml
+from forge.frozen import frozen
 from forge.names import did_you_mean
 from forge.settings import home, setting
 
@@ -27,7 +27,7 @@ GENERAL = ("log_base", "log_level")
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)  # noqa: SLF001  (argparse has no other word)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Source:
     """What one file says about the options of one command, by their name without dashes."""
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import keyword
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, raise_if_any
+from forge.frozen import frozen
 from forge.names import is_email, is_package_name
 from forge.templating import render
 
@@ -51,7 +51,7 @@ _CPP_KEYWORDS = """
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"})
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Blueprint:
     """What a new package shall be. Names and texts fit every file that they end up in.
 
@@ -73,7 +73,7 @@ class Blueprint:
         raise_if_any((*_name_problems(self), *_target_problems(self), *_text_problems(self)))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Item:
     """A file with its text, or a folder without; `path` is relative to the package and uses '/'."""
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,7 @@ _OTHER = re.compile(r"^(error: |forge: |\w*(Error|Exception): |(ninja|make): \*\
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FirstError:
     """The lines that say what went wrong, and whether it is a fault in an interface definition."""
 

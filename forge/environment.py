@@ -13,6 +13,7 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError
+from forge.frozen import frozen
 from forge.model import Change
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ OPERATIONS = (
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Script:
     """A hook that only a shell can read: the same file name in one or more shells' languages."""
 
@@ -48,7 +49,7 @@ class Script:
 Hook = Change | Script
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Edit:
     """A change of a variable that depends on nothing but the variable.
 
@@ -68,7 +69,7 @@ class Edit:
         return f"{prefix}/{self.value}" if self.value else prefix
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Installed:
     """A package of an install tree: `folder` is its prefix below the root, '' where all share one."""
 

@@ -11,8 +11,9 @@ Anything else that escapes a command is our bug, and says so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,7 +23,7 @@ EXIT_INTERRUPTED = 130
 """The exit code after Ctrl-C; the others are of forge.cli alone."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Place:
     """A spot in a file. Lines and columns count from 1; `source` is the whole line as written."""
 
@@ -40,7 +41,7 @@ class Place:
         return ":".join(parts)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Problem:
     """One thing to mend: lower case, no full stop, names in single quotes."""
 

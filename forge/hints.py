@@ -7,9 +7,9 @@ is the surest. No hint is better than a wrong one.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.model import BUILD_KINDS
 from forge.provision import is_like_a_ros_name, is_ros_name
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from forge.model import Package
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Scene:
     """Where something failed: the package, all that can be built beside it, and the interpreter."""
 

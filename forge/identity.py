@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
+
 if TYPE_CHECKING:
     from collections.abc import Collection
     from pathlib import Path
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
     from forge.model import Package
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Identity:
     """What a folder is: perhaps a package; if not, whether to look below; and what to tell the user."""
 

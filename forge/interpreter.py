@@ -6,11 +6,11 @@ import contextlib
 import importlib.util
 import shutil
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Problem
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 OLDEST = (3, 10)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Interpreter:
     """A Python program and its version."""
 

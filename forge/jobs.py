@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge import fallback, folders, installation
+from forge.frozen import frozen
 from forge.model import RUN_KINDS
 from forge.occupancy import VARIABLE
 from forge.runner import ProcessRunner
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from forge.toolchain import Toolchain
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Jobs:
     """What the tasks of one build share; `variables` is the environment that their needs' comes on top of."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from forge.frozen import frozen
 
 AUTH = "--jobserver-auth="
 _FORMER_AUTH = "--jobserver-fds="
@@ -12,7 +13,7 @@ _VALUE = {"--jobs": "j", "--load-average": "l", "--max-load": "l"}
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MakeFlags:
     """The words of MAKEFLAGS.
 

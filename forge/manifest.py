@@ -6,11 +6,11 @@ Structural faults are all reported together; only a sound structure is read for 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.conditions import ConditionError, holds
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.frozen import frozen
 from forge.model import Dependency, Export, Kind, Manifest, Person
 from forge.names import did_you_mean
 from forge.xml_tree import Element, parse_xml
@@ -38,7 +38,7 @@ _VERSIONED = frozenset(f"version_{word}" for word in VERSION_WORDS)
 _MANY = 10**6
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Tag:
     """What a child of <package> may look like, per the REP of its format."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.errors import Place, Problem, SelectionError, WorkspaceError
 from forge.formats import read_yaml
+from forge.frozen import frozen
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _OURS: dict[str, list[str]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Mixin:
     """Options of one command under one name, by their name without dashes; `place` is None for ours."""
 

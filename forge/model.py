@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +32,7 @@ RUN_KINDS = frozenset({Kind.BUILD_EXPORT, Kind.BUILDTOOL_EXPORT, Kind.EXEC})
 TEST_KINDS = frozenset({Kind.TEST})
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Dependency:
     """Another package or system key, and in which roles it is needed."""
 
@@ -40,7 +42,7 @@ class Dependency:
     """Constraints such as ('gte', '1.2.0')."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Person:
     """A maintainer or an author."""
 
@@ -48,7 +50,7 @@ class Person:
     email: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Export:
     """A child of the manifest's export element: tag, attributes and inner XML, stripped."""
 
@@ -57,7 +59,7 @@ class Export:
     content: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Manifest:
     """A package.xml after its conditions were evaluated."""
 
@@ -80,7 +82,7 @@ class Manifest:
         return tuple(d.name for d in self.dependencies if d.kinds & kinds)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Package:
     """A folder that can be built. `embedded` ones forge brought along."""
 
@@ -117,7 +119,7 @@ class Package:
         return tuple(map(str, value)) if isinstance(value, list | tuple) else (str(value),)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Workspace:
     """All packages below the base paths, by name.
 
@@ -133,7 +135,7 @@ class Workspace:
     notes: tuple[Problem, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Selection:
     """The packages to work on, in topological order; `left_out` says why others are not."""
 
@@ -141,7 +143,7 @@ class Selection:
     left_out: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Change:
     """One edit of an environment variable; `operation` is a dsv word (workspace spec 8.3)."""
 
@@ -150,7 +152,7 @@ class Change:
     value: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Mark:
     """A set of files at one moment, as digests.
 
@@ -167,7 +169,7 @@ class Mark:
 Pairs = tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Parts:
     """What a package is made from, in words and digests; equal parts make an equal package.
 
@@ -184,7 +186,7 @@ class Parts:
     needs: Pairs = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Record:
     """What the journal remembers of a package's last build.
 
@@ -204,7 +206,7 @@ class Record:
     began: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Traces:
     """What the contents of a build folder were made with, as digests.
 
@@ -219,7 +221,7 @@ class Traces:
     moved: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Folder:
     """A build folder: CMake's generator, what it was configured for, and what its contents were made with.
 
@@ -235,7 +237,7 @@ class Folder:
     """When the last build there began, by its own note; the record of that build says the same."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Snapshot:
     """What is on disk today, beside the records of yesterday.
 
@@ -262,7 +264,7 @@ TEST_FAILURES = "test failures"
 SUCCESS, FAILURE = "success", "failure"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Step:
     """One program to run: printed, hashed, logged and repeated by hand as it stands here."""
 
@@ -285,7 +287,7 @@ class Step:
         return dict(self.meanings).get(code)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Task:
     """The work on one package. `needs` come first and make up its environment, lowest first."""
 
@@ -318,7 +320,7 @@ class Task:
         return self.package.embedded
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BuildPlan:
     """Tasks in topological order, and the packages that need none."""
 
@@ -326,7 +328,7 @@ class BuildPlan:
     fresh: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Started:
     """A task began; `parts` is what it is made from, dependencies included."""
 
@@ -334,14 +336,14 @@ class Started:
     parts: Parts = Parts()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Fresh:
     """A conditional task turned out to need nothing."""
 
     task: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StepStarted:
     """A step of a task began; `environment` holds only what differs from forge's own."""
 
@@ -350,7 +352,7 @@ class StepStarted:
     environment: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StepFinished:
     """A step ended with the exit code of its program (negative: a signal)."""
 
@@ -359,7 +361,7 @@ class StepFinished:
     code: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Output:
     """A line that a task's program printed, with its line end."""
 
@@ -368,7 +370,7 @@ class Output:
     stderr: bool
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Finished:
     """A task ended; `step` is the one that failed when `code` is not 0, else `record` says what was made."""
 
@@ -379,7 +381,7 @@ class Finished:
     record: Record | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Aborted:
     """A task was stopped before its end, because another failed or the user interrupted."""
 
@@ -387,7 +389,7 @@ class Aborted:
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Skipped:
     """A task did not start; `because` names the failed package, or says 'interrupted'."""
 

@@ -6,13 +6,14 @@ A later source adds to lists and mappings of an earlier one and replaces everyth
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.configuration import package_options
 from forge.errors import Place, Problem, WorkspaceError
 from forge.formats import read_yaml
+from forge.frozen import frozen
 from forge.model import Dependency, Kind
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ _CATEGORIES = {
 _NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Overrides:
     """What was said about packages by their name, and about folders by their real path."""
 

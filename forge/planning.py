@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.freshness import Outlook, must_begin_anew, traces_of, why_at_all, why_different
+from forge.frozen import frozen
 from forge.graph import closures, ordered_names
 from forge.model import BuildPlan, Folder, Parts, Task, Traces
 from forge.names import did_you_mean
@@ -70,7 +71,7 @@ def make_plan(
     return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), outlook
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Standing:
     """What holds for every package of a build: forge, tools, environment; and which option forces whom."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ PACKAGES = Path("share/colcon-core/packages")
 SYSTEM = (Path("/usr/local"), Path("/usr"))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Underlays:
     """What is sourced: `chain` holds roots, lowest first; `prefixes` hold packages, winners first."""
 
@@ -25,7 +25,7 @@ class Underlays:
     prefixes: tuple[Path, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class InstalledPackage:
     """A package that an install tree holds, and the packages that it needs to run."""
 

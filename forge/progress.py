@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from statistics import mean
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.model import Aborted, Finished, Fresh, Skipped, Started, StepStarted
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ _EARLY = 2.0
 """Seconds before which no estimate is worth its line."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Running:
     """A package that is being built: its step, and when it began."""
 
@@ -26,7 +27,7 @@ class Running:
     step: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Progress:
     """Where a build stands. All times are seconds of one clock.
 

@@ -7,10 +7,11 @@ or not at all, so that two implementations of one API never meet in one build.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem
+from forge.frozen import frozen
 from forge.graph import order, round_about
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
@@ -42,7 +43,7 @@ _ROS_NAMES = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Provision:
     """The packages of a build, embedded ones included, and how names resolve among them.
 

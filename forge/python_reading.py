@@ -8,9 +8,9 @@ from __future__ import annotations
 import ast
 import configparser
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from forge.frozen import frozen
 from forge.model import Dependency, Kind, Person
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PythonFacts:
     """What could be read of a package; `name` is None where it is not said as a literal."""
 

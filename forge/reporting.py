@@ -6,10 +6,10 @@ Progress goes to stdout and failures to stderr, where colcon's readers expect th
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from forge.errors import Problem, SelectionError, raise_if_any
+from forge.frozen import frozen
 from forge.model import (
     CONFIGURE,
     TEST_FAILURES,
@@ -109,7 +109,7 @@ class _Plain:
 PLAIN: Screen = _Plain()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tally:
     """What came of the packages, by name and sorted; embedded ones that are fresh go without saying."""
 
@@ -125,7 +125,7 @@ class Tally:
     not_processed: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Fault:
     """Why a package failed, as far as its output tells, what to do, and the line that repeats its step."""
 

@@ -7,10 +7,10 @@ the first a zero byte and the folder. Options name them all.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, SelectionError, raise_if_any
+from forge.frozen import frozen
 from forge.graph import closure, closures, reverse
 from forge.model import Selection
 from forge.names import did_you_mean
@@ -24,7 +24,7 @@ Limit = tuple[str, frozenset[str]]
 """Why the rest is left out, and the names that are kept."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Query:
     """The selection options of a command line, as typed; None and () where an option was not given.
 

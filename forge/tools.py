@@ -7,11 +7,11 @@ import os
 import re
 import shutil
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Problem, raise_if_any
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -27,7 +27,7 @@ _COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tools:
     """What was found; `ninja` and `make` are None when the machine has none.
 

@@ -7,7 +7,6 @@ import json
 import sys
 import time
 from contextlib import closing, nullcontext
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from forge.execution import execute
 from forge.feed import Feed
 from forge.files import write_if_changed
 from forge.freshness import environment_that_counts
+from forge.frozen import frozen
 from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 STYLES = "forge_styles.json"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Undertaking:
     """What a build was asked for and what it found: options, packages, tools, interpreter, environment."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from forge import package_options
 from forge.constraints import unmet_versions
 from forge.discovery import discover, discover_embedded
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.frozen import frozen
 from forge.graph import ordered_names
 from forge.limits import limits_of
 from forge.overrides import read_overrides
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from forge.model import Package, Selection, Workspace
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Loaded:
     """A workspace with its order and what was selected of it, embedded packages where asked for.
 

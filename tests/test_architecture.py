@@ -40,7 +40,7 @@ FLOORS = {
         assignments lengths
     """,
     1: "model layout interfaces.model",
-    0: ". errors names files templating ament_index",
+    0: ". errors frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
 

@@ -5,9 +5,9 @@ Functions are inline, as there is no library to link. Unlike rosidl's, wstring c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.c_functions import functions_view
 from forge.interfaces.c_text import declare, fits_int, needs_math, number, spell, units
 from forge.interfaces.cpp_text import comment, quoted
@@ -24,7 +24,7 @@ _PARTS = ("struct", "functions", "type_support")
 _NEVER_ENUMERATED = frozenset({"boolean", "float", "double", "long double"})
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Line:
     """A declaration and the comment above it."""
 
@@ -32,7 +32,7 @@ class Line:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StructView:
     """Everything that the template of a struct prints."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.c_text import is_plain, number, numbers, spell, units
 from forge.interfaces.cpp_text import quoted
 from forge.interfaces.headers import symbol
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Field, Message, Value
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FunctionsView:
     """The lines of each function's body, and whether init() and copy() may run out of memory."""
 

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from forge.errors import InterfaceError, Problem, raise_if_any
+from forge.frozen import frozen
 from forge.interfaces.cpp_cdr import MembersViews
 from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp_text import qualified
@@ -35,7 +36,7 @@ _LIKELY_MACROS = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Step:
     """A step of a builder: the class that sets one member and hands the message on."""
 
@@ -47,7 +48,7 @@ class Step:
     returned: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Start:
     """What build() begins with."""
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.model import Array, Named
 from forge.interfaces.wire import ANYWHERE, Block, Chars, Count, Loop, Numbers, Run, Shared, Value
@@ -22,7 +23,7 @@ _NEVER_COPIED = frozenset({"boolean", "wchar"})
 """Not every byte is a bool, and a wchar takes twice the bytes that it has in memory."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MembersView:
     """The specialisation of forge_cdr::Members for a message, as finished strings."""
 
@@ -34,7 +35,7 @@ class MembersView:
     """The messages whose own specialisations this one asks for."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Leaf:
     """What is moved in one piece: a value, a small array, or a message without padding."""
 
@@ -42,7 +43,7 @@ class _Leaf:
     alignment: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Shape:
     """A message's layout; its size and alignment if it is moved in one piece, else zeros."""
 
@@ -52,7 +53,7 @@ class _Shape:
     alignment: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MembersViews:
     """The specialisations for the messages of a catalog."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.cpp_text import comment, literal, needs_numeric_limits, spell
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 
@@ -21,7 +21,7 @@ _ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", Text: "_alloc", Seq
 """What the members that take an allocator are constructed from."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MemberView:
     """A member."""
 
@@ -30,7 +30,7 @@ class MemberView:
     doc: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ConstantView:
     """A constant, as the words of its declaration."""
 
@@ -41,7 +41,7 @@ class ConstantView:
     doc: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Block:
     """Statements that only some kinds of initialization run."""
 
@@ -49,7 +49,7 @@ class Block:
     statements: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ConstructorView:
     """The member initializers, joined, and the statements of a constructor."""
 
@@ -57,7 +57,7 @@ class ConstructorView:
     statements: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StructView:
     """Everything that the template of a struct prints."""
 

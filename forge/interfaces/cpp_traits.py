@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.headers import services_of
 from forge.interfaces.model import (
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _OCTETS = frozenset({"octet", "char"})
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class YamlView:
     """How a message is written as YAML, member by member."""
 
@@ -38,7 +38,7 @@ class YamlView:
     statements: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Identity:
     """Both names of a type, and the base classes that tell whether its size is fixed or bounded."""
 
@@ -48,7 +48,7 @@ class Identity:
     bounded: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TypeTraits:
     """The specialisations for a type; an action has nothing but `traits`."""
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import keyword
 import re
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, cast
 
+from forge.frozen import frozen
 from forge.interfaces.faults import Fault
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
 from forge.names import did_you_mean, snake_case
@@ -65,7 +65,7 @@ _KEYWORDS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Declaration:
     """A field or a constant as written; `value_offset` is where `value` starts in the line."""
 

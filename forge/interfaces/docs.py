@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Action, Array, File, Message, Named, Primitive, Sequence, Service, Text
 from forge.templating import render
@@ -20,7 +20,7 @@ _MARKUP = re.compile(r"([\\`*_<>\[\]|#])")
 _IN_FILES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Section:
     """A message: a part of a service or an action, or, without a title, all there is."""
 

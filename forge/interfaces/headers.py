@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.model import Action, Message, Named, Service, element_of, messages_of
 from forge.names import snake_case
 
@@ -18,7 +18,7 @@ _PART = re.compile(
 """What the name of a service's or an action's part ends in."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Handle:
     """A function that hands out type support."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
+from forge.frozen import frozen
 from forge.interfaces.faults import Fault
 from forge.interfaces.literals import INTEGER_RANGES, within_bound
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
@@ -27,7 +27,7 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _TUPLE_HINT = 'such a value is a text with a tuple in it, like "(1, 2, 3)"'
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Expression:
     """A value as written, before anybody knows of which type it has to be."""
 

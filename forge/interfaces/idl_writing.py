@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.model import (
     Action,
     Array,
@@ -41,7 +41,7 @@ _HALVED = re.compile(r'\\{2,}|\\(?=")')
 _ACTION_INCLUDES = {"builtin_interfaces/msg/Time.idl", "unique_identifier_msgs/msg/UUID.idl"}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Line:
     """A member or constant: its comment as quoted lines, its annotations, its declaration."""
 
@@ -50,7 +50,7 @@ class _Line:
     declaration: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Structure:
     """A struct, what stands before it, and its members."""
 

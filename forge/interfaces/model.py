@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
@@ -33,14 +35,14 @@ class TypeName:
         return f"{self.package}/{self.kind}/{self.name}"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Primitive:
     """A basic type by its IDL name: boolean, octet, char, wchar, int8 ... uint64, float, double."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Text:
     """A string (UTF-8) or wstring (UTF-16), with an upper bound or None."""
 
@@ -48,7 +50,7 @@ class Text:
     bound: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Named:
     """Another message."""
 
@@ -58,7 +60,7 @@ class Named:
 Element = Primitive | Text | Named
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Array:
     """Exactly `size` elements."""
 
@@ -66,7 +68,7 @@ class Array:
     size: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sequence:
     """Any number of elements, at most `bound` unless that is None."""
 
@@ -77,7 +79,7 @@ class Sequence:
 Type = Element | Array | Sequence
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Field:
     """A member of a message. `doc` has a line per item; `unit` as in the comment 'speed [m/s]'."""
 
@@ -89,7 +91,7 @@ class Field:
     place: Place | None = field(default=None, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Constant:
     """A named value of a bare primitive or unbounded string type."""
 
@@ -195,7 +197,7 @@ class Catalog:
     sources: Mapping[TypeName, Source]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class File:
     """A text to be written below the output folder; `path` is relative and uses '/'."""
 

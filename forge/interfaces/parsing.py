@@ -7,6 +7,7 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.frozen import frozen
 from forge.interfaces.comments import read_comments
 from forge.interfaces.declarations import TYPE_NAME, Declaration, read_declaration
 from forge.interfaces.faults import Fault
@@ -39,7 +40,7 @@ _SEPARATOR = "---"
 _DIVISIONS = {1: "is not divided by '---'", 2: "is divided by one '---'", 3: "is divided by two '---'"}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Parsed:
     """An interface and the file that it was read from."""
 
@@ -96,7 +97,7 @@ def type_name(source: Source) -> TypeName:
     return TypeName(source.package, path.suffix.removeprefix("."), path.stem)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Line:
     """A line of a file; `text` has blanks for tabs, so that columns stay."""
 

@@ -6,9 +6,9 @@ Names that users did not choose begin with '_' in generated text, as no field's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
 from forge.interfaces.python_fields import BUILTINS, FieldView, Scope, view_field
 from forge.interfaces.python_stubs import Language, hidden_words, stub_imports, view_stub
@@ -25,7 +25,7 @@ _CANCEL = TypeName("action_msgs", "srv", "CancelGoal")
 _STATUS = TypeName("action_msgs", "msg", "GoalStatusArray")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _MessageView:
     """A message class as the template shows it."""
 
@@ -38,7 +38,7 @@ class _MessageView:
     own: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _ServiceView:
     """A service class as the template shows it."""
 
@@ -47,7 +47,7 @@ class _ServiceView:
     response: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _ActionView:
     """An action class as the template shows it."""
 

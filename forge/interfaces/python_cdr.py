@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.model import File, messages_of
 from forge.interfaces.python_cdr_read import Others, read_part, read_whole
 from forge.interfaces.python_cdr_text import Names
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Catalog, Interface, TypeName
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Function:
     """A function that makes a reader or a writer, as the template shows it."""
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.model import Array
 from forge.interfaces.python_cdr_cursor import Cursor
 from forge.interfaces.python_cdr_slots import CONVERSIONS, Slots
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Others:
     """What a reader calls messages by: their classes, and the functions that read large ones."""
 

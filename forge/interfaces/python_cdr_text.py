@@ -7,6 +7,7 @@ import keyword
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from forge.frozen import frozen
 from forge.interfaces.python_types import TYPE_CODES
 from forge.interfaces.wire import Block, Chars, Count, Loop, Numbers, Phase, Run, Shared, Value
 
@@ -30,7 +31,7 @@ _RESERVED: Final = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Packed:
     """What one Struct moves: a run, or a string with the run before it and the one behind it.
 

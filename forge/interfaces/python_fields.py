@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import isinf
 from typing import TYPE_CHECKING, Final
 
+from forge.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
 from forge.interfaces.python_types import (
     DTYPES,
@@ -31,7 +31,7 @@ BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
 """What a constructor's short cuts call; a field of such a name hides it there."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Scope:
     """What names mean inside a message's methods."""
 
@@ -43,7 +43,7 @@ class Scope:
     """Whether the constructor may call builtins, since no field has the name of one."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FieldView:
     """A field as the template shows it; every text is finished."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from forge.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
 from forge.interfaces.python_types import DTYPES, INTEGERS, numeric
 
@@ -18,7 +18,7 @@ WORDS: Final = frozenset({"bool", "bytearray", "bytes", "float", "int", "list", 
 """Builtins that stubs speak of; a field of such a name hides it inside its class."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Language:
     """How a module's stub names classes and builtins."""
 
@@ -70,7 +70,7 @@ class Language:
                 return held
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MemberStub:
     """A field or a constant as the template shows it."""
 
@@ -81,7 +81,7 @@ class MemberStub:
     default: str | None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MessageStub:
     """A message class as the template shows it."""
 

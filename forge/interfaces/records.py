@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.files import write_if_changed
+from forge.frozen import frozen
 from forge.interfaces.model import TypeName
 from forge.templating import folder as templates
 
@@ -27,7 +28,7 @@ Mark = tuple[int, int]
 """A file's size and time of change: when both are as they were, nobody has touched it."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Made:
     """The files of one part of a run, and the digest of what they were made from."""
 
@@ -35,7 +36,7 @@ class Made:
     marks: Mapping[str, Mark | None]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Record:
     """What one package's run left in a folder: its files by part, and the types of others among them."""
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
 from forge.interfaces.targets import find_target
@@ -31,7 +31,7 @@ as well, an interface is rendered only if its text, or that of one below it, has
 """
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Part:
     """The files of one interface, or of a package as a whole, in one language; rendered when asked for.
 

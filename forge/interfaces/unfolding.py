@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from forge.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 from forge.interfaces.wire import (
     ANYWHERE,
@@ -36,7 +37,7 @@ LARGE: Final = 64
 """A message of more steps and members than this is not unfolded inside others."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Layouts:
     """The layouts of all messages of a catalog, by the definitions in `known`."""
 

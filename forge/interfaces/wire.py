@@ -16,10 +16,10 @@ Where a phase says too little, the padding can only be worked out when the messa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import gcd
 from typing import TYPE_CHECKING, Final
 
+from forge.frozen import frozen
 from forge.interfaces.model import Array, Primitive, Sequence, Text
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ Path = tuple[str, ...]
 """Member names, from the message that a layout is of, or from a loop's element: () is that itself."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Phase:
     """What is known of an offset: its remainder on division by `modulus`, which is 1, 2, 4 or 8."""
 
@@ -70,7 +70,7 @@ START: Final = Phase(WIDEST, 0)
 ANYWHERE: Final = Phase(1, 0)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Value:
     """One primitive. A hidden one stands for an empty message: written as 0, read past."""
 
@@ -89,7 +89,7 @@ class Value:
         return SIZES[self.type.name]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Block:
     """A small array of primitives."""
 
@@ -108,7 +108,7 @@ class Block:
         return SIZES[self.of.name]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Count:
     """The uint32 before what has no fixed size.
 
@@ -133,7 +133,7 @@ class Count:
 Member = Value | Block | Count
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Piece:
     """A part of a run whose inner padding is known: `paddings[i]` bytes come before `members[i]`.
 
@@ -150,7 +150,7 @@ class Piece:
         return sum(self.paddings) + sum(member.size for member in self.members)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Run:
     """Fixed-size members side by side, as many as there are."""
 
@@ -199,7 +199,7 @@ class Run:
         return True
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Chars:
     """The characters of a string with a NUL at their end, or the code units of a wstring, 4 bytes each."""
 
@@ -208,7 +208,7 @@ class Chars:
     start: Phase
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Numbers:
     """Primitives side by side. Where there are none, there is no padding either."""
 
@@ -223,7 +223,7 @@ class Numbers:
         return self.start.padding(SIZES[self.of.name])
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Loop:
     """Strings or messages one after the other; `body` holds for each, the paths in it begin there."""
 
@@ -233,7 +233,7 @@ class Loop:
     start: Phase
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Shared:
     """A whole message whose layout stands elsewhere and begins with any phase."""
 
@@ -245,7 +245,7 @@ class Shared:
 Step = Run | Chars | Numbers | Loop | Shared
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Inner:
     """A message unfolded into a layout: languages that build objects need to know."""
 
@@ -253,7 +253,7 @@ class Inner:
     name: TypeName
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Layout:
     """The steps of a message that begins with the phase `start`, and the phase behind it."""
 

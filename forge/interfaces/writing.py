@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Place, Problem
 from forge.files import write_if_changed
+from forge.frozen import frozen
 from forge.interfaces.records import Made, Record, mark_of, read_records, write_record
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from forge.interfaces.rendering import Part
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Written:
     """What a run did: the files that were new or had changed, of how many."""
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from forge import __version__
+from forge.frozen import frozen
 from forge.model import Kind
 from forge.templating import render
 
@@ -28,7 +28,7 @@ _LISTS = {
 _PYTHON_VERSION = re.compile(r"python(\d+\.\d+)")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Entry:
     """A cache entry as the template sets it: every part a finished CMake argument."""
 
@@ -38,7 +38,7 @@ class _Entry:
     doc: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Variable:
     """A variable with its elements as finished CMake arguments."""
 

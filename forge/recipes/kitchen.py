@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
     from forge.model import Package, Pairs, Step
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Kitchen:
     """The tools and options that all packages of one build share.
 
@@ -64,7 +66,7 @@ class Kitchen:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Recipe:
     """The steps of one package, and the files that forge writes before the first."""
 
@@ -72,7 +74,7 @@ class Recipe:
     files: tuple[tuple[Path, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BuildType:
     """A row of the table.
 

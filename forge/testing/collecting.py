@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError
+from forge.frozen import frozen
 from forge.testing.outcomes import NotAResultError, Outcome, read_ctest, read_junit
 from forge.xml_tree import parse_xml
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Read = Callable[[Element, str, str], Outcome]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Collection:
     """What was found: outcomes by path, every file that belongs to them, and what could not be read."""
 

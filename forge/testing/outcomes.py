@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,7 +13,7 @@ if TYPE_CHECKING:
     from forge.xml_tree import Element
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Counts:
     """How many tests there were, and how many of them went wrong or were left out."""
 
@@ -41,7 +43,7 @@ class Counts:
         return bool(self.errors or self.failures)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Case:
     """A test that went wrong. Messages and outputs are in the order of the file; `text` is the long story."""
 
@@ -56,7 +58,7 @@ class Case:
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Outcome:
     """What one result file says. `home` is the folder whose tests it tells of.
 

@@ -5,10 +5,11 @@ The exit code of CTest and pytest tells failed tests from a run that failed; the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
 from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Step
 from forge.templating import render
 
@@ -24,7 +25,7 @@ _OF_CTEST = ((8, TEST_FAILURES),)
 _OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Bench:
     """What all tests of one run share: folders, programs and options.
 
@@ -67,7 +68,7 @@ class Bench:
         return (self.results or self.layout.build) / name
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Look:
     """What a package and its build folder say about its tests.
 
@@ -79,7 +80,7 @@ class Look:
     wants: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TestRecipe:
     """The steps, the files written before the first, and what of earlier runs is removed before."""
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.folders import clear
+from forge.frozen import frozen
 from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
 from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 RESULT = "colcon_test.rc"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TestJobs:
     """What the tests of one run share; `needs` is what each package sees, itself included, lowest first."""
 

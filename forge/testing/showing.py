@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -14,7 +16,7 @@ _SHOWN_LINES = 6
 _SHOWN_FAILURES = 50
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Failure:
     """A test that failed: in which package, which, what it says, and the line that repeats it."""
 
