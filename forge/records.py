@@ -173,7 +173,11 @@ class Records:
         self.table.save()
 
     def _said_to_shells(self, name: str, files: tuple[str, ...]) -> str:
-        """Return a digest of what a package adds to the workspace's scripts; empty for one without files."""
+        """Return a digest of what a package adds to the workspace's scripts; empty for one without files.
+
+        Its own package.* scripts are among these files and are made from the same edits, hooks from elsewhere
+        and folders that appeared included.
+        """
         prefix = self._layout.prefix(name)
         share, index = f"{prefix}/share/{name}/", str(prefix / PACKAGES / name)
         told = [path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))]

@@ -411,3 +411,19 @@ def test_scripts_are_written_again_when_a_package_says_something_else(forge: For
     cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION bin)\n")
     assert forge("build", cwd=workspace).code == 0
     assert "/b/bin" in script.read_text()
+
+
+def test_scripts_are_written_again_when_a_folder_appears_that_a_hook_is_about(
+    forge: Forge, tree: Tree
+) -> None:
+    hook = "install(FILES local_setup.dsv DESTINATION share/b)"
+    root = tree(
+        {**files("b", more=hook), "src/b/local_setup.dsv": "prepend-non-duplicate-if-exists;PATH;tools\n"}
+    )
+    assert forge("build", cwd=root).code == 0
+    script = root / "install/local_setup.sh"
+    assert "/b/tools" not in script.read_text()
+    cmake = root / "src/b/CMakeLists.txt"
+    cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION tools)\n")
+    assert forge("build", cwd=root).code == 0
+    assert "/b/tools" in script.read_text()
