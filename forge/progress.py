@@ -31,7 +31,7 @@ class Running:
 class Progress:
     """Where a build stands. All times are seconds of one clock.
 
-    `expected` says how long each package is likely to take; packages without an entry come last in doubt.
+    `expected` says how long each package is likely to take; it is empty where nothing is known.
     """
 
     begun: float
