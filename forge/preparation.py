@@ -141,7 +141,7 @@ def standing(
 ) -> Standing:
     """Return what holds for every package: forge, tools, environment, and whom --force means."""
     return Standing(
-        forge=_forge(),
+        forge=forge_stamp(),
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
         force=_force(options),
@@ -150,12 +150,14 @@ def standing(
 
 
 def _force(options: argparse.Namespace) -> str:
-    """Return the option that asks for packages though they are fresh; '' when none does."""
+    """Return the option that asks for packages though they are fresh; '' when none does, or has done so."""
+    if getattr(options, "again", False):
+        return ""
     words = ("force", "cmake-force-configure", "cmake-clean-cache", "cmake-clean-first", "cmake-target")
     return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
 
 
-def _forge() -> str:
+def forge_stamp() -> str:
     """Return what tells this forge apart: its version, and the stats of its code and templates.
 
     An upgrade changes both; a checkout that is worked on changes the latter alone.

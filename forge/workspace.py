@@ -60,7 +60,7 @@ def load_workspace(
     but in a listing, for two selected packages of one name; SelectionError for names that cannot be selected.
     """
     query = package_options.query_of(options)
-    found = _discovered(root, options, variables)
+    found = packages_there(root, options, variables)
     workspace = _without(found, ignored(query, found.packages))
     whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
     provision, circles = without_test_circles(whole)
@@ -80,13 +80,29 @@ def load_workspace(
     return Loaded(workspace, provision, selection, packages, needs, ordered)
 
 
+_told: set[str] = set()
+_known: set[str] = set()
+"""Warnings of this turn and of the one before it; a command that is no watch has one turn."""
+
+
 def warn(problems: Iterable[Problem]) -> None:
     """Say on stderr what does not stop the command."""
     for problem in problems:
-        print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (stderr is talk)
+        text = problem.render("warning")
+        if text not in _known:
+            print(text, file=sys.stderr)  # noqa: T201  (stderr is talk)
+        _told.add(text)
 
 
-def _discovered(root: Path, options: argparse.Namespace, variables: Mapping[str, str]) -> Workspace:
+def begin_turn() -> None:
+    """Say no warning again from now on that the last turn would have said, too."""
+    _known.clear()
+    _known.update(_told)
+    _told.clear()
+
+
+def packages_there(root: Path, options: argparse.Namespace, variables: Mapping[str, str]) -> Workspace:
+    """Return all packages where the options look for them; raises WorkspaceError for settings of theirs."""
     overrides = read_overrides(root, options.metas, None if options.ignore_user_meta else home(variables))
     return discover(
         root,
