@@ -70,11 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        problem = refusal(error)
-        if problem is None:
-            return _our_bug()
-        print(problem.render(), file=sys.stderr)
-        return EXIT_USER
+        return _refused(error)
     except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
         return _our_bug()
     return code
@@ -218,6 +214,15 @@ def _folder(arguments: Sequence[str]) -> Path:
         elif word in _VALUED:
             next(words, None)
     return folder
+
+
+def _refused(error: OSError) -> int:
+    """Tell what the system refuses, unless it is a fault of ours."""
+    problem = refusal(error)
+    if problem is None:
+        return _our_bug()
+    print(problem.render(), file=sys.stderr)
+    return EXIT_USER
 
 
 def _our_bug() -> int:

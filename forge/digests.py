@@ -145,7 +145,7 @@ def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
 
 def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield each folder that `source_files` looks into, with the files elsewhere that links in it lead to."""
-    waiting = [(root, (os.path.realpath(root),))]
+    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (os.path.realpath(root),))]
     while waiting:
         folder, real = waiting.pop()
         entries = _entries(folder)

@@ -7,6 +7,7 @@ is to be done: the build that follows looks at all files itself.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from typing import TYPE_CHECKING
@@ -79,7 +80,7 @@ def interests(
 
 
 def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, Interest]]:
-    """Yield the folders outside of packages that discovery looks into; of ignored ones only the marks count."""
+    """Yield the folders outside of packages that discovery looks into; in ignored ones the marks count."""
     waiting, visited = [base], set()
     while waiting:
         folder = waiting.pop()
@@ -121,18 +122,18 @@ class Saves:
 
         Raises OSError when folders keep vanishing.
         """
-        for attempt in range(_ATTEMPTS):
-            try:
-                wanted = {folder: interest for folder, interest in look().items() if _sayable(folder)}
-                if self._notify is None or wanted.keys() != self._watched.keys():
-                    self._notify = self._begin(sorted(wanted))
-            except FileNotFoundError:
-                if attempt + 1 == _ATTEMPTS:
-                    raise
-                time.sleep(0.05)
-            else:
-                self._watched = wanted
+        for _ in range(_ATTEMPTS):
+            with contextlib.suppress(FileNotFoundError):
+                self._watch(look())
                 return
+            time.sleep(0.05)
+        self._watch(look())
+
+    def _watch(self, interests: Mapping[str, Interest]) -> None:
+        wanted = {folder: interest for folder, interest in interests.items() if _can_be_watched(folder)}
+        if self._notify is None or wanted.keys() != self._watched.keys():
+            self._notify = self._begin(sorted(wanted))
+        self._watched = wanted
 
     def wait(self) -> frozenset[str]:
         """Return what was saved, once something was that counts; empty when something is all that is known.
@@ -182,13 +183,13 @@ class Saves:
 
         if not self._polling:
             try:
-                return RustNotify(folders, False, False, 0, False, True)  # noqa: FBT003  (as it takes them)
+                return RustNotify(folders, False, False, 0, False, False)  # noqa: FBT003  (as it takes them)
             except FileNotFoundError:
                 raise
             except (OSError, RuntimeError) as error:
                 self._polling = True
                 self._warn([_short_of_watches(len(folders), error)])
-        return RustNotify(folders, False, True, _POLL, False, True)  # noqa: FBT003
+        return RustNotify(folders, False, True, _POLL, False, False)  # noqa: FBT003
 
 
 def _short_of_watches(count: int, error: Exception) -> Problem:
@@ -198,10 +199,10 @@ def _short_of_watches(count: int, error: Exception) -> Problem:
     )
 
 
-def _sayable(folder: str) -> bool:
-    """Tell if the name of a folder can be handed to the library, which takes UTF-8 alone."""
+def _can_be_watched(folder: str) -> bool:
+    """Tell if a folder may be read, and has a name that can be told to the library: it takes UTF-8 alone."""
     try:
         folder.encode()
     except UnicodeEncodeError:
         return False
-    return True
+    return os.access(folder, os.R_OK)

@@ -61,15 +61,17 @@ def watch(options: argparse.Namespace, build: Build) -> int:
     with ExitStack() as at_the_end:
         turns = _Turns(options, build, at_the_end)
         turns.first()
-        while True:
-            try:
+        try:
+            while True:
                 saved = turns.wait()
-            except KeyboardInterrupt:
-                return 0
-            if forge_stamp() != stamp:
-                hint = "start it again: forge build --watch"
-                raise EnvironmentFault(Problem("forge itself was changed, the watch ends", hint=hint))
-            turns.another(saved)
+                if forge_stamp() != stamp:
+                    hint = "start it again: forge build --watch"
+                    raise EnvironmentFault(Problem("forge itself was changed, the watch ends", hint=hint))
+                turns.another(saved)
+        except KeyboardInterrupt:
+            if turns.cut_short:
+                raise
+            return 0
 
 
 class _Turns(Manner):
@@ -85,6 +87,8 @@ class _Turns(Manner):
         self._logs: list[Path] = []
         self._ran = False
         self._on_heels = 0
+        self.cut_short = False
+        """Whether an interrupt met packages that were being built."""
 
     def first(self) -> None:
         """Build as ever; then begin to watch, and build what was saved meanwhile."""
@@ -126,6 +130,7 @@ class _Turns(Manner):
         """Tell in one line how a turn went; the first as any build."""
         self._keep_logs(report.logs)
         tally = report.tally
+        self.cut_short = bool(tally.aborted)
         self._ran = bool(tally.finished or tally.embedded or tally.failed)
         if not self.quiet:
             super().conclude(plan, report, seconds)
@@ -197,7 +202,11 @@ def line_of(order: Sequence[str], tally: Tally, seconds: float) -> str:
     """Return how a turn went, in one line; `order` is that of the plan, in which names are told."""
     parts = [
         f"{_some([name for name in order if name in names])} {words}"
-        for names, words in ((tally.failed, "failed"), (tally.aborted, "stopped"), (tally.finished, "rebuilt"))
+        for names, words in (
+            (tally.failed, "failed"),
+            (tally.aborted, "stopped"),
+            (tally.finished, "rebuilt"),
+        )
         if names
     ]
     if tally.embedded and not tally.finished:
@@ -228,4 +237,6 @@ def _again(options: argparse.Namespace) -> argparse.Namespace:
 def _refuse_what_makes_no_sense(options: argparse.Namespace) -> None:
     for name, words in (("dry_run", "--dry-run"), ("print_command", "--print-command")):
         if getattr(options, name):
-            raise SelectionError(Problem(f"'--watch' builds, '{words}' does not", hint="leave one of them out"))
+            raise SelectionError(
+                Problem(f"'--watch' builds, '{words}' does not", hint="leave one of them out")
+            )
