@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from forge import options as shared
 from forge import package_options
 from forge.configuration import FORGE_TOML
-from forge.errors import EnvironmentFault, ForgeError, Problem, SelectionError
+from forge.errors import EnvironmentFault, ForgeError, Problem, SelectionError, said_once
 from forge.manner import Manner
 from forge.preparation import INTERFACE_GROUP, forge_stamp
 from forge.refusals import refusal
@@ -192,7 +192,7 @@ class _Turns(Manner):
             sys.stdout.flush()
 
     def _tell_problems(self, problems: Sequence[Problem]) -> None:
-        for problem in problems:
+        for problem in said_once(problems):
             sys.stderr.write(f"{problem.render()}\n")
         sys.stderr.flush()
         self._tell("nothing was built; forge tries again after the next save")
