@@ -49,7 +49,7 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     if not needy:
         return None
     cmake = find_cmake(variables)
-    ninja = find_program("ninja", variables)
+    ninja = find_ninja(variables)
     make = find_program("make", variables)
     problems = []
     if cmake is None:
@@ -73,7 +73,7 @@ def no_cmake(needy: Sequence[Package]) -> Problem:
 
 def no_builder(needy: Sequence[Package]) -> Problem:
     """Say that these packages cannot be built for want of Ninja and of make."""
-    hint = "`pip install 'ros-forge[cmake]'` brings Ninja along"
+    hint = "`pip install ninja` brings Ninja; make is a package of every distribution"
     return Problem(f"neither Ninja nor make was found; {_who(needy)} one", hint=hint)
 
 
@@ -95,6 +95,22 @@ def compiler_words(variables: Mapping[str, str]) -> list[str]:
         return variables["CXX"].split()
     found = (shutil.which(name, path=variables.get("PATH", os.defpath)) for name in _COMPILERS)
     return [name for name in found if name][:1]
+
+
+def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return PATH with a folder in front that holds `ninja` alone, nothing when it is the first already.
+
+    So that a package that starts a CMake of its own, as for an external project, builds with the same.
+    """
+    path = variables.get("PATH", os.defpath)
+    if ninja is None or shutil.which("ninja", path=path) == str(ninja):
+        return {}
+    link = folder / ninja.name
+    if not (link.is_symlink() and link.readlink() == ninja):
+        folder.mkdir(parents=True, exist_ok=True)
+        link.unlink(missing_ok=True)
+        link.symlink_to(ninja)
+    return {"PATH": f"{folder}{os.pathsep}{path}"}
 
 
 def find_ctest(variables: Mapping[str, str]) -> Path:
@@ -140,6 +156,21 @@ def find_program(program: str, variables: Mapping[str, str]) -> Path | None:
     here = str(Path(sys.executable).parent)
     found = shutil.which(program, path=os.pathsep.join([variables.get("PATH", os.defpath), here]))
     return Path(found) if found else None
+
+
+def find_ninja(variables: Mapping[str, str]) -> Path | None:
+    """Return NINJA, as Meson does, else the wheel's beside the interpreter, else the first on PATH.
+
+    The wheel's shares jobs with other tools; a distribution's seldom does, and would build the last large
+    package of a workspace with the few jobs that were free when it began.
+    """
+    named = variables.get("NINJA")
+    if named:
+        return Path(named)
+    beside = Path(sys.executable).with_name("ninja")
+    if importlib.util.find_spec("ninja") is not None and beside.is_file():
+        return beside
+    return find_program("ninja", variables)
 
 
 def find_cmake(variables: Mapping[str, str]) -> Path | None:

@@ -19,6 +19,7 @@ from forge.tools import (
     compiled_packages,
     compiler_words,
     find_cmake,
+    find_ninja,
     find_program,
     no_builder,
     no_cmake,
@@ -82,7 +83,7 @@ def cmake(subject: Subject) -> Checkup:
 def builder(subject: Subject) -> Checkup:
     """Look for Ninja or make."""
     needy = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
-    found = {name: find_program(name, subject.variables) for name in ("ninja", "make")}
+    found = {"ninja": find_ninja(subject.variables), "make": find_program("make", subject.variables)}
     said = ", ".join(
         f"{name} {_version(subject, [str(path)]) or 'that does not run'}"
         for name, path in found.items()
