@@ -31,6 +31,8 @@ COMMANDS = {
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",
+    "doctor": "say what is wrong with the machine, the shell or the workspace",
+    "deps": "name what the workspace needs from the system",
     "extensions": "show what forge knows: build types, event handlers, shells",
     "mixin": "list and show named sets of options",
     "interface": "compile, list and show .msg, .srv and .action files",
@@ -45,6 +47,7 @@ _VALUED = frozenset({"--log-base", "--log-level", "-C"})
 
 _IN_WORKSPACE = frozenset(
     {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
+    | {"doctor", "deps"}
 )
 """The commands that run at the root of the workspace, wherever inside they are typed."""
 

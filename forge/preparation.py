@@ -17,7 +17,7 @@ from forge.lengths import too_long
 from forge.makeflags import read_make_flags
 from forge.planning import Standing
 from forge.prefixes import find_underlays
-from forge.provision import missing_problems
+from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
 from forge.tools import find_tools, identities
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from forge.layout import Layout
     from forge.model import BuildPlan
     from forge.workspace import Loaded
-
-INTERFACE_GROUP = "rosidl_interface_packages"
 
 
 def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:

@@ -23,8 +23,7 @@ from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.preparation import INTERFACE_GROUP
-from forge.provision import missing_problems
+from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
 from forge.schedule import Board

@@ -42,6 +42,8 @@ class Loaded:
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
     ordered: tuple[str, ...]
+    doubts: tuple[Problem, ...] = ()
+    """What deserves a warning, and in a listing also manifests that cannot be read."""
 
 
 def load_workspace(
@@ -59,6 +61,20 @@ def load_workspace(
     included. Manifests that cannot be read are then told on stderr. Raises WorkspaceError for a cycle and,
     but in a listing, for two selected packages of one name; SelectionError for names that cannot be selected.
     """
+    loaded = look_at_workspace(root, options, variables, embedded=embedded, install=install)
+    warn(loaded.doubts)
+    return loaded
+
+
+def look_at_workspace(
+    root: Path,
+    options: argparse.Namespace,
+    variables: Mapping[str, str],
+    *,
+    embedded: bool = False,
+    install: Path | None = None,
+) -> Loaded:
+    """Return the same as load_workspace, and say nothing."""
     query = package_options.query_of(options)
     found = packages_there(root, options, variables)
     workspace = _without(found, ignored(query, found.packages))
@@ -76,8 +92,7 @@ def load_workspace(
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
     doubts = (*workspace.notes, *circles, *unmet_versions(workspace.packages))
     told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    warn((*told, *doubts, *warnings))
-    return Loaded(workspace, provision, selection, packages, needs, ordered)
+    return Loaded(workspace, provision, selection, packages, needs, ordered, (*told, *doubts, *warnings))
 
 
 _told: set[str] = set()

@@ -31,6 +31,8 @@ FLOORS = {
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
         bundling fallback ownership underlays saves
+        examining.machine examining.packages examining.programs examining.subject examining.surroundings
+        rosdep_files system_packages
     """,
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
@@ -38,6 +40,7 @@ FLOORS = {
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
         assignments lengths
+        examining examining.* rosdep common_keys outstanding
     """,
     1: "model layout interfaces.model",
     0: ". errors refusals frozen names files templating ament_index",
