@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
@@ -102,6 +103,26 @@ def broken(
             "-m pip install em_is_not_here",
             id="a module of Python",
         ),
+        pytest.param(
+            broken(f"{MAIN}\ninstall(TARGETS mian DESTINATION lib/broken)", languages="CXX"),
+            "did you mean 'main'?",
+            id="a target in install() that is spelled otherwise",
+        ),
+        pytest.param(
+            broken("add_executable(main mian.cpp)", languages="CXX"),
+            "did you mean 'main.cpp'?",
+            id="a source file that is spelled otherwise",
+        ),
+        pytest.param(
+            broken("install(DIRECTORY launch DESTINATION share/broken)"),
+            "the package has no 'launch': make it, or take it out of what names it",
+            id="a folder to install that is not there",
+        ),
+        pytest.param(
+            broken(MAIN, languages="CXX", main="int go(int);\nint here = go(1);"),
+            "nothing that is linked has 'go(int)': name its source file in add_executable()",
+            id="a source file that is not linked",
+        ),
     ],
 )
 def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, str], hint: str) -> None:
@@ -111,3 +132,24 @@ def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, s
     hints = [line for line in ran.err.splitlines() if line.startswith("  hint: ")]
     assert len(hints) == 1, ran.err
     assert hint in hints[0]
+
+
+def test_a_package_without_its_cmakelists(forge: Forge, tree: Tree) -> None:
+    """The manifest says CMake, the folder says Python: one of them was forgotten."""
+    files = {"src/broken/package.xml": manifest_text("broken", build_type="cmake")}
+    ran = forge("build", cwd=tree(files))
+    assert "  hint: it needs a CMakeLists.txt: 'forge pkg create' makes" in ran.err
+    ran = forge("build", cwd=tree({"src/broken/setup.py": ""}))
+    assert (
+        "  hint: it has a setup.py: write <build_type>ament_python</build_type> into src/broken/" in ran.err
+    )
+
+
+def test_cmake_was_run_in_the_source_folder(forge: Forge, tree: Tree) -> None:
+    """What it left there makes no difference: CMake would take the folder for the one to build in."""
+    root = tree(broken(""))
+    subprocess.run(
+        ["cmake", "-G", "Unix Makefiles", "."], cwd=root / "src/broken", check=True, capture_output=True
+    )
+    ran = forge("build", cwd=root)
+    assert ran.code == 0, ran.err
