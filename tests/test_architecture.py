@@ -32,7 +32,7 @@ FLOORS = {
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
         bundling fallback ownership underlays saves
         examining.machine examining.packages examining.programs examining.subject examining.surroundings
-        rosdep_files system_packages scenes unfound
+        rosdep_files system_packages scenes unfound pitfalls
     """,
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
