@@ -1,4 +1,4 @@
-"""The one door to the Jinja2 templates: strict, no escaping, no thinking inside."""
+"""The one door to the Jinja2 templates: strict, nothing escaped but in pages, no thinking inside."""
 
 from __future__ import annotations
 
@@ -42,12 +42,17 @@ def environment() -> jinja2.Environment:
         bytecode_cache=_compiled(),
         loader=jinja2.FileSystemLoader(folder()),
         undefined=jinja2.StrictUndefined,
-        autoescape=False,  # noqa: S701  (no HTML is written from these; views finish every string)
+        autoescape=_is_page,  # noqa: S701  (other views finish every string)
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
         auto_reload=False,
     )
+
+
+def _is_page(template: str | None) -> bool:
+    """Tell if what comes out is HTML or SVG, where a name of a package must not become markup."""
+    return template is not None and template.endswith((".html.j2", ".svg.j2"))
 
 
 def _compiled() -> jinja2.BytecodeCache | None:
