@@ -21,7 +21,11 @@ def register(parser: Parser) -> None:
     """Add the options of `forge graph`."""
     package_options.add_listing(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--dot", action="store_true", help="for Graphviz: forge graph --dot | dot -Tsvg")
+    form.add_argument(
+        "--dot",
+        action="store_true",
+        help="for Graphviz, as 'forge graph --dot | dot -Tsvg'; dashed over packages left out",
+    )
     form.add_argument("--density", action="store_true", help="begin with how dense the graph is")
     parser.add_argument("--legend", action="store_true", help="explain the signs")
     parser.add_argument("--dot-cluster", action="store_true", help="with --dot: a frame around each folder")
