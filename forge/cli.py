@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.configuration import GENERAL, configured
-from forge.errors import EXIT_INTERRUPTED, ForgeError, Problem
+from forge.errors import EXIT_INTERRUPTED, ForgeError, Problem, said_once
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = _run(arguments)
         sys.stdout.flush()
     except ForgeError as error:
-        for problem in error.problems:
+        for problem in said_once(error.problems):
             print(problem.render(), file=sys.stderr)
         return EXIT_USER
     except KeyboardInterrupt:

@@ -74,12 +74,11 @@ def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
 
 def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str]) -> None:
     """Raise WorkspaceError with everything that would make the build fail anyway."""
-    errors, warnings = missing_problems(loaded.provision, names)
+    errors, _ = missing_problems(loaded.provision, names)
     problems = [*loaded.workspace.problems, *errors]
     if not loaded.workspace.packages and not problems:
         hint = "go to the folder that has 'src' in it, or make a package: forge pkg create my_package"
         problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
-    warn(warnings)
     raise_if_any(problems, WorkspaceError)
 
 

@@ -32,6 +32,9 @@ def keep_compiled(where: Path) -> None:
 
 _COMPILED: list[Path] = []
 
+_PAGES = ("html.j2", "svg.j2")
+"""What templates of pages end with: there a name of a package must not become markup."""
+
 
 @cache
 def environment() -> jinja2.Environment:
@@ -42,17 +45,12 @@ def environment() -> jinja2.Environment:
         bytecode_cache=_compiled(),
         loader=jinja2.FileSystemLoader(folder()),
         undefined=jinja2.StrictUndefined,
-        autoescape=_is_page,  # noqa: S701  (other views finish every string)
+        autoescape=jinja2.select_autoescape(_PAGES),
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
         auto_reload=False,
     )
-
-
-def _is_page(template: str | None) -> bool:
-    """Tell if what comes out is HTML or SVG, where a name of a package must not become markup."""
-    return template is not None and template.endswith((".html.j2", ".svg.j2"))
 
 
 def _compiled() -> jinja2.BytecodeCache | None:

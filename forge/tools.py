@@ -49,13 +49,13 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     if not needy:
         return None
     cmake = _find_cmake(variables)
-    ninja = _find("ninja", variables)
+    ninja = _find_ninja(variables)
     make = _find("make", variables)
     problems = []
     if cmake is None:
         problems.append(Problem(f"CMake was not found; {_who(needy)} it", hint=_CMAKE_HINT))
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
-        hint = "`pip install 'ros-forge[cmake]'` brings Ninja along"
+        hint = "`pip install ninja` brings Ninja; make is a package of every distribution"
         problems.append(Problem(f"neither Ninja nor make was found; {_who(needy)} one", hint=hint))
     texts = [(package, _project_text(package)) for package in needy if not package.embedded]
     compiled = [package for package, text in texts if _compiles(text)]
@@ -66,6 +66,22 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     assert cmake is not None  # noqa: S101  (else there was a problem)
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
     return Tools(cmake, ninja, make, only_make)
+
+
+def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return PATH with a folder in front that holds `ninja` alone, nothing when it is the first already.
+
+    So that a package that starts a CMake of its own, as for an external project, builds with the same.
+    """
+    path = variables.get("PATH", os.defpath)
+    if ninja is None or shutil.which("ninja", path=path) == str(ninja):
+        return {}
+    link = folder / ninja.name
+    if not (link.is_symlink() and link.readlink() == ninja):
+        folder.mkdir(parents=True, exist_ok=True)
+        link.unlink(missing_ok=True)
+        link.symlink_to(ninja)
+    return {"PATH": f"{folder}{os.pathsep}{path}"}
 
 
 def find_ctest(variables: Mapping[str, str]) -> Path:
@@ -111,6 +127,21 @@ def _find(program: str, variables: Mapping[str, str]) -> Path | None:
     here = str(Path(sys.executable).parent)
     found = shutil.which(program, path=os.pathsep.join([variables.get("PATH", os.defpath), here]))
     return Path(found) if found else None
+
+
+def _find_ninja(variables: Mapping[str, str]) -> Path | None:
+    """Return NINJA, as Meson does, else the wheel's beside the interpreter, else the first on PATH.
+
+    The wheel's shares jobs with other tools; a distribution's seldom does, and would build the last large
+    package of a workspace with the few jobs that were free when it began.
+    """
+    named = variables.get("NINJA")
+    if named:
+        return Path(named)
+    beside = Path(sys.executable).with_name("ninja")
+    if importlib.util.find_spec("ninja") is not None and beside.is_file():
+        return beside
+    return _find("ninja", variables)
 
 
 def _find_cmake(variables: Mapping[str, str]) -> Path | None:

@@ -24,11 +24,12 @@ from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
 from forge.preparation import INTERFACE_GROUP
+from forge.provision import missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
 from forge.schedule import Board
 from forge.toolchain import Toolchain
-from forge.tools import CMAKE_TYPES
+from forge.tools import CMAKE_TYPES, ninja_first
 from forge.transcript import open_transcript
 from forge.underlays import overridden
 from forge.unused_variables import defined
@@ -67,7 +68,8 @@ def carry_out(
     options, loaded, kitchen = undertaking.options, undertaking.loaded, undertaking.kitchen
     variables, layout = undertaking.variables, undertaking.kitchen.layout
     mine = [name for name, task in plan.tasks.items() if not task.embedded]
-    warn(overridden(mine, layout.install, variables))
+    _, lacking = missing_problems(loaded.provision, mine)
+    warn((*lacking, *overridden(mine, layout.install, variables)))
     with (
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         warm_worker(plan) as found_by,
@@ -82,6 +84,7 @@ def carry_out(
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}
+        surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
         board = _board(plan, options, budget.jobs, records.seconds())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge import package_options
 from forge.constraints import unmet_versions
 from forge.discovery import discover, discover_embedded
-from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.errors import Place, Problem, WorkspaceError, raise_if_any, said_once
 from forge.frozen import frozen
 from forge.graph import ordered_names
 from forge.limits import limits_of
@@ -81,8 +81,8 @@ def load_workspace(
 
 
 def warn(problems: Iterable[Problem]) -> None:
-    """Say on stderr what does not stop the command."""
-    for problem in problems:
+    """Say on stderr what does not stop the command; those in a row that share a hint give it once."""
+    for problem in said_once(problems):
         print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (stderr is talk)
 
 

@@ -11,10 +11,16 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge import cli, commands
-from forge.errors import ForgeError, Place, Problem, raise_if_any
+from forge.errors import ForgeError, Place, Problem, raise_if_any, said_once
 
 if TYPE_CHECKING:
     from tests.conftest import Forge
+
+
+def test_problems_in_a_row_that_have_one_remedy_give_it_once() -> None:
+    source = [Problem("a", hint="x"), Problem("b", hint="x"), Problem("c"), Problem("d", hint="x")]
+    assert [problem.hint for problem in said_once(source)] == [None, "x", None, "x"]
+    assert said_once([]) == []
 
 
 def test_help_names_every_command(forge: Forge) -> None:
