@@ -41,6 +41,7 @@ def register(parser: Parser) -> None:
     package_options.add(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
+    _add_cmake(parser)
     shared.add_budget(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})
@@ -119,6 +120,10 @@ def _add_what_to_build(parser: Parser) -> None:
         metavar="DIR",
         help="where tests of ament leave their results (default: the build folders); as for forge test",
     )
+
+
+def _add_cmake(parser: Parser) -> None:
+    group = parser.add_argument_group("what CMake is told")
     group.add_argument(
         "--cmake-args",
         nargs="*",

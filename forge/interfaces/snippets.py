@@ -68,9 +68,10 @@ def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
 
 
 def _leaves(message: Message, known: Mapping[TypeName, Message]) -> list[_Leaf]:
-    """Return the first members that a line can set."""
+    """Return a few members that a line can set, the message's own before those of messages in it."""
     found = (_leaf(member.name, member.type, known, _DEPTH) for member in message.fields)
-    return [leaf for leaf in found if leaf][:_ASSIGNMENTS]
+    leaves = [leaf for leaf in found if leaf]
+    return sorted(leaves, key=lambda leaf: leaf.path.count("."))[:_ASSIGNMENTS]
 
 
 def _leaf(path: str, type_: Type, known: Mapping[TypeName, Message], depth: int) -> _Leaf | None:
