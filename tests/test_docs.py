@@ -61,6 +61,13 @@ def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
     run(document, folder)
 
 
+def test_the_index_has_every_page() -> None:
+    index = ROOT / "docs/README.md"
+    targets = {part.split(")")[0] for part in index.read_text(encoding="utf-8").split("](")[1:]}
+    pages = {path.relative_to(index.parent).as_posix() for path in index.parent.rglob("*.md")}
+    assert pages - targets == {"README.md"}
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
 def test_no_block_escapes_these_tests(document: Path) -> None:
     """Every fence is one that the tests read, and its language is known; so no command hides in 'sh'."""

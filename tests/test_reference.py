@@ -33,6 +33,7 @@ LONGEST_HELP = 200
 
 ENTAILED = {
     *("AMENT_PREFIX_PATH", "PYTHONPATH", "PATH", "HOME", "XDG_CACHE_HOME", "TERM"),  # as everybody reads them
+    *("CONDA_PREFIX", "PYTHONHOME"),  # of which forge doctor warns
     *("FORGE_WORKER", "FORGE_BUILD_FOLDER", "FORGE_TEMPLATES"),  # between forge and what it starts
 }
 
