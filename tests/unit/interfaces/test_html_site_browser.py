@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -31,13 +32,21 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+def arrive(browser: Browser, page: str) -> None:
+    """Wait until a key or a click has led to a page."""
+    end = time.monotonic() + 20
+    while not browser.address.partition("?")[0].endswith(page):
+        assert time.monotonic() < end, browser.address
+        time.sleep(0.02)
+
+
 def found(browser: Browser) -> list[str]:
     return browser.texts("#found dt")
 
 
 def test_the_search_has_the_nearest_first(browser: Browser, pages: Path) -> None:
     browser.open(pages / "index.html")
-    assert browser.texts("#all h2 a")[0] == "action_msgs" or "nav_msgs" in browser.texts("#all h2 a")
+    assert "nav_msgs" in browser.texts("#all h2 a")
     browser.write("input", "pose")
     assert found(browser)[0] == "geometry_msgs/msg/Pose"
     assert "nav_msgs/msg/Path" in found(browser)
@@ -45,7 +54,7 @@ def test_the_search_has_the_nearest_first(browser: Browser, pages: Path) -> None
     browser.write("input", "stamped pose")
     assert found(browser)[0] == "geometry_msgs/msg/PoseStamped"
     browser.write("input", "frame_id")
-    assert found(browser) == ["std_msgs/msg/Header", *found(browser)[1:]]
+    assert found(browser)[0] == "std_msgs/msg/Header"
     browser.write("input", "no such thing")
     assert found(browser) == []
     assert browser.texts("#found p") == ["0 interfaces"]
@@ -57,20 +66,23 @@ def test_a_key_leads_to_the_search_and_enter_to_the_nearest(browser: Browser, pa
     browser.open(pages / "nav_msgs/msg/Path.html")
     browser.press("/")
     browser.press(*"occupancy", Keys.ENTER)
-    assert browser.address.partition("?")[0].endswith("/index.html")
+    arrive(browser, "/index.html")
     assert found(browser)[0] == "nav_msgs/msg/OccupancyGrid"
     browser.click("input")
     browser.press(Keys.ENTER)
-    assert browser.address.endswith("/nav_msgs/msg/OccupancyGrid.html")
+    arrive(browser, "/nav_msgs/msg/OccupancyGrid.html")
 
 
 def test_links_of_types_lead_to_their_pages(browser: Browser, pages: Path) -> None:
     browser.open(pages / "nav_msgs/msg/Path.html")
     browser.click("#poses a")
+    arrive(browser, "/geometry_msgs/msg/PoseStamped.html")
     assert browser.texts("h1") == ["PoseStamped message"]
     browser.click("main nav a")
+    arrive(browser, "/geometry_msgs/index.html")
     assert browser.texts("h1") == ["geometry_msgs"]
     browser.click("header a")
+    arrive(browser, f"{pages.name}/index.html")
     assert browser.texts("h1") == ["Interfaces"]
 
 
