@@ -23,8 +23,7 @@ from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.preparation import INTERFACE_GROUP
-from forge.provision import missing_problems
+from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
 from forge.schedule import Board
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.interpreter import Interpreter
+    from forge.manner import Manner
     from forge.model import BuildPlan
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
@@ -54,13 +54,14 @@ STYLES = "forge_styles.json"
 
 @frozen
 class Undertaking:
-    """What a build was asked for and what it found: options, packages, tools, interpreter, environment."""
+    """What a build was asked for and how, and what it found: packages, tools, interpreter, environment."""
 
     options: argparse.Namespace
     loaded: Loaded
     kitchen: Kitchen
     interpreter: Interpreter
     variables: Mapping[str, str]
+    manner: Manner
 
 
 def carry_out(
@@ -68,17 +69,17 @@ def carry_out(
 ) -> int:
     """Build what the plan says and return the exit code; `begun` is when the command started."""
     options, loaded, kitchen = undertaking.options, undertaking.loaded, undertaking.kitchen
-    variables, layout = undertaking.variables, undertaking.kitchen.layout
+    variables, layout, manner = undertaking.variables, kitchen.layout, undertaking.manner
     mine = [name for name, task in plan.tasks.items() if not task.embedded]
     _, lacking = missing_problems(loaded.provision, mine)
     warn((*lacking, *overridden(mine, layout.install, variables)))
     with (
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
-        warm_worker(plan) as found_by,
+        manner.worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan)) as budget,
         live_view(plan, records.seconds(), wanted=not options.json and is_wanted(handlers)) as view,
     ):
-        spoken = without_prose(handlers) if options.json else handlers
+        spoken = without_prose(handlers) if options.json or manner.quiet else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
         report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
         report.screen = view.screen
@@ -104,7 +105,7 @@ def carry_out(
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
             seconds = time.monotonic() - begun
-            report.summarise(seconds)
+            manner.conclude(plan, report, seconds)
             feed.conclude(report, seconds)
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
