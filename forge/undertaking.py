@@ -38,10 +38,12 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping
     from contextlib import AbstractContextManager
+    from pathlib import Path
 
     from forge.interpreter import Interpreter
     from forge.manner import Manner
     from forge.model import BuildPlan
+    from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
     from forge.workspace import Loaded
@@ -87,7 +89,8 @@ def carry_out(
         surroundings = {**without_jobs(variables), **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
-        toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
+        python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
+        toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
         board = _board(plan, options, budget.jobs, records.seconds())
         feed.announce()
         try:
@@ -110,15 +113,25 @@ def carry_out(
     return report.exit_code
 
 
-def toolchain_of(kitchen: Kitchen, variables: Mapping[str, str]) -> Toolchain | None:
-    """Return what spares new packages the examination of the compilers.
+def _looks_for_python(plan: BuildPlan, provision: Provision) -> bool:
+    """Tell if packages are built by an ament that is not forge's own, which never looks for Python."""
+    own = provision.packages.get("ament_cmake")
+    return not (own and own.embedded) and any(
+        task.package.build_type == "ament_cmake" for task in plan.tasks.values()
+    )
+
+
+def toolchain_of(
+    kitchen: Kitchen, variables: Mapping[str, str], python: Path | None = None
+) -> Toolchain | None:
+    """Return what spares new packages the examination of the compilers, and of `python`.
 
     None without CMake, and where ament packages are told what others are not: that may be a compiler.
     """
     if kitchen.cmake is None or kitchen.ament_cmake_args:
         return None
     told_apart = (*kitchen.tools, *environment_that_counts(variables))
-    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart)
+    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart, python)
 
 
 def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
