@@ -30,17 +30,17 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        bundling fallback ownership underlays
+        bundling fallback ownership underlays pages sampling
     """,
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths
+        assignments lengths layering pictures timings timing_views
     """,
     1: "model layout interfaces.model",
-    0: ". errors frozen names files templating ament_index",
+    0: ". durations errors frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
 
