@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 import time
 from contextlib import closing, nullcontext
@@ -23,10 +24,12 @@ from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
+from forge.options import spelled
 from forge.preparation import INTERFACE_GROUP
 from forge.provision import missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
+from forge.sampling import watched
 from forge.schedule import Board
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES, ninja_first
@@ -39,11 +42,13 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping
     from contextlib import AbstractContextManager
+    from pathlib import Path
 
     from forge.interpreter import Interpreter
     from forge.model import BuildPlan
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
+    from forge.sampling import Watch
     from forge.workspace import Loaded
 
 
@@ -70,11 +75,13 @@ def carry_out(
     mine = [name for name, task in plan.tasks.items() if not task.embedded]
     _, lacking = missing_problems(loaded.provision, mine)
     warn((*lacking, *overridden(mine, layout.install, variables)))
+    seconds = records.seconds()
     with (
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         warm_worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan)) as budget,
-        live_view(plan, records.seconds(), wanted=not options.json and is_wanted(handlers)) as view,
+        live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
+        watched(wanted=options.timings) as watch,
     ):
         spoken = without_prose(handlers) if options.json else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
@@ -87,8 +94,8 @@ def carry_out(
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
-        board = _board(plan, options, budget.jobs, records.seconds())
-        feed.announce()
+        board = _board(plan, options, budget.jobs, seconds)
+        feed.announce(seconds=seconds)
         try:
             for event in execute(plan, jobs.runner(budget, toolchain), board, records.settle):
                 records.take(event, plan)
@@ -100,13 +107,31 @@ def carry_out(
             records.finish(plan, variables)
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
-            seconds = time.monotonic() - begun
-            report.summarise(seconds)
-            feed.conclude(report, seconds)
+            passed = time.monotonic() - begun
+            report.summarise(passed)
+            _tell_usage(watch, feed)
+            feed.conclude(report, passed)
+            if options.timings and transcript.folder:
+                line = f"timings: {_draw_timings(transcript.folder, options)}\n"
+                view.screen.write(line.encode(errors="surrogateescape"), stderr=options.json)
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))
     return report.exit_code
+
+
+def _tell_usage(watch: Watch, feed: Feed) -> None:
+    usage = watch.usage()
+    if usage:
+        feed.tell_usage(usage)
+
+
+def _draw_timings(folder: Path, options: argparse.Namespace) -> str:
+    """Write the page about a run, and return where the latest one always is, as the user would type it."""
+    from forge.pages import PAGE, write_timings  # noqa: PLC0415  (asked for now and then)
+
+    write_timings(folder)
+    return spelled(os.path.relpath(folder.parent / "latest_build" / PAGE), options)
 
 
 def toolchain_of(kitchen: Kitchen, variables: Mapping[str, str]) -> Toolchain | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
+from forge.errors import Problem, SelectionError
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
@@ -53,6 +54,11 @@ def run(options: argparse.Namespace) -> int:
     handlers = handlers_of(options.event_handlers)
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
+    if options.timings and layout.logs is None:
+        hint = "leave out '--log-base', or leave out '--timings'"
+        raise SelectionError(
+            Problem("--timings writes into the log folder, and there is to be none", hint=hint)
+        )
     if options.print_command:
         from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
 
@@ -133,6 +139,11 @@ def _add_what_to_see(parser: Parser) -> None:
     group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
     group.add_argument("--json", action="store_true", help="print a JSON object for each event, a line each")
     group.add_argument("--explain", action="store_true", help="say why each package is built or fresh")
+    group.add_argument(
+        "--timings",
+        action="store_true",
+        help="write a page that shows where the time went, into the log folder",
+    )
     group.add_argument("--dry-run", action="store_true", help="print the plan and every command, run nothing")
     group.add_argument(
         "--print-command", metavar="PKG", help="print a line that repeats its last step by hand"
@@ -165,6 +176,8 @@ def _conclude_at_once(
     seconds: float,
 ) -> None:
     """Tell that there was nothing to do."""
+    if options.timings:
+        print("timings: nothing was built, so there is no new page", file=sys.stderr)
     if not options.json:
         Report(plan, packages, handlers, None).summarise(seconds)
         return
