@@ -6,16 +6,17 @@ Exit codes: 0 done, 1 a package failed, 2 the user must mend something, 70 our b
 from __future__ import annotations
 
 import argparse
-import errno
 import importlib
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.configuration import GENERAL, configured
-from forge.errors import EXIT_INTERRUPTED, ForgeError, Problem, said_once
+from forge.errors import EXIT_INTERRUPTED, ForgeError, said_once
+from forge.refusals import refusal
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ COMMANDS = {
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",
+    "doctor": "say what is wrong with the machine, the shell or the workspace",
+    "deps": "name what the workspace needs from the system",
     "extensions": "show what forge knows: build types, event handlers, shells",
     "mixin": "list and show named sets of options",
     "interface": "compile, list and show .msg, .srv and .action files",
@@ -44,11 +47,9 @@ _VALUED = frozenset({"--log-base", "--log-level", "-C"})
 
 _IN_WORKSPACE = frozenset(
     {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
+    | {"doctor", "deps"}
 )
 """The commands that run at the root of the workspace, wherever inside they are typed."""
-
-_REFUSALS = frozenset({errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT})
-"""What a system refuses for reasons that only its user can mend."""
 
 EXIT_USER = 2
 EXIT_BUG = 70
@@ -72,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _refused(error) if error.errno in _REFUSALS else _our_bug()
+        return _refused(error)
     except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
         return _our_bug()
     return code
@@ -85,13 +86,21 @@ def _run(arguments: Sequence[str]) -> int:
     if root != origin:
         arguments = typed_elsewhere(arguments, origin, root)
     with standing_in(root):
-        options = parser_of(arguments).parse_args(arguments)
-        options.origin = os.path.relpath(origin, root)
-        for dest, value in getattr(options, "general", {}).items():
-            if getattr(options, dest) is None:
-                setattr(options, dest, value)
+        options = _options(arguments, os.path.relpath(origin, root))
+        # A command that goes on for hours reads them again: they stand in files, too.
+        options.read_again = partial(_options, arguments, options.origin)
         code: int = options.run(options)
     return code
+
+
+def _options(arguments: Sequence[str], origin: str) -> argparse.Namespace:
+    """Return what the command line and the files of options say; `origin` is where it was typed."""
+    options = parser_of(arguments).parse_args(arguments)
+    options.origin = origin
+    for dest, value in getattr(options, "general", {}).items():
+        if getattr(options, dest) is None:
+            setattr(options, dest, value)
+    return options
 
 
 _NOT_GIVEN = object()
@@ -211,13 +220,10 @@ def _folder(arguments: Sequence[str]) -> Path:
 
 
 def _refused(error: OSError) -> int:
-    """Tell which file the system does not let us read or write."""
-    reason = (error.strerror or str(error)).lower()
-    hint = "was it made by another user, as with sudo? make it yours, or remove it"
-    problem = Problem(
-        f"cannot read or write '{error.filename or 'a file'}': {reason}",
-        hint=hint if error.errno in {errno.EACCES, errno.EPERM} else None,
-    )
+    """Tell what the system refuses, unless it is a fault of ours."""
+    problem = refusal(error)
+    if problem is None:
+        return _our_bug()
     print(problem.render(), file=sys.stderr)
     return EXIT_USER
 

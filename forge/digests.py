@@ -143,6 +143,50 @@ def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
             yield path, status
 
 
+def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield each folder that `source_files` looks into, with the files elsewhere that links in it lead to."""
+    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (os.path.realpath(root),))]
+    while waiting:
+        folder, real = waiting.pop()
+        entries = _entries(folder)
+        if entries is None:
+            continue
+        targets = []
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                if _counts_as_folder(entry.name):
+                    waiting.append((entry.path, real))
+            elif entry.is_symlink() and is_source(entry.name):
+                target = os.path.realpath(entry.path)
+                if not entry.is_dir():
+                    targets.append(target)
+                elif not _leads_back(target, real):
+                    waiting.append((entry.path, (*real, target)))
+        yield folder, tuple(targets)
+
+
+def is_source(name: str) -> bool:
+    """Tell if a file of this name counts as a source."""
+    return not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS))
+
+
+def _counts_as_folder(name: str) -> bool:
+    return name not in _LITTER_FOLDERS and not name.endswith(".egg-info")
+
+
+def _leads_back(target: str, real: tuple[str, ...]) -> bool:
+    """Tell if the real folder `target` holds one of those on the way to it."""
+    return any(f"{way}/".startswith(f"{target}/") for way in real)
+
+
+def _entries(folder: str) -> list[os.DirEntry[str]] | None:
+    """Return what is in a folder, sorted; None where results of a build go. Raises OSError."""
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name)
+    names = {entry.name for entry in entries}
+    return None if "COLCON_IGNORE" in names and names & _RESULTS else entries
+
+
 def _below(
     folder: str, real: tuple[str, ...], without: str | None = None
 ) -> Iterator[tuple[str, os.stat_result, bool]]:
@@ -150,21 +194,16 @@ def _below(
 
     `real` are the real folders on the way, which are not entered again.
     """
-    with os.scandir(folder) as found:
-        entries = sorted(found, key=lambda entry: entry.name)
-    names = {entry.name for entry in entries}
-    if "COLCON_IGNORE" in names and names & _RESULTS:
-        return
-    for entry in entries:
+    for entry in _entries(folder) or ():
         name = entry.name
         if entry.is_dir(follow_symlinks=False):
-            if name not in _LITTER_FOLDERS and name != without and not name.endswith(".egg-info"):
+            if _counts_as_folder(name) and name != without:
                 yield from _below(entry.path, real, without)
-        elif not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS)):
+        elif is_source(name):
             yield entry.path, entry.stat(follow_symlinks=False), len(real) > 1
             if entry.is_symlink() and entry.is_dir():
                 target = os.path.realpath(entry.path)
-                if not any(f"{way}/".startswith(f"{target}/") for way in real):
+                if not _leads_back(target, real):
                     yield from _below(entry.path, (*real, target), without)
 
 

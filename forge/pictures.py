@@ -11,6 +11,7 @@ from forge.charts import drawn_needs, printable
 from forge.durations import duration
 from forge.frozen import frozen
 from forge.layering import lay_out
+from forge.provision import INTERFACE_GROUP
 from forge.selection import name_of
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from forge.layering import Spot
     from forge.model import Package
 
-_INTERFACES = "rosidl_interface_packages"
 _KINDS = {"ament_cmake": "cmake", "cmake": "cmake", "ament_python": "python", "python": "python"}
 KINDS = {"interfaces": "interfaces", "cmake": "CMake", "python": "Python", "other": "other"}
 """What kinds of packages the legend tells apart."""
@@ -129,7 +129,7 @@ def facts(chart: Chart, seconds: Mapping[str, float]) -> list[dict[str, object]]
 
 def kind_of(package: Package) -> str:
     """Return the kind of a package, one of KINDS."""
-    if _INTERFACES in package.manifest.groups:
+    if INTERFACE_GROUP in package.manifest.groups:
         return "interfaces"
     return _KINDS.get(package.build_type, "other")
 

@@ -17,7 +17,7 @@ from forge.lengths import too_long
 from forge.makeflags import read_make_flags
 from forge.planning import Standing
 from forge.prefixes import find_underlays
-from forge.provision import missing_problems
+from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
 from forge.tools import find_tools, identities
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from forge.layout import Layout
     from forge.model import BuildPlan
     from forge.workspace import Loaded
-
-INTERFACE_GROUP = "rosidl_interface_packages"
 
 
 def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:
@@ -140,7 +138,7 @@ def standing(
 ) -> Standing:
     """Return what holds for every package: forge, tools, environment, and whom --force means."""
     return Standing(
-        forge=_forge(),
+        forge=forge_stamp(),
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
         force=_force(options),
@@ -149,12 +147,14 @@ def standing(
 
 
 def _force(options: argparse.Namespace) -> str:
-    """Return the option that asks for packages though they are fresh; '' when none does."""
+    """Return the option that asks for packages though they are fresh; '' when none does, or has done so."""
+    if getattr(options, "again", False):
+        return ""
     words = ("force", "cmake-force-configure", "cmake-clean-cache", "cmake-clean-first", "cmake-target")
     return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
 
 
-def _forge() -> str:
+def forge_stamp() -> str:
     """Return what tells this forge apart: its version, and the stats of its code and templates.
 
     An upgrade changes both; a checkout that is worked on changes the latter alone.

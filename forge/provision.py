@@ -28,7 +28,9 @@ FAMILY_MARKS = {
 ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 """What generated code of .action files refers to and manifests commonly leave unsaid."""
 
-_GENERATORS = frozenset({"rosidl_default_generators", "rosidl_interface_packages"})
+INTERFACE_GROUP = "rosidl_interface_packages"
+
+_GENERATORS = frozenset({"rosidl_default_generators", INTERFACE_GROUP})
 """A dependency or a group of a package that generates code; others may merely bring .action files along."""
 
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
@@ -191,7 +193,7 @@ def _answers(
     withheld: dict[str, str] = {}
     for package in embedded.values():
         exports = package.manifest.exports
-        names = [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
+        names = _names_of(package)
         families = (e.content for e in exports if e.tag == "forge_family")
         reason = next((reasons[family] for family in families if family in reasons), None)
         if reason is None:
@@ -199,6 +201,16 @@ def _answers(
         else:
             withheld.update(dict.fromkeys(names, reason))
     return answers, withheld
+
+
+def answered_names(embedded: Mapping[str, Package]) -> frozenset[str]:
+    """Return every name that forge can answer to, whether or not its family is provided otherwise."""
+    return frozenset(name for package in embedded.values() for name in _names_of(package))
+
+
+def _names_of(package: Package) -> list[str]:
+    exports = package.manifest.exports
+    return [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
 
 
 def _wanted(package: Package) -> tuple[str, ...]:

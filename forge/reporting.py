@@ -158,7 +158,7 @@ class Report:
         self.screen = PLAIN
         self.python = "python3"
         """The interpreter of the workspace, as hints name it."""
-        self._packages = packages
+        self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
         self.logs = logs
@@ -276,7 +276,7 @@ class Report:
         return f"{task} (embedded)" if self._embedded(task) else task
 
     def _embedded(self, name: str) -> bool:
-        return self._packages[name].embedded
+        return self.packages[name].embedded
 
     def _take(self, task: str, line: bytes, *, stderr: bool) -> None:
         kept = self._output.setdefault(task, [])
@@ -344,8 +344,8 @@ class Report:
         from forge.discovery import discover_embedded  # noqa: PLC0415  (only a failure pays for it)
         from forge.hints import Scene, hint_of  # noqa: PLC0415
 
-        everything = {**discover_embedded(), **self._packages}
-        return hint_of("".join(text), Scene(self._packages[task], everything, self.python))
+        everything = {**discover_embedded(), **self.packages}
+        return hint_of("".join(text), Scene(self.packages[task], everything, self.python))
 
 
 def _count(names: Sequence[str]) -> str:

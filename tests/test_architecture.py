@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = {
     4: """
-        __main__ cli commands commands.* options package_options preparation testing.preparing
-        undertaking worker workspace
+        __main__ cli commands commands.* manner options package_options preparation testing.preparing
+        undertaking watching worker workspace
     """,
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
@@ -30,7 +30,9 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        bundling fallback ownership underlays pages sampling
+        bundling fallback ownership underlays saves pages sampling
+        examining.machine examining.packages examining.programs examining.subject examining.surroundings
+        rosdep_files system_packages
     """,
     2: """
         charts cmake_reading conditions constraints creation diagnosis environment formats freshness
@@ -38,15 +40,16 @@ FLOORS = {
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
         assignments lengths layering pictures timings timing_views
+        examining examining.* rosdep common_keys outstanding
     """,
     1: "model layout interfaces.model",
-    0: ". durations errors frozen names files templating ament_index",
+    0: ". durations errors refusals frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
 
 PURE = (1, 2)
 IMPURE = frozenset({"os", "subprocess", "threading", "time", "logging"})
-HEAVY = frozenset({"jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "yaml"})
+HEAVY = frozenset({"jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "watchfiles", "yaml"})
 LONGEST_FUNCTION = 60
 LONGEST_MODULE = 400
 

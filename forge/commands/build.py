@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge import options as shared
 from forge import package_options
 from forge.errors import Problem, SelectionError
+from forge.manner import Manner
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
@@ -48,6 +49,15 @@ def register(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    """Build once, or again and again while somebody edits; returns as `build` does."""
+    if options.watch:
+        from forge.watching import watch  # noqa: PLC0415  (asked for now and then)
+
+        return watch(options, build)
+    return build(options, Manner())
+
+
+def build(options: argparse.Namespace, manner: Manner) -> int:
     """Build; returns 0, 1 when a package failed, 2 when an interface definition is wrong."""
     begun = time.monotonic()
     root = Path.cwd()
@@ -81,18 +91,20 @@ def run(options: argparse.Namespace) -> int:
         )
         records.confirm(plan, snapshot, outlook)
         refuse_what_is_too_long(plan, loaded, kitchen, variables)
-        _say(plan, options, level, loaded.packages)
+        if plan.tasks or not manner.checking:
+            _say(plan, options, level, loaded.packages)
         if options.dry_run:
             return 0
         records.recover()
         records.retire(loaded.provision.superseded)
         if not plan.tasks:
             records.finish(plan, variables)
-            _conclude_at_once(plan, options, handlers, loaded.packages, time.monotonic() - begun)
+            report = Report(plan, loaded.packages, handlers, None)
+            _conclude_at_once(plan, options, report, manner, time.monotonic() - begun)
             return 0
         from forge.undertaking import Undertaking, carry_out  # noqa: PLC0415  (a build of nothing is quick)
 
-        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables)
+        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables, manner)
         return carry_out(plan, undertaking, records, handlers, begun)
 
 
@@ -144,6 +156,7 @@ def _add_what_to_see(parser: Parser) -> None:
         action="store_true",
         help="write a page that shows where the time went, into the log folder",
     )
+    group.add_argument("--watch", action="store_true", help="build again whenever a source is saved")
     group.add_argument("--dry-run", action="store_true", help="print the plan and every command, run nothing")
     group.add_argument(
         "--print-command", metavar="PKG", help="print a line that repeats its last step by hand"
@@ -169,20 +182,16 @@ def _say(plan: BuildPlan, options: argparse.Namespace, level: int, packages: Map
 
 
 def _conclude_at_once(
-    plan: BuildPlan,
-    options: argparse.Namespace,
-    handlers: dict[str, bool],
-    packages: Mapping[str, Package],
-    seconds: float,
+    plan: BuildPlan, options: argparse.Namespace, report: Report, manner: Manner, seconds: float
 ) -> None:
     """Tell that there was nothing to do."""
-    if options.timings:
+    if options.timings and not manner.quiet:
         print("timings: nothing was built, so there is no new page", file=sys.stderr)
     if not options.json:
-        Report(plan, packages, handlers, None).summarise(seconds)
+        manner.conclude(plan, report, seconds)
         return
     from forge.feed import Feed  # noqa: PLC0415  (asked for now and then)
 
-    feed = Feed(plan, packages, printed=True)
+    feed = Feed(plan, report.packages, printed=not manner.checking)
     feed.announce()
-    feed.conclude(Report(plan, packages, handlers, None), seconds)
+    feed.conclude(report, seconds)
