@@ -177,9 +177,11 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser = Parser(prog="forge", description=description, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("-C", metavar="DIR", help="run as if typed in this folder")
-    parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
+    parser.add_argument("--log-base", metavar="DIR", help="where logs go; /dev/null for none (default: log)")
     parser.add_argument(
-        "--log-level", metavar="LEVEL", help="how much forge says about itself: debug, info, warning ..."
+        "--log-level",
+        metavar="LEVEL",
+        help="how much forge says about itself: debug, info, warning, error, critical (default: warning)",
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     asked = _asked(arguments)

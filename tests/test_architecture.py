@@ -126,6 +126,12 @@ def test_every_module_has_a_floor(module: str) -> None:
     assert floor_of(module) is not None, "write it into FLOORS above and into the page on architecture"
 
 
+def test_every_module_of_building_has_a_line_in_the_map() -> None:
+    page = (ROOT / "docs/explanation/architecture.md").read_text(encoding="utf-8")
+    rooms = {module for module in modules() if "." not in module} - {"__init__"}
+    assert [name for name in sorted(rooms) if f"{name}.py" not in page and f"{name}/" not in page] == []
+
+
 def test_every_name_on_a_floor_is_a_module() -> None:
     names = {name for patterns in FLOORS.values() for name in patterns.split() if not name.endswith("*")}
     assert names <= modules().keys()

@@ -25,7 +25,11 @@ def register(parser: Parser) -> None:
     form.add_argument("--html", action="store_true", help="a picture to walk through, as one web page")
     form.add_argument("--svg", action="store_true", help="a picture to look at")
     form.add_argument("--mermaid", action="store_true", help="for Mermaid, which GitHub draws in Markdown")
-    form.add_argument("--dot", action="store_true", help="for Graphviz: forge graph --dot | dot -Tsvg")
+    form.add_argument(
+        "--dot",
+        action="store_true",
+        help="for Graphviz, as 'forge graph --dot | dot -Tsvg'; dashed over packages left out",
+    )
     form.add_argument("--density", action="store_true", help="begin with how dense the graph is")
     parser.add_argument("-o", "--output", metavar="FILE", help="write to a file instead of printing")
     parser.add_argument("--legend", action="store_true", help="explain the signs")
