@@ -30,7 +30,7 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        bundling fallback ownership underlays saves
+        bundling fallback ownership underlays saves pages sampling
         examining.machine examining.packages examining.programs examining.subject examining.surroundings
         rosdep_files system_packages
     """,
@@ -39,11 +39,11 @@ FLOORS = {
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths
+        assignments lengths layering pictures timings timing_views
         examining examining.* rosdep common_keys outstanding
     """,
     1: "model layout interfaces.model",
-    0: ". errors refusals frozen names files templating ament_index",
+    0: ". durations errors refusals frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
 

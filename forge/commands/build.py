@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
+from forge.errors import Problem, SelectionError
 from forge.manner import Manner
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
@@ -64,6 +65,11 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     handlers = handlers_of(options.event_handlers)
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
+    if options.timings and layout.logs is None:
+        hint = "leave out '--log-base', or leave out '--timings'"
+        raise SelectionError(
+            Problem("--timings writes into the log folder, and there is to be none", hint=hint)
+        )
     if options.print_command:
         from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
 
@@ -200,6 +206,11 @@ def _add_what_to_see(parser: Parser) -> None:
         action="store_true",
         help="build, then build again whenever a source is saved, until Ctrl-C",
     )
+    group.add_argument(
+        "--timings",
+        action="store_true",
+        help="write a page that shows where the time went, and a trace, into the log folder",
+    )
     group.add_argument("--dry-run", action="store_true", help="print the plan and every command, run nothing")
     group.add_argument(
         "--print-command", metavar="PKG", help="print a line that repeats the last step of a package by hand"
@@ -228,6 +239,8 @@ def _conclude_at_once(
     plan: BuildPlan, options: argparse.Namespace, report: Report, manner: Manner, seconds: float
 ) -> None:
     """Tell that there was nothing to do."""
+    if options.timings and not manner.quiet:
+        print("timings: nothing was built, so there is no new page", file=sys.stderr)
     if not options.json:
         manner.conclude(plan, report, seconds)
         return
