@@ -4,7 +4,8 @@ CMake asks a compiler for its version, its search paths and its word size in som
 whenever it configures a new folder: 0.2 s for each package. It keeps the answers in CMakeFiles/VERSION/ and
 in its cache, and believes them in a folder that has both. A reference project that does nothing but
 enable C and C++ is configured once for each set of options, compilers and variables; its answers are
-copied into new folders whose CMakeLists.txt cannot have wanted others.
+copied into new folders whose CMakeLists.txt cannot have wanted others. ROS's own ament looks for Python
+in every package, which starts the interpreter five times more: it gets these answers the same way.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ _PROJECT = """\
 cmake_minimum_required(VERSION 3.18)
 project(forge_toolchain C CXX)
 """
+_ASKS_PYTHON = "find_package(Python3 COMPONENTS Interpreter QUIET)\n"
 # What belongs to the reference project itself, or is said anew for each package.
 _OWN = re.compile(
     r"^(forge_toolchain_.*|CMAKE_PROJECT_.*|CMAKE_HOME_DIRECTORY|CMAKE_CACHEFILE_DIR|CMAKE_INSTALL_PREFIX"
@@ -47,8 +49,21 @@ _BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
 class Toolchain:
     """The answers for one build; the first package that wants them waits for the reference project."""
 
-    def __init__(self, build: Path, cmake: Path, arguments: tuple[str, ...], circumstances: Pairs) -> None:
-        """Tell apart by what is asked of CMake, which programs are there and which variables; run nothing."""
+    def __init__(
+        self,
+        build: Path,
+        cmake: Path,
+        arguments: tuple[str, ...],
+        circumstances: Pairs,
+        python: Path | None = None,
+    ) -> None:
+        """Tell apart by what is asked of CMake, which programs are there and which variables; run nothing.
+
+        `python` is the interpreter that packages look for, None where none does.
+        """
+        if python is not None:
+            arguments = (f"-DPython3_EXECUTABLE={python}", *arguments)
+        self._project = _PROJECT + (_ASKS_PYTHON if python is not None else "")
         said = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in circumstances)))
         self._home = build / FOLDER / hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
         self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
@@ -78,7 +93,7 @@ class Toolchain:
         if self._answers() is not None:
             return
         shutil.rmtree(self._home, ignore_errors=True)
-        replace_file(self._home / "CMakeLists.txt", _PROJECT.encode())
+        replace_file(self._home / "CMakeLists.txt", self._project.encode())
         subprocess.run(
             self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
         )

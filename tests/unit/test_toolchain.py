@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -115,3 +116,42 @@ def test_without_a_compiler_nothing_is_seeded(tree: Tree) -> None:
     toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), (), ())
     assert not toolchain.seed(root / "src", root / "build", variables)
     assert not (root / "build/CMakeCache.txt").exists()
+
+
+@pytest.mark.needs("cmake", "ninja", "g++")
+def test_what_python_is_need_not_be_asked_again(tree: Tree) -> None:
+    """A new folder starts the interpreter as seldom as CMake does when it knows the folder already.
+
+    That is once; the newest CMake (4.4) trusts no cached answer and always starts it seven times.
+    """
+    asked = "find_package(Python3 REQUIRED COMPONENTS Interpreter)\n"
+    told = 'message("is ${Python3_EXECUTABLE} ${Python3_VERSION} ${Python3_SITELIB} ${Python3_SOABI}")\n'
+    root = tree(
+        {
+            "src/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.18)\nproject(x)\n{asked}{told}",
+            "python3": f'#!/bin/sh\necho start >> "$0.log"\nexec {sys.executable} "$@"\n',
+        }
+    )
+    python, log = root / "python3", root / "python3.log"
+    python.chmod(0o755)
+    cmake = Path(shutil.which("cmake") or "")
+
+    def configured(place: str) -> tuple[str, int]:
+        log.write_text("")
+        argv = (
+            cmake,
+            "-S",
+            root / "src",
+            "-B",
+            root / place,
+            "-G",
+            "Ninja",
+            f"-DPython3_EXECUTABLE={python}",
+        )
+        said = subprocess.run(argv, check=True, capture_output=True, text=True).stderr
+        return said[said.index("is ") :], log.read_text().count("start")
+
+    toolchain = Toolchain(root / "cache", cmake, ("-G", "Ninja"), (), python)
+    assert toolchain.seed(root / "src", root / "seeded", os.environ)
+    assert configured("usual")[1] > 4
+    assert configured("usual") == configured("seeded")
