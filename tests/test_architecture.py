@@ -40,7 +40,7 @@ FLOORS = {
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
         assignments lengths layering pictures timings timing_views
-        examining examining.* rosdep common_keys outstanding
+        examining examining.* rosdep common_keys outstanding mistyped
     """,
     1: "model layout interfaces.model",
     0: ". durations errors refusals frozen names files templating ament_index",
