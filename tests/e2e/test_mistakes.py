@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.packages import manifest_text
+from tests.snippets import ROOT
 
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree
@@ -153,3 +154,41 @@ def test_cmake_was_run_in_the_source_folder(forge: Forge, tree: Tree) -> None:
     )
     ran = forge("build", cwd=root)
     assert ran.code == 0, ran.err
+
+
+INTERFACES = """find_package(ament_cmake REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+rosidl_generate_interfaces(${PROJECT_NAME} "msg/Listed.msg")
+ament_package()"""
+
+
+def test_a_message_that_cmakelists_does_not_name(forge: Forge, tree: Tree) -> None:
+    """Whoever uses it is told where to add it; that nobody can use it is said in any case."""
+    lines = (
+        "<buildtool_depend>rosidl_default_generators</buildtool_depend>",
+        "<member_of_group>rosidl_interface_packages</member_of_group>",
+    )
+    root = tree(
+        {
+            "src/own/package.xml": manifest_text("own", *lines),
+            "src/own/CMakeLists.txt": PLAIN.format(name="own", languages="NONE", lines=INTERFACES),
+            "src/own/msg/Listed.msg": "Forgotten part\n",
+            "src/own/msg/Forgotten.msg": "uint8 x\n",
+        }
+    )
+    ran = forge("build", cwd=root, env={"PYTHONPATH": str(ROOT)})  # CMake starts forge again
+    assert ran.code == 2
+    said = " ".join(ran.err.split())
+    assert "'msg/Forgotten.msg' is in the package and not in rosidl_generate_interfaces()" in said
+    assert "Listed.msg:1:1: error: unknown type 'own/Forgotten'\n" in ran.err
+    assert 'hint: add "msg/Forgotten.msg" to rosidl_generate_interfaces() in CMakeLists.txt\n' in ran.err
+
+
+def test_a_definition_without_its_d(forge: Forge, tree: Tree) -> None:
+    """CMake would warn of a path, once for each package."""
+    ran = forge("build", "--cmake-args", "CMAKE_BUILD_TYPE=Debug", "-D", "A=1", cwd=tree(LIBRARY))
+    assert ran.err.startswith(
+        "warning: --cmake-args has 'CMAKE_BUILD_TYPE=Debug', which CMake takes for a path\n"
+        "hint: write -DCMAKE_BUILD_TYPE=Debug\n"
+    )
+    assert ran.err.count("hint: write") == 1
