@@ -124,11 +124,10 @@ def _is_known(typed: str) -> bool:
         if word.isupper() or word.startswith("-"):
             break
         if f"{path} {word}".strip() not in PARSERS:
+            if not path or any(name.startswith(f"{path} ") for name in PARSERS):
+                return False
             break
         path = f"{path} {word}".strip()
-    first = next((word for word in words if not word.startswith("-")), None)
-    if first and not path:
-        return first.isupper()
     known = {flag for name in ("", path) for flag in PARSERS[name]._option_string_actions}  # noqa: SLF001  (argparse has no other way)
     given = [word.partition("=")[0] for word in words if word.startswith("-") and "|" not in typed]
     return all(any(flag.startswith(option) for flag in known) for option in given)

@@ -127,7 +127,7 @@ class Pages:
 
     def _section(self, title: str, message: Message, words: _Words) -> Section:
         extent = self._extents.of(message)
-        prefix = f"{title.lower()}-" if title else ""
+        prefix = f"{title.lower()}."
         return Section(
             title,
             paragraphs(message.doc),

@@ -324,6 +324,42 @@ def test_the_cpp_of_the_pages_compiles(forge: Forge, tmp_path: Path) -> None:
     assert ran.returncode == 0
 
 
+def test_a_field_named_like_a_part_of_the_page_has_an_anchor_of_its_own() -> None:
+    parts = ("definition", "use", "wire", "users", "hash", "request", "response")
+    catalog = catalog_of("p", {"srv/A.srv": "".join(f"int8 {part}\n" for part in parts) + "---\nint8 hash"})
+    files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}
+    contents = read_page(files["p/srv/A.html"])
+    assert contents.faults == []
+    assert {"hash", "request.hash", "response.hash"} <= set(contents.ids)
+
+
+def test_definitions_of_other_folders_and_languages_have_pages(forge: Forge, tree: Tree) -> None:
+    """An .idl file may lie in any folder; what it defines is used like a message."""
+    module = "module a_msgs {{ module {0} {{ struct {1} {{ {2}; }}; }}; }};\n"
+    root = tree(
+        {
+            "src/a_msgs/package.xml": MANIFEST.format("a_msgs"),
+            "src/a_msgs/deep/Thing.idl": "// All of it.\n" + module.format("deep", "Thing", "double x"),
+            "src/a_msgs/msg/Uses.idl": '#include "a_msgs/deep/Thing.idl"\n'
+            + module.format("msg", "Uses", "a_msgs::deep::Thing thing"),
+        }
+    )
+    assert forge(*DOCS, "-o", "site", cwd=root).code == 0
+    assert faults_of(root / "site") == []
+    assert (
+        "../../a_msgs/deep/Thing.html" in read_page((root / "site/a_msgs/msg/Uses.html").read_text()).targets
+    )
+    assert "<i>// All of it.</i>" in (root / "site/a_msgs/deep/Thing.html").read_text()
+    assert "In the folder deep" in (root / "site/a_msgs/index.html").read_text()
+
+
+def test_pages_in_the_build_folder_go_with_it(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    forge(*DOCS, cwd=root)
+    assert forge("clean", "workspace", "--yes", cwd=root).code == 0
+    assert not (root / "build").exists()
+
+
 def test_an_interface_without_anything_has_a_page() -> None:
     catalog = catalog_of("p", {"msg/A.msg": ""})
     files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}

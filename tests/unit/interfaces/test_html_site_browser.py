@@ -75,7 +75,7 @@ def test_a_key_leads_to_the_search_and_enter_to_the_nearest(browser: Browser, pa
 
 def test_links_of_types_lead_to_their_pages(browser: Browser, pages: Path) -> None:
     browser.open(pages / "nav_msgs/msg/Path.html")
-    browser.click("#poses a")
+    browser.click("[id='.poses'] a")
     arrive(browser, "/geometry_msgs/msg/PoseStamped.html")
     assert browser.texts("h1") == ["PoseStamped message"]
     browser.click("main nav a")
