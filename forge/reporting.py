@@ -321,7 +321,7 @@ class Report:
 
         task = event.task
         text = [line.decode(errors="replace") for line, _ in self._output.get(task, [])]
-        error = first_error(text)
+        error = first_error(text, self.packages[task].path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = self._hint(task, text)
         self._failed[task] = Fault(error, repeat, hint)
