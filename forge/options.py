@@ -33,6 +33,9 @@ def add_layout(parser: Parser) -> None:
     group.add_argument(
         "--log-base", default=argparse.SUPPRESS, metavar="DIR", help="log folder (default: log)"
     )
+    group.add_argument(
+        "--no-wait", action="store_true", help="where another forge is at work: refuse, instead of waiting"
+    )
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 
 

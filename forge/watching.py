@@ -21,7 +21,8 @@ from forge import package_options
 from forge.configuration import FORGE_TOML
 from forge.errors import EnvironmentFault, ForgeError, Problem, SelectionError, said_once
 from forge.manner import Manner
-from forge.preparation import INTERFACE_GROUP, forge_stamp
+from forge.preparation import forge_stamp
+from forge.provision import INTERFACE_GROUP
 from forge.refusals import refusal
 from forge.reporting import duration
 from forge.saves import STEP, Saves, interests
