@@ -105,6 +105,8 @@ def _options(arguments: Sequence[str], origin: str) -> argparse.Namespace:
 
 
 _NOT_GIVEN = object()
+_MANY = 7
+"""More options than these are listed below the usage, but not in it."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -135,6 +137,16 @@ class Parser(argparse.ArgumentParser):
         defaults = {action.dest: self._default(action) for action in actions}
         values = {**defaults, **given, **said, "given": frozenset(given), "general": general}
         return argparse.Namespace(**values), rest
+
+    def format_help(self) -> str:
+        """Return the help; a usage that would have dozens of options only says that there are some."""
+        stands = [action for action in self._actions if not action.option_strings or action.required]
+        if self.usage is None and len(self._actions) - len(stands) > _MANY:
+            formatter = self._get_formatter()
+            formatter.add_usage(None, stands, [], prefix="")
+            words = formatter.format_help().strip().removeprefix(self.prog)
+            self.usage = f"{self.prog} [OPTION ...]{words}"
+        return super().format_help()
 
     def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
         """Give names that stand after an option to the argument that takes any number of them.
@@ -178,9 +190,11 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser = Parser(prog="forge", description=description, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("-C", metavar="DIR", help="run as if typed in this folder")
-    parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
+    parser.add_argument("--log-base", metavar="DIR", help="where logs go; /dev/null for none (default: log)")
     parser.add_argument(
-        "--log-level", metavar="LEVEL", help="how much forge says about itself: debug, info, warning ..."
+        "--log-level",
+        metavar="LEVEL",
+        help="how much forge says about itself: debug, info, warning, error, critical (default: warning)",
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     asked = _asked(arguments)

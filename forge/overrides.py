@@ -28,7 +28,8 @@ _CATEGORIES = {
     "run-dependencies": frozenset({Kind.EXEC}),
     "test-dependencies": frozenset({Kind.TEST}),
 }
-_NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
+NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
+"""What is said about packages that no option of a command has."""
 
 
 @frozen
@@ -93,7 +94,7 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
         for key, kinds in _CATEGORIES.items():
             dependencies += (Dependency(name, kinds) for name in said.get(key) or () if name != package.name)
         hooks += (hook if isinstance(hook, str) else str(hook[0]) for hook in said.get("hooks") or ())
-        merge(settings, {key: value for key, value in said.items() if key not in _NO_SETTINGS})
+        merge(settings, {key: value for key, value in said.items() if key not in NO_SETTINGS})
     if not (dependencies or settings or hooks):
         return package
     manifest = replace(

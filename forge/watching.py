@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 from forge import options as shared
 from forge import package_options
 from forge.configuration import FORGE_TOML
+from forge.durations import duration
 from forge.errors import EnvironmentFault, ForgeError, Problem, SelectionError, said_once
 from forge.manner import Manner
 from forge.preparation import forge_stamp
 from forge.provision import INTERFACE_GROUP
 from forge.refusals import refusal
-from forge.reporting import duration
 from forge.saves import STEP, Saves, interests
 from forge.sourcing import forget_edits
 from forge.workspace import begin_turn, packages_there, warn

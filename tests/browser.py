@@ -119,7 +119,7 @@ class Browser:
 
     def run(self, script: str, *arguments: object) -> object:
         """Run JavaScript, in which `arguments` has the arguments, and return what it returns."""
-        result: object = self._driver.execute_script(script, *arguments)  # type: ignore[no-untyped-call]
+        result: object = self._driver.execute_script(script, *arguments)
         return result
 
     def picture(self, path: Path) -> None:
@@ -133,7 +133,7 @@ class Browser:
         return found
 
     def _gather(self) -> None:
-        log: list[dict[str, object]] = self._driver.get_log("browser")
+        log: list[dict[str, object]] = self._driver.get_log("browser")  # type: ignore[no-untyped-call]
         self._complaints += [f"{line['level']}: {line['message']}" for line in log]
         foreign = self.run(_FOREIGN)
         assert isinstance(foreign, list)

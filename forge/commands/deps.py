@@ -34,22 +34,43 @@ if TYPE_CHECKING:
 def register(parser: Parser) -> None:
     """Add the options of `forge deps`."""
     package_options.add(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--all", action="store_true", help="name also what is there already")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object: system, and needs with key, users, provider, manager, names, missing",
+    )
+    parser.add_argument("--all", action="store_true", help="name also what is there, and who provides it")
     parser.add_argument(
         "-t",
         "--dependency-types",
         nargs="+",
         metavar="KIND",
-        help="only these, such as build, exec and test (default: all but doc)",
-    )
-    parser.add_argument("--rosdep-file", nargs="+", metavar="FILE", help="look names up in these files first")
-    parser.add_argument("--os", metavar="NAME:VERSION", help="as another system calls them: ubuntu:jammy")
-    parser.add_argument(
-        "--build-base", default="build", metavar="DIR", help="where results of builds are noted"
+        help="only these: build, buildtool, build_export, buildtool_export, exec, test, doc "
+        "(default: all but doc)",
     )
     parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="the workspace's own install folder"
+        "--rosdep-file",
+        nargs="+",
+        metavar="FILE",
+        help="look names up in these files first; they are in rosdep's format",
+    )
+    parser.add_argument(
+        "--os",
+        metavar="NAME:VERSION",
+        help="as another system calls them, as ubuntu:jammy or openeuler:24.03; what is installed here does "
+        "not count then",
+    )
+    parser.add_argument(
+        "--build-base",
+        default="build",
+        metavar="DIR",
+        help="where results of builds are noted (default: build)",
+    )
+    parser.add_argument(
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="the workspace's own install folder (default: install)",
     )
     parser.add_argument("--python", metavar="PATH", help="the interpreter that modules are for")
 

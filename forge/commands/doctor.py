@@ -40,9 +40,18 @@ def register(parser: Parser) -> None:
     """Add the options of `forge doctor`."""
     package_options.add(parser)
     shared.add_layout(parser)
-    parser.add_argument("--python", metavar="PATH", help="the interpreter that is to be built with")
-    parser.add_argument("--all", action="store_true", help="show also what merely deserves to be known")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--python", metavar="PATH", help="the interpreter to build with, as for forge build")
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="show also notes: what is declared and never mentioned, what another dependency brings along, "
+        "which package hides which",
+    )
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object: errors, warnings and notes as numbers, checked, findings",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 def register(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `ros2 run`."""
-    parser.add_argument("--prefix", metavar="COMMAND", help="put this command in front, such as 'gdb --args'")
+    parser.add_argument(
+        "--prefix",
+        metavar="COMMAND",
+        help="put this command in front, such as 'gdb --args'; stands before the package",
+    )
     # One positional, because argparse would take a '--' away from between two.
     parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     parser.usage = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"

@@ -89,6 +89,23 @@ def test_every_end_has_its_exit_code(
     assert text in ran.err
 
 
+@pytest.mark.parametrize(
+    ("command", "usage"),
+    [
+        (("build",), "usage: forge build [OPTION ...]\n"),
+        (("info",), "usage: forge info [OPTION ...] [PKG ...]\n"),
+        (
+            ("interface", "generate"),
+            "usage: forge interface generate [OPTION ...] --output DIR [SOURCE_DIR]\n",
+        ),
+        (("pkg", "prefix"), "usage: forge pkg prefix [-h] [--share] PACKAGE\n"),
+    ],
+)
+def test_the_usage_is_a_line(forge: Forge, command: tuple[str, ...], usage: str) -> None:
+    """What must be given is in it; the options that may be are listed below."""
+    assert forge(*command, "--help").out.startswith(usage)
+
+
 def test_a_reader_that_leaves_early_is_no_error() -> None:
     command = f"'{sys.executable}' -m forge list --base-paths forge/embedded | true; exit ${{PIPESTATUS[0]}}"
     home = Path(cli.__file__).parents[1]
