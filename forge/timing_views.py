@@ -20,7 +20,7 @@ STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", 
 
 _SLOWEST_STEPS = 25
 _SIGNS = {True: "+", False: "\N{MINUS SIGN}"}
-_LEAST_CHANGE = 0.05
+_LEAST_CHANGE = _LEAST_WAIT = 0.05
 """Seconds below which nobody should think that something has become slower, or faster."""
 _GIGA = 1e9
 
@@ -134,7 +134,7 @@ def facts(build: Build) -> dict[str, object]:
                 "took": duration(run.seconds),
                 "last": None if run.last is None else duration(run.last),
                 "change": _change(run)[1],
-                "waited": duration(waited(run, runs)),
+                "waited": duration(waited(run, runs)) if waited(run, runs) >= _LEAST_WAIT else None,
                 "needs": [numbers[need] for need in run.needs],
                 "steps": [
                     {"label": printable(step.label), "took": duration(step.seconds), "code": step.code}
@@ -209,7 +209,9 @@ def _bar(number: int, run: PackageRun, whole: float, critical: set[str]) -> Bar:
 
 
 def kind_of(step: StepRun) -> str:
-    """Return the kind of a step, one of STEP_KINDS."""
+    """Return the kind of a step, one of STEP_KINDS, or 'failed'."""
+    if step.code:
+        return FAILED
     return _KINDS.get(step.label, "build")
 
 

@@ -22,16 +22,17 @@ function look(x, y, scale, all = false) {
   world.setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
 }
 
-// The width of the picture that the card leaves free.
+// The size of the picture that the card leaves free: it is at the right, on a small screen at the bottom.
 function room() {
-  const { width } = svg.getBoundingClientRect();
-  return $("card").hidden || width < 700 ? width : width - 360;
+  const { width, height } = svg.getBoundingClientRect();
+  if ($("card").hidden) return { width, height };
+  return width < 700 ? { width, height: height * 0.55 } : { width: width - 360, height };
 }
 
 function lookAtAll() {
-  const { height } = svg.getBoundingClientRect();
-  const scale = Math.min(room() / size.width, height / size.height, 1.25);
-  look((room() - size.width * scale) / 2, (height - size.height * scale) / 2, scale, true);
+  const { width, height } = room();
+  const scale = Math.min(width / size.width, height / size.height, 1.25);
+  look((width - size.width * scale) / 2, (height - size.height * scale) / 2, scale, true);
 }
 
 function zoom(factor, x, y) {
@@ -45,9 +46,9 @@ function zoom(factor, x, y) {
 // Move as little as it takes to see a node well, not behind the card; who looked at all of it comes closer, as
 // far as what the node has lines to can be seen too.
 function bringIntoView(number) {
-  const { height } = svg.getBoundingClientRect();
+  const { width, height } = room();
   const box = boxOf([number]), around = boxOf([number, ...left(number), ...right(number)]);
-  const fitting = Math.min(room() / around.width, height / around.height, 1.25);
+  const fitting = Math.min(width / around.width, height / around.height, 1.25);
   if (view.all) {
     lookAtAll();
     if (view.scale >= 0.75) return;
@@ -57,7 +58,7 @@ function bringIntoView(number) {
     }
   }
   const scale = Math.max(view.scale, 0.75);
-  const inside = box.x * scale + view.x > 0 && (box.x + box.width) * scale + view.x < room()
+  const inside = box.x * scale + view.x > 0 && (box.x + box.width) * scale + view.x < width
     && box.y * scale + view.y > 0 && (box.y + box.height) * scale + view.y < height;
   if (!inside || scale !== view.scale) lookAt(box, scale);
 }
@@ -72,8 +73,8 @@ function boxOf(numbers) {
 }
 
 function lookAt(box, scale) {
-  const { height } = svg.getBoundingClientRect();
-  look(room() / 2 - (box.x + box.width / 2) * scale, height / 2 - (box.y + box.height / 2) * scale, scale);
+  const { width, height } = room();
+  look(width / 2 - (box.x + box.width / 2) * scale, height / 2 - (box.y + box.height / 2) * scale, scale);
 }
 
 // --- which package is looked at

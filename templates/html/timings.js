@@ -125,7 +125,8 @@ function tell(item, needs, needed) {
   const words = { finished: "took", failed: "failed after", aborted: "was stopped after" };
   $("name").textContent = item.name;
   const last = item.last ? `, last time ${item.last}` : "";
-  $("what").textContent = `${words[item.outcome]} ${item.took}${last}; began at ${spoken(item.begun)}, waited ${item.waited} for a job`;
+  const waited = item.waited ? `, having waited ${item.waited} for a job` : "";
+  $("what").textContent = `${words[item.outcome]} ${item.took}${last}; began at ${spoken(item.begun)}${waited}`;
   $("reason").textContent = `Built because: ${item.reason}`;
   $("steps").replaceChildren(...item.steps.map((step) => line(step.label, step.code ? `${step.took}, exit code ${step.code}` : step.took)));
   list($("needs"), needs);

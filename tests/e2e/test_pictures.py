@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.pages import write_timings
 from tests.browser import Keys
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from tests.browser import Browser
@@ -210,6 +212,54 @@ def test_the_graph_moves_and_zooms(browser: Browser, graph: Path) -> None:
     assert browser.run(place) == before
 
 
+@browsing
+def test_what_packages_say_is_text_on_the_page_about_a_build(browser: Browser, tmp_path: Path) -> None:
+    names = [NASTY, "'\"`${boom()}", "__proto__"]
+    write_run(tmp_path, dict.fromkeys(names, ()))
+    browser.open(tmp_path / "timings.html")
+    assert browser.texts("#bars .name") == names
+    assert browser.texts("#critical .go") == [names[-1]]
+    assert browser.texts("#packages-table tbody th") == [names[2], names[1], names[0]]
+    browser.click(".bar")
+    assert browser.texts("#card h2") == [NASTY]
+    assert browser.texts("#reason") == [f"Built because: {NASTY} changed"]
+    assert browser.all("img, b") == []
+
+
+@browsing
+def test_a_thousand_packages_can_be_searched_and_walked_through(browser: Browser, tmp_path: Path) -> None:
+    names = [f"package_{number:04}" for number in range(1000)]
+    before = ((), *((name,) for name in names))
+    write_run(tmp_path, dict(zip(names, before, strict=False)))
+    browser.open(tmp_path / "timings.html")
+    assert browser.run("return document.querySelectorAll('#bars .bar').length") == len(names)
+    browser.write("#search", "_0777")
+    assert browser.texts("#bars li:not([hidden]) .name") == ["package_0777"]
+    browser.click("#bars li:not([hidden]) .bar")
+    browser.click("#users .go")
+    assert browser.texts("#card h2") == ["package_0778"]
+    assert (browser.focus.get_attribute("aria-label") or "").startswith("package_0778,")
+    assert browser.run("return bars[778].getBoundingClientRect().top < innerHeight")
+
+
+def write_run(folder: Path, needs: Mapping[str, tuple[str, ...]]) -> None:
+    """Write the page about a build in which each package took a second longer than the one before."""
+    lines: list[dict[str, object]] = []
+    now = 0.0
+    for number, (name, wanted) in enumerate(needs.items(), 1):
+        about = {"package": name, "embedded": False}
+        lines += [
+            {"event": "Planned", "time": 0.0, **about, "reason": "", "conditional": False, "needs": wanted},
+            {"event": "Started", "time": now, **about, "reason": f"{NASTY} changed"},
+            {"event": "StepStarted", "time": now, **about, "step": "build", "argv": [], "cwd": "/"},
+            {"event": "StepFinished", "time": now + number, **about, "step": "build", "code": 0},
+            {"event": "Finished", "time": now + number, **about, "code": 0, "seconds": number},
+        ]
+        now += number
+    (folder / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    write_timings(folder)
+
+
 def number_of(browser: Browser, name: str) -> int:
     """Return the number of a package's node."""
     return browser.texts(".node text:first-of-type").index(name)
@@ -254,3 +304,31 @@ def test_timings_need_a_log_folder_and_something_that_was_built(
     ran = forge("build", "--timings", cwd=workspace)
     assert ran.code == 0
     assert "nothing was built" in ran.err
+
+
+def test_with_json_the_page_is_told_of_on_stderr_and_the_machine_in_an_event(
+    forge: Forge, workspace: Path, timings: Path
+) -> None:
+    page = timings.read_text()
+    ran = forge(
+        "build", "--timings", "--json", "--force", "--packages-select", "lone", cwd=workspace / "src/lone"
+    )
+    assert ran.code == 0, ran.err
+    assert "timings: ../../log/latest_build/timings.html\n" in ran.err
+    *_, usage, summary = (json.loads(line) for line in ran.out.splitlines())
+    assert (usage["event"], summary["event"]) == ("Usage", "Summary")
+    assert all(0 <= busy <= usage["processors"] for _, busy, _ in usage["samples"])
+    # The run of before keeps its own page, and this one knows how long the package took then.
+    assert page in {path.read_text() for path in workspace.glob("log/build_*/timings.html")}
+    assert json.loads(timings.with_name("trace.json").read_text())["traceEvents"]
+    assert "than when they were last built" in timings.read_text()
+
+
+def test_a_build_that_fails_has_a_page_too(forge: Forge, tmp_path: Path) -> None:
+    root = write_workspace(tmp_path / "ws")
+    (root / "src/msgs/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 3.18)\nproject(")
+    ran = forge("build", "--timings", "--packages-up-to", "map", cwd=root)
+    assert ran.code == 1
+    text = (root / "log/latest_build/timings.html").read_text()
+    assert "1 built, 1 failed, 1 not begun." in text
+    assert 'class="row failed' in text

@@ -6,7 +6,7 @@ import json
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forge.timing_views import facts, page, trace
@@ -115,6 +115,7 @@ def schedules(draw: st.DrawFn) -> list[PackageRun]:
     return sorted(runs, key=lambda run: run.begun)
 
 
+@settings(max_examples=50)
 @given(schedules())
 def test_no_chain_is_longer_than_the_critical_path_and_no_build_is_faster(runs: Sequence[PackageRun]) -> None:
     table = {run.name: run for run in runs}
@@ -129,6 +130,7 @@ def test_no_chain_is_longer_than_the_critical_path_and_no_build_is_faster(runs: 
     assert all(before.name in after.needs for before, after in pairwise(path))
 
 
+@settings(max_examples=50)
 @given(schedules())
 def test_packages_in_one_row_of_a_trace_do_not_overlap(runs: Sequence[PackageRun]) -> None:
     in_row = rows(runs)

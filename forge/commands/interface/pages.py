@@ -18,13 +18,14 @@ from forge.interfaces.sources import EMBEDDED, Library, names_in, read_folder
 from forge.interfaces.writing import write_site
 from forge.manifest import parse_manifest
 from forge.names import did_you_mean
+from forge.workspace import warn
 from forge.workspace_root import find_root
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable, Mapping
 
-    from forge.model import Manifest, Package
+    from forge.model import Manifest, Package, Workspace
 
 _GROUP = "rosidl_interface_packages"
 _GENERATORS = "rosidl_default_generators"
@@ -34,9 +35,14 @@ _FIRST_PAGE = "index.html"
 def make_site(options: argparse.Namespace, default: Path) -> int:
     """Write the pages that the options ask for; `default` is where, below the root of the workspace."""
     root = find_root(Path.cwd(), Path.home())
-    packages = _interface_packages(root)
+    found = discover(root, ["."], os.environ)
+    warn(found.problems)
+    packages = _interface_packages(found)
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.includes}
+    raise_if_any(_misnomers(folders), InterfaceError)
+    out = options.output or Path(os.path.relpath(root / default))
+    raise_if_any(_buried([root / each.path for each in found.packages.values()], out))
     library = Library(includes=folders, prefixes=prefixes(os.environ))
     whole = _wanted(options, folders, library)
     catalogs = _catalogs(whole, library)
@@ -44,36 +50,42 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
         each.package: _about(each.package, library, packages, whole=each.package in whole)
         for each in catalogs
     }
-    out = options.output or Path(os.path.relpath(root / default))
     written = write_site(site(catalogs, abouts, options.title), out, _FIRST_PAGE)
     count = f"{len(written.changed)} of {written.total} files"
     print(f"{count} written, the first page is '{out / _FIRST_PAGE}'")
     return 0
 
 
-def _interface_packages(root: Path) -> dict[str, Package]:
+def _interface_packages(workspace: Workspace) -> dict[str, Package]:
     """Return the packages of the workspace that define interfaces; files of others may only look so."""
-    found = discover(root, ["."], os.environ).packages
-    chosen = {
+    return {
         name: package
-        for name, package in found.items()
-        if _defines_interfaces(package.manifest) and any(names_in(name, root / package.path))
+        for name, package in workspace.packages.items()
+        if _defines_interfaces(package.manifest) and any(names_in(name, workspace.root / package.path))
     }
-    raise_if_any(_misnomers(chosen), InterfaceError)
-    return chosen
 
 
 def _defines_interfaces(manifest: Manifest) -> bool:
     return _GROUP in manifest.groups or any(each.name == _GENERATORS for each in manifest.dependencies)
 
 
-def _misnomers(packages: Mapping[str, Package]) -> list[Problem]:
+def _misnomers(folders: Mapping[str, Path]) -> list[Problem]:
+    """Return a problem for each name that would be no good in a path, or in generated code."""
     hint = "the name of a package with interfaces has lower-case letters, digits and single underscores"
     return [
-        Problem(f"'{name}' is not the name of an interface package", Place(package.manifest.path), hint)
-        for name, package in packages.items()
+        Problem(f"'{name}' is not the name of an interface package", Place(folder), hint)
+        for name, folder in folders.items()
         if not LOWER_NAME.fullmatch(name)
     ]
+
+
+def _buried(folders: Iterable[Path], out: Path) -> list[Problem]:
+    """Return a problem if packages lie below where the pages go, where no tool looks for packages."""
+    around = out.resolve()
+    if not any(folder.resolve().is_relative_to(around) for folder in folders):
+        return []
+    hint = "name a folder for the pages alone with --output"
+    return [Problem("there are packages in this folder, which the pages would hide", Place(out), hint)]
 
 
 def _wanted(options: argparse.Namespace, own: Mapping[str, Path], library: Library) -> dict[str, Path]:

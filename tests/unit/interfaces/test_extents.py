@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forge.interfaces.extents import Extent, Extents, Span
@@ -68,6 +68,7 @@ def test_an_empty_message_takes_the_least(classes: Mapping[str, Any], name: Type
 
 
 @pytest.mark.parametrize("name", NAMES, ids=str)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_no_message_takes_less_or_more(
     classes: Mapping[str, Any], name: TypeName, data: st.DataObject
@@ -79,6 +80,7 @@ def test_no_message_takes_less_or_more(
 
 
 @pytest.mark.parametrize("name", NAMES, ids=str)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_a_number_lies_where_it_is_said_to(
     classes: Mapping[str, Any], name: TypeName, data: st.DataObject

@@ -8,6 +8,8 @@ import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from forge.interfaces.html_site import About, site
 from forge.interfaces.html_text import Paragraph, paragraphs, summary
@@ -229,6 +231,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(forge: Forge, tree: Tree) -
             "there is no package 'geometry_msg' with interfaces\nhint: did you mean 'geometry_msgs'?",
         ),
         ((), "there are no interfaces to make pages of\nhint: go to a workspace"),
+        (("--include", "../up=."), "'../up' is not the name of an interface package"),
     ],
 )
 def test_what_cannot_be_told_of_is_said(
@@ -237,6 +240,37 @@ def test_what_cannot_be_told_of_is_said(
     ran = forge(*DOCS, *argv, cwd=tmp_path)
     assert ran.code == 2
     assert words in ran.err
+
+
+@pytest.mark.parametrize("out", [".", "..", "src", "src/other"])
+def test_pages_do_not_hide_packages(forge: Forge, tree: Tree, out: str) -> None:
+    """No tool looks for packages among pages: a folder that has some is none for pages."""
+    root = workspace(tree)
+    before = sorted(root.rglob("*"))
+    ran = forge(*DOCS, "-o", out, cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith(
+        f"{out}: error: there are packages in this folder, which the pages would hide\n"
+    )
+    assert sorted(root.rglob("*")) == before
+
+
+def test_a_manifest_that_cannot_be_read_is_warned_of(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    (root / "src/other/package.xml").write_text("<package>")
+    ran = forge(*DOCS, cwd=root)
+    assert ran.code == 0
+    assert "src/other/package.xml" in ran.err
+    assert "warning: " in ran.err
+
+
+@given(text=st.text(st.characters(exclude_categories=["Cs"])))
+def test_any_comment_makes_a_page_that_is_whole(text: str) -> None:
+    doc = tuple(text.splitlines())
+    fields = (Field("a", Text(), text, doc, text),)
+    page = page_of(Message(TypeName("demo", "msg", "Thing"), fields, (), doc), description=text)
+    for path in ("demo/msg/Thing.html", "demo/index.html", "index.html"):
+        assert read_page(page[path]).faults == []
 
 
 def test_mistakes_in_all_packages_are_told_at_once(forge: Forge, tree: Tree) -> None:
