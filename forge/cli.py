@@ -118,6 +118,8 @@ class Parser(argparse.ArgumentParser):
     greedy: frozenset[str] = frozenset()
     verb: str | None = None
     """The command whose options files may say, too."""
+    asked: Parser | None = None
+    """The parser of the command that was asked for."""
 
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
@@ -177,8 +179,13 @@ class Parser(argparse.ArgumentParser):
         return shielded
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the command line and where help is."""
-        print(f"error: {message}\nhint: '{self.prog} --help' lists what it takes", file=sys.stderr)
+        """Say what is wrong with the command line, and what was meant or where help is."""
+        from forge.mistyped import meant  # noqa: PLC0415  (most command lines are right)
+
+        options = (self.asked or self)._option_string_actions  # noqa: SLF001  (argparse has no other list)
+        message, hint = meant(message, COMMANDS, options)
+        remedy = hint or f"'{self.prog} --help' lists what it takes"
+        print(f"error: {message}\nhint: {remedy}", file=sys.stderr)
         raise SystemExit(EXIT_USER)
 
 
@@ -204,6 +211,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"forge.commands.{word.replace('-', '_')}")
             module.register(command)
             command.set_defaults(run=module.run)
+            parser.asked = command
             command.verb = word if word in _IN_WORKSPACE else None
     return parser
 

@@ -22,7 +22,7 @@ _PKG_CONFIG = re.compile(
 )
 _CALL = re.compile(
     r"\b(if|elseif|else|endif|find_package|ament_target_dependencies|rosidl_generate_interfaces"
-    r"|ament_python_install_package|cmake_minimum_required)\s*\(",
+    r"|ament_python_install_package|cmake_minimum_required|add_executable|add_library)\s*\(",
     re.IGNORECASE,
 )
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
@@ -93,6 +93,13 @@ def calls(text: str) -> Iterator[Call]:
             conditions.append(" ".join(words))
         elif command != "endif":
             yield Call(command, words, line, tuple(conditions))
+
+
+def targets(text: str) -> tuple[str, ...]:
+    """Return what can be built, by a literal name and in order; ${PROJECT_NAME} is what project() says."""
+    name = project_name(text) or ""
+    made = (call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words)
+    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in made)
 
 
 def uses(text: str) -> Iterator[Use]:

@@ -22,6 +22,7 @@ from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
 from forge.tools import find_tools, identities
 from forge.underlays import lost_underlays
+from forge.unused_variables import odd_words
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -100,6 +101,7 @@ def prepare(
 ) -> tuple[Kitchen, Interpreter]:
     """Return the tools and options that all packages share; raises EnvironmentFault for what is missing."""
     packages = [loaded.packages[name] for name in names]
+    warn(odd_words([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
     tools = find_tools(packages, variables)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):

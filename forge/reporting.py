@@ -341,11 +341,10 @@ class Report:
 
     def _hint(self, task: str, text: Sequence[str]) -> str | None:
         """Return what to do about a failure whose cause is known."""
-        from forge.discovery import discover_embedded  # noqa: PLC0415  (only a failure pays for it)
-        from forge.hints import Scene, hint_of  # noqa: PLC0415
+        from forge.hints import hint_of  # noqa: PLC0415  (only a failure pays for it)
+        from forge.scenes import scene_of  # noqa: PLC0415
 
-        everything = {**discover_embedded(), **self.packages}
-        return hint_of("".join(text), Scene(self.packages[task], everything, self.python))
+        return hint_of("".join(text), scene_of(self.packages[task], self.packages, self.python))
 
 
 def _count(names: Sequence[str]) -> str:

@@ -9,6 +9,7 @@ const nodes = [...svg.querySelectorAll(".node")];
 const lines = [...svg.querySelectorAll(".line")];
 const users = packages.map(() => []);
 packages.forEach((item, number) => item.lines.forEach((need) => users[need].push(number)));
+const layers = Math.max(...nodes.map((node) => Number(node.dataset.layer) + 1));
 const left = (number) => packages[number].lines;
 const right = (number) => users[number];
 
@@ -134,6 +135,7 @@ function tell(number, below, above) {
   $("about").textContent = item.description;
   $("path").textContent = item.path;
   $("time").textContent = item.time ?? "not known";
+  $("layer").textContent = `${Number(nodes[number].dataset.layer) + 1} of ${layers}`;
   $("command").textContent = `forge build --packages-up-to ${item.name}`;
   const direct = new Set(item.needs);
   const directly = new Set([...packages.keys()].filter((other) => packages[other].needs.includes(number)));

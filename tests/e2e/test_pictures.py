@@ -175,6 +175,7 @@ def test_a_click_lights_up_what_it_needs_and_what_needs_it(browser: Browser, gra
     assert len(browser.all(".line.above")) == 1
     assert browser.texts("#needs-title") == ["Needs 2 (1 directly)"]
     assert browser.texts("#needs .direct") == ["msgs"]
+    assert browser.texts("#layer") == ["3 of 4"]
     browser.click("#users button")
     assert browser.texts(".node.chosen text:first-of-type") == ["planner"]
     browser.press(Keys.ARROW_LEFT)

@@ -30,7 +30,7 @@ def test_help_names_every_command(forge: Forge) -> None:
 
 
 def test_a_word_that_is_no_command(forge: Forge) -> None:
-    ran = forge("bild")
+    ran = forge("xyz")
     assert ran.code == 2
     assert "'forge --help' lists what it takes" in ran.err
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -103,3 +104,21 @@ def test_who_has_no_line_stands_below_the_others_in_rows() -> None:
 def test_nothing_is_drawn_of_nothing() -> None:
     layout, _ = laid_out({})
     assert (layout.spots, layout.lines, layout.width, layout.height) == ({}, {}, 0.0, 0.0)
+
+
+def test_a_large_workspace_is_laid_out_without_overlaps_and_always_the_same() -> None:
+    chance = random.Random(7)  # noqa: S311  (any numbers will do)
+    graph: dict[str, frozenset[str]] = {}
+    for number in range(400):
+        known = list(graph)
+        graph[f"p{number}"] = frozenset(chance.sample(known, min(len(known), chance.randrange(4))))
+    layout, sizes = laid_out(graph)
+    columns: dict[float, list[str]] = {}
+    for name, spot in layout.spots.items():
+        columns.setdefault(spot.x, []).append(name)
+    for names in columns.values():
+        for above, below in pairwise(sorted(names, key=lambda name: layout.spots[name].y)):
+            gap = layout.spots[below].y - layout.spots[above].y
+            assert gap >= (sizes[above][1] + sizes[below][1]) / 2
+    again, _ = laid_out({name: frozenset(sorted(needs)) for name, needs in graph.items()})
+    assert again == layout
