@@ -54,6 +54,7 @@ REMEDIES = {
     "ninja": "pip install ninja",
     "pkg-config": "apt-get install pkg-config",
     "shellcheck": "apt-get install shellcheck",
+    "strace": "apt-get install strace",
     "zsh": "apt-get install zsh",
 }
 """The command that brings each tool, or file, which a test may need."""
