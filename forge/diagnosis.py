@@ -15,7 +15,9 @@ _COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
 _CMAKE = re.compile(r"^CMake Error\b")
 _OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)")
 _LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
-_OTHER = re.compile(r"^(error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE)
+_OTHER = re.compile(
+    r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
+)
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 

@@ -99,7 +99,7 @@ class FileTable:
 
 def mark_tree(root: str, table: FileTable, known: Mark | None = None) -> Mark:
     """Return what the tree below `root` looks like now; contents are read only if `known` differs."""
-    return _mark(list(_below(root, (os.path.realpath(root),))), len(root) + 1, table, known, trusting=False)
+    return _mark(list(_below(root, (root,))), len(root) + 1, table, known, trusting=False)
 
 
 def mark_files(paths: Iterable[str], table: FileTable, known: Mark | None = None) -> Mark:
@@ -133,21 +133,21 @@ def source_files(root: str, without: str | None = None) -> Iterator[str]:
 
     Folders of the name `without` are left out.
     """
-    return (path for path, _, _ in _below(root, (os.path.realpath(root),), without))
+    return (path for path, _, _ in _below(root, (root,), without))
 
 
 def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
     """Yield the sources that are regular files and lie below `root` itself, with their stats."""
-    for path, status, linked in _below(root, (os.path.realpath(root),)):
+    for path, status, linked in _below(root, (root,)):
         if not linked and stat.S_ISREG(status.st_mode):
             yield path, status
 
 
 def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield each folder that `source_files` looks into, with the files elsewhere that links in it lead to."""
-    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (os.path.realpath(root),))]
+    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (root,))]
     while waiting:
-        folder, real = waiting.pop()
+        folder, way = waiting.pop()
         entries = _entries(folder)
         if entries is None:
             continue
@@ -155,13 +155,13 @@ def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
                 if _counts_as_folder(entry.name):
-                    waiting.append((entry.path, real))
+                    waiting.append((entry.path, way))
             elif entry.is_symlink() and is_source(entry.name):
                 target = os.path.realpath(entry.path)
                 if not entry.is_dir():
                     targets.append(target)
-                elif not _leads_back(target, real):
-                    waiting.append((entry.path, (*real, target)))
+                elif not _leads_back(target, way):
+                    waiting.append((entry.path, (*way, target)))
         yield folder, tuple(targets)
 
 
@@ -174,37 +174,48 @@ def _counts_as_folder(name: str) -> bool:
     return name not in _LITTER_FOLDERS and not name.endswith(".egg-info")
 
 
-def _leads_back(target: str, real: tuple[str, ...]) -> bool:
+def _leads_back(target: str, way: tuple[str, ...]) -> bool:
     """Tell if the real folder `target` holds one of those on the way to it."""
-    return any(f"{way}/".startswith(f"{target}/") for way in real)
+    return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in way)
 
 
 def _entries(folder: str) -> list[os.DirEntry[str]] | None:
-    """Return what is in a folder, sorted; None where results of a build go. Raises OSError."""
-    with os.scandir(folder) as found:
-        entries = sorted(found, key=lambda entry: entry.name)
+    """Return what is in a folder, sorted; None where results of a build go, or when it has just vanished.
+
+    Raises other OSErrors.
+    """
+    try:
+        with os.scandir(folder) as found:
+            entries = sorted(found, key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
     names = {entry.name for entry in entries}
     return None if "COLCON_IGNORE" in names and names & _RESULTS else entries
 
 
 def _below(
-    folder: str, real: tuple[str, ...], without: str | None = None
+    folder: str, way: tuple[str, ...], without: str | None = None
 ) -> Iterator[tuple[str, os.stat_result, bool]]:
     """Yield each file below a folder with its stat, and if a link to a folder led there.
 
-    `real` are the real folders on the way, which are not entered again.
+    `way` are the folders that links and the root lead through, which are not entered again.
     """
     for entry in _entries(folder) or ():
         name = entry.name
         if entry.is_dir(follow_symlinks=False):
             if _counts_as_folder(name) and name != without:
-                yield from _below(entry.path, real, without)
+                yield from _below(entry.path, way, without)
         elif is_source(name):
-            yield entry.path, entry.stat(follow_symlinks=False), len(real) > 1
+            try:
+                status = entry.stat(follow_symlinks=False)
+            except FileNotFoundError:
+                # An editor's file that came and went while we looked.
+                continue
+            yield entry.path, status, len(way) > 1
             if entry.is_symlink() and entry.is_dir():
                 target = os.path.realpath(entry.path)
-                if not _leads_back(target, real):
-                    yield from _below(entry.path, (*real, target), without)
+                if not _leads_back(target, way):
+                    yield from _below(entry.path, (*way, target), without)
 
 
 def _mark(
@@ -249,13 +260,16 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
     """Return what a file says: its mode and content, and for a link also where it points."""
     if status is None:
         return "missing"
-    if stat.S_ISREG(status.st_mode):
-        try:
+    try:
+        if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
-        except OSError:
-            return "unreadable"
-    if not stat.S_ISLNK(status.st_mode):
-        return "special"
+        return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
+    except OSError:
+        return "unreadable"
+
+
+def _target(path: str, table: FileTable) -> str:
+    """Return where a link points, and what stands there."""
     target = os.readlink(path)  # noqa: PTH115
     real = _status(path, follow=True)
     if real is None or not stat.S_ISREG(real.st_mode):

@@ -55,6 +55,7 @@ REMEDIES = {
     "pkg-config": "apt-get install pkg-config",
     "rosdep": "make peers",
     "shellcheck": "apt-get install shellcheck",
+    "strace": "apt-get install strace",
     "zsh": "apt-get install zsh",
 }
 """The command that brings each tool, or file, which a test may need."""

@@ -130,11 +130,12 @@ def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
 def test_a_flood_of_output_keeps_its_beginning_and_its_end(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a", handlers={**HANDLERS, "console_cohesion": True})
     for number in range(100_000):
-        report.show(Output("a", f"{number}\n".encode(), stderr=False))
+        report.show(Output("a", f"{number:100}\n".encode(), stderr=False))
     out, _ = shown(capfd, report, Finished("a", 0, 0.1))
     lines = out.splitlines()
-    assert "0" in lines
-    assert "99999" in lines
+    assert f"{0:100}" in lines
+    assert f"{99999:100}" in lines
+    assert "[... the log has what stood here ...]" in lines
     assert len(lines) < 50_000
 
 
@@ -160,6 +161,7 @@ def test_durations_read_like_colcons(seconds: float, text: str) -> None:
         (["\x1b[1ma.cpp:1:2: \x1b[31mfatal error: x.h: No such file\x1b[0m", "    1 | #include"], 2),
         (["CMake Error at CMakeLists.txt:3 (find_package):", "  By not providing", "", "  more", "-- x"], 3),
         (["/usr/bin/ld: a.o: undefined reference to `f()'"], 1),
+        (["running", "/ws/src/a: error: there is no setup.py", "hint: make one"], 2),
         (["Traceback (most recent call last):", "  File x", "ModuleNotFoundError: No module named 'em'"], 1),
         (["a.cpp:1: error: later", "src/m/A.msg:1:1: error: sooner", "    int8", "    ^", "hint: do"], 4),
     ],
