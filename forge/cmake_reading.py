@@ -46,4 +46,6 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
 
 
 def _without_comments(text: str) -> str:
-    return _COMMENT.sub(lambda match: match[1] or "", text)
+    """Return the text up to its last ')': where one is still to come, no pattern looks for it in vain."""
+    plain = _COMMENT.sub(lambda match: match[1] or "", text)
+    return plain[: plain.rfind(")") + 1]
