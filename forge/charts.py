@@ -1,4 +1,4 @@
-"""Pictures of the dependency graph as text: colcon's matrix and Graphviz' dot (workspace spec 6.4), pure."""
+"""The dependency graph as text: colcon's matrix, Graphviz' dot (workspace spec 6.4), Mermaid; pure."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
-from forge.graph import closures
+from forge.graph import closures, reduced
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.selection import name_of
 
@@ -90,6 +90,27 @@ def dot(chart: Chart, *, cluster: bool = False, skipped: bool = False, legend: b
     yield "}"
 
 
+def mermaid(chart: Chart) -> Iterator[str]:
+    """Yield the lines of a flowchart: an arrow from each package to what it needs, without implied ones."""
+    shown = tuple(reversed(chart.shown))
+    numbers = {node: number for number, node in enumerate(shown)}
+    yield "flowchart TD"
+    yield from (f'  p{number}["{_in_mermaid(name_of(node))}"]' for node, number in numbers.items())
+    needs = drawn_needs(chart)
+    yield from (f"  p{numbers[node]} --> p{numbers[need]}" for node in shown for need in needs[node])
+
+
+def drawn_needs(chart: Chart) -> dict[str, tuple[str, ...]]:
+    """Return which of the shown nodes each needs, over others too, without needs that others imply."""
+    below = closures(chart.needs, chart.ordered)
+    return reduced({node: below[node] for node in chart.shown}, chart.shown)
+
+
+def printable(text: str) -> str:
+    """Return a text with a sign in place of each character that XML does not take, or that nobody sees."""
+    return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
+
+
 def plain(chart: Chart) -> dict[str, object]:
     """Return the graph as values for JSON."""
     edges = _edges(chart, chart.selected, skipped=False)
@@ -125,7 +146,7 @@ def _edges(chart: Chart, nodes: frozenset[str], *, skipped: bool) -> Iterator[_E
         for need in sorted(chart.needs[node] & nodes)
     ]
     yield from direct
-    if skipped:
+    if skipped or len(nodes) == len(chart.ordered):
         return
     known = {(edge.start, edge.end) for edge in direct}
     below = closures(chart.needs, chart.ordered)
@@ -213,3 +234,9 @@ def _legend() -> Iterator[str]:
     yield from (f"      {place};" for place in places)
     yield "    }"
     yield "  }"
+
+
+def _in_mermaid(text: str) -> str:
+    """Return a text as it stands between quotation marks there: what might be markup is a number."""
+    safe = frozenset("_-. ")
+    return "".join(char if char.isalnum() or char in safe else f"#{ord(char)};" for char in printable(text))

@@ -6,16 +6,17 @@ Exit codes: 0 done, 1 a package failed, 2 the user must mend something, 70 our b
 from __future__ import annotations
 
 import argparse
-import errno
 import importlib
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.configuration import GENERAL, configured
-from forge.errors import EXIT_INTERRUPTED, ForgeError, Problem
+from forge.errors import EXIT_INTERRUPTED, ForgeError, said_once
+from forge.refusals import refusal
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ COMMANDS = {
     "list": "list the packages of a workspace",
     "graph": "show how packages depend on each other",
     "info": "show what is known about packages",
+    "doctor": "say what is wrong with the machine, the shell or the workspace",
+    "deps": "name what the workspace needs from the system",
     "extensions": "show what forge knows: build types, event handlers, shells",
     "mixin": "list and show named sets of options",
     "interface": "compile, list and show .msg, .srv and .action files",
@@ -44,11 +47,9 @@ _VALUED = frozenset({"--log-base", "--log-level", "-C"})
 
 _IN_WORKSPACE = frozenset(
     {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
+    | {"doctor", "deps"}
 )
 """The commands that run at the root of the workspace, wherever inside they are typed."""
-
-_REFUSALS = frozenset({errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT})
-"""What a system refuses for reasons that only its user can mend."""
 
 EXIT_USER = 2
 EXIT_BUG = 70
@@ -62,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = _run(arguments)
         sys.stdout.flush()
     except ForgeError as error:
-        for problem in error.problems:
+        for problem in said_once(error.problems):
             print(problem.render(), file=sys.stderr)
         return EXIT_USER
     except KeyboardInterrupt:
@@ -72,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _refused(error) if error.errno in _REFUSALS else _our_bug()
+        return _refused(error)
     except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
         return _our_bug()
     return code
@@ -85,16 +86,26 @@ def _run(arguments: Sequence[str]) -> int:
     if root != origin:
         arguments = typed_elsewhere(arguments, origin, root)
     with standing_in(root):
-        options = parser_of(arguments).parse_args(arguments)
-        options.origin = os.path.relpath(origin, root)
-        for dest, value in getattr(options, "general", {}).items():
-            if getattr(options, dest) is None:
-                setattr(options, dest, value)
+        options = _options(arguments, os.path.relpath(origin, root))
+        # A command that goes on for hours reads them again: they stand in files, too.
+        options.read_again = partial(_options, arguments, options.origin)
         code: int = options.run(options)
     return code
 
 
+def _options(arguments: Sequence[str], origin: str) -> argparse.Namespace:
+    """Return what the command line and the files of options say; `origin` is where it was typed."""
+    options = parser_of(arguments).parse_args(arguments)
+    options.origin = origin
+    for dest, value in getattr(options, "general", {}).items():
+        if getattr(options, dest) is None:
+            setattr(options, dest, value)
+    return options
+
+
 _NOT_GIVEN = object()
+_MANY = 7
+"""More options than these are listed below the usage, but not in it."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -107,6 +118,8 @@ class Parser(argparse.ArgumentParser):
     greedy: frozenset[str] = frozenset()
     verb: str | None = None
     """The command whose options files may say, too."""
+    asked: Parser | None = None
+    """The parser of the command that was asked for."""
 
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
@@ -125,6 +138,16 @@ class Parser(argparse.ArgumentParser):
         defaults = {action.dest: self._default(action) for action in actions}
         values = {**defaults, **given, **said, "given": frozenset(given), "general": general}
         return argparse.Namespace(**values), rest
+
+    def format_help(self) -> str:
+        """Return the help; a usage that would have dozens of options only says that there are some."""
+        stands = [action for action in self._actions if not action.option_strings or action.required]
+        if self.usage is None and len(self._actions) - len(stands) > _MANY:
+            formatter = self._get_formatter()
+            formatter.add_usage(None, stands, [], prefix="")
+            words = formatter.format_help().strip().removeprefix(self.prog)
+            self.usage = f"{self.prog} [OPTION ...]{words}"
+        return super().format_help()
 
     def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
         """Give names that stand after an option to the argument that takes any number of them.
@@ -162,8 +185,13 @@ class Parser(argparse.ArgumentParser):
         return [arg_line]
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the command line and where help is."""
-        print(f"error: {message}\nhint: '{self.prog} --help' lists what it takes", file=sys.stderr)
+        """Say what is wrong with the command line, and what was meant or where help is."""
+        from forge.mistyped import meant  # noqa: PLC0415  (most command lines are right)
+
+        options = (self.asked or self)._option_string_actions  # noqa: SLF001  (argparse has no other list)
+        message, hint = meant(message, COMMANDS, options)
+        remedy = hint or f"'{self.prog} --help' lists what it takes"
+        print(f"error: {message}\nhint: {remedy}", file=sys.stderr)
         raise SystemExit(EXIT_USER)
 
 
@@ -174,9 +202,11 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser = Parser(prog="forge", description=description, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"forge {__version__}")
     parser.add_argument("-C", metavar="DIR", help="run as if typed in this folder")
-    parser.add_argument("--log-base", metavar="DIR", help="where logs go (default: log; /dev/null for none)")
+    parser.add_argument("--log-base", metavar="DIR", help="where logs go; /dev/null for none (default: log)")
     parser.add_argument(
-        "--log-level", metavar="LEVEL", help="how much forge says about itself: debug, info, warning ..."
+        "--log-level",
+        metavar="LEVEL",
+        help="how much forge says about itself: debug, info, warning, error, critical (default: warning)",
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     asked = _asked(arguments)
@@ -187,6 +217,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"forge.commands.{word.replace('-', '_')}")
             module.register(command)
             command.set_defaults(run=module.run)
+            parser.asked = command
             command.verb = word if word in _IN_WORKSPACE else None
     return parser
 
@@ -217,13 +248,10 @@ def _folder(arguments: Sequence[str]) -> Path:
 
 
 def _refused(error: OSError) -> int:
-    """Tell which file the system does not let us read or write."""
-    reason = (error.strerror or str(error)).lower()
-    hint = "was it made by another user, as with sudo? make it yours, or remove it"
-    problem = Problem(
-        f"cannot read or write '{error.filename or 'a file'}': {reason}",
-        hint=hint if error.errno in {errno.EACCES, errno.EPERM} else None,
-    )
+    """Tell what the system refuses, unless it is a fault of ours."""
+    problem = refusal(error)
+    if problem is None:
+        return _our_bug()
     print(problem.render(), file=sys.stderr)
     return EXIT_USER
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
 _NAME = r"""("?)([a-zA-Z0-9_-]+)\1"""
 _COMMENT = re.compile(r"""("[^"\n]*")|#[^\n]*""")
@@ -18,6 +20,36 @@ _PKG_CONFIG = re.compile(
     r"(?i:pkg_check_modules|pkg_search_module)\s*\(\s*(\"?)[a-zA-Z0-9_]+\1"
     r"(?:\s+(?:REQUIRED|QUIET|NO_CMAKE_PATH|NO_CMAKE_ENVIRONMENT_PATH))*([^)]+)\)"
 )
+_CALL = re.compile(
+    r"\b(if|elseif|else|endif|find_package|ament_target_dependencies|rosidl_generate_interfaces"
+    r"|ament_python_install_package|cmake_minimum_required|add_executable|add_library)\s*\(",
+    re.IGNORECASE,
+)
+_WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
+_SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
+
+
+@frozen
+class Use:
+    """A package that a CMakeLists.txt asks for by name: in which line, and how seriously.
+
+    `required` says that the project cannot be configured without it, `testing` that only tests use it.
+    """
+
+    name: str
+    line: int
+    required: bool = False
+    testing: bool = False
+
+
+@frozen
+class Call:
+    """A call of a command: its name in lower case, its words and line, and the conditions around it."""
+
+    command: str
+    words: tuple[str, ...]
+    line: int
+    conditions: tuple[str, ...] = ()
 
 
 def project_name(text: str) -> str | None:
@@ -43,6 +75,57 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     for match in _PKG_CONFIG.finditer(content):
         found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in match[2].split())
     return frozenset(filter(None, found))
+
+
+def calls(text: str) -> Iterator[Call]:
+    """Yield the calls that say something about other packages, in their order."""
+    content = _without_comments(text)
+    conditions: list[str] = []
+    line, seen = 1, 0
+    for match in _CALL.finditer(content):
+        command = match[1].lower()
+        line += content.count("\n", seen, match.start())
+        seen = match.start()
+        words = _words(content, match.end())
+        if command in {"elseif", "else", "endif"} and conditions:
+            conditions.pop()
+        if command in {"if", "elseif", "else"}:
+            conditions.append(" ".join(words))
+        elif command != "endif":
+            yield Call(command, words, line, tuple(conditions))
+
+
+def targets(text: str) -> tuple[str, ...]:
+    """Return what can be built, by a literal name and in order; ${PROJECT_NAME} is what project() says."""
+    name = project_name(text) or ""
+    made = (call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words)
+    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in made)
+
+
+def uses(text: str) -> Iterator[Use]:
+    """Yield the packages that are asked for by a literal name."""
+    for call in calls(text):
+        testing = any("BUILD_TESTING" in condition for condition in call.conditions)
+        names: tuple[str, ...] = ()
+        if call.command == "find_package":
+            names = call.words[:1]
+        elif call.command == "ament_target_dependencies":
+            names = call.words[1:]
+        elif call.command == "rosidl_generate_interfaces" and "DEPENDENCIES" in call.words:
+            names = call.words[call.words.index("DEPENDENCIES") + 1 :]
+        sure = not call.conditions and (call.command != "find_package" or "REQUIRED" in call.words)
+        for name in names:
+            if _WORD.fullmatch(name) and name not in _SCOPES:
+                yield Use(name, call.line, sure, testing)
+
+
+def _words(content: str, start: int) -> tuple[str, ...]:
+    """Return the words up to the parenthesis that closes the call, quotes taken off."""
+    depth, at = 1, start
+    while at < len(content) and depth:
+        depth += {"(": 1, ")": -1}.get(content[at], 0)
+        at += 1
+    return tuple(word.strip('"') for word in content[start : at - 1].split())
 
 
 def _without_comments(text: str) -> str:

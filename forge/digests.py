@@ -99,7 +99,7 @@ class FileTable:
 
 def mark_tree(root: str, table: FileTable, known: Mark | None = None) -> Mark:
     """Return what the tree below `root` looks like now; contents are read only if `known` differs."""
-    return _mark(list(_below(root, (os.path.realpath(root),))), len(root) + 1, table, known, trusting=False)
+    return _mark(list(_below(root, (root,))), len(root) + 1, table, known, trusting=False)
 
 
 def mark_files(paths: Iterable[str], table: FileTable, known: Mark | None = None) -> Mark:
@@ -133,39 +133,78 @@ def source_files(root: str, without: str | None = None) -> Iterator[str]:
 
     Folders of the name `without` are left out.
     """
-    return (path for path, _, _ in _below(root, (os.path.realpath(root),), without))
+    return (path for path, _, _ in _below(root, (root,), without))
 
 
 def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
     """Yield the sources that are regular files and lie below `root` itself, with their stats."""
-    for path, status, linked in _below(root, (os.path.realpath(root),)):
+    for path, status, linked in _below(root, (root,)):
         if not linked and stat.S_ISREG(status.st_mode):
             yield path, status
 
 
-def _below(
-    folder: str, real: tuple[str, ...], without: str | None = None
-) -> Iterator[tuple[str, os.stat_result, bool]]:
-    """Yield each file below a folder with its stat, and if a link to a folder led there.
+def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield each folder that `source_files` looks into, with the files elsewhere that links in it lead to."""
+    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (root,))]
+    while waiting:
+        folder, way = waiting.pop()
+        entries = _entries(folder)
+        if entries is None:
+            continue
+        targets = []
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                if _counts_as_folder(entry.name):
+                    waiting.append((entry.path, way))
+            elif entry.is_symlink() and is_source(entry.name):
+                target = os.path.realpath(entry.path)
+                if not entry.is_dir():
+                    targets.append(target)
+                elif not _leads_back(target, way):
+                    waiting.append((entry.path, (*way, target)))
+        yield folder, tuple(targets)
 
-    `real` are the real folders on the way, which are not entered again.
-    """
+
+def is_source(name: str) -> bool:
+    """Tell if a file of this name counts as a source."""
+    return not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS))
+
+
+def _counts_as_folder(name: str) -> bool:
+    return name not in _LITTER_FOLDERS and not name.endswith(".egg-info")
+
+
+def _leads_back(target: str, way: tuple[str, ...]) -> bool:
+    """Tell if the real folder `target` holds one of those on the way to it."""
+    return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in way)
+
+
+def _entries(folder: str) -> list[os.DirEntry[str]] | None:
+    """Return what is in a folder, sorted; None where results of a build go. Raises OSError."""
     with os.scandir(folder) as found:
         entries = sorted(found, key=lambda entry: entry.name)
     names = {entry.name for entry in entries}
-    if "COLCON_IGNORE" in names and names & _RESULTS:
-        return
-    for entry in entries:
+    return None if "COLCON_IGNORE" in names and names & _RESULTS else entries
+
+
+def _below(
+    folder: str, way: tuple[str, ...], without: str | None = None
+) -> Iterator[tuple[str, os.stat_result, bool]]:
+    """Yield each file below a folder with its stat, and if a link to a folder led there.
+
+    `way` are the folders that links and the root lead through, which are not entered again.
+    """
+    for entry in _entries(folder) or ():
         name = entry.name
         if entry.is_dir(follow_symlinks=False):
-            if name not in _LITTER_FOLDERS and name != without and not name.endswith(".egg-info"):
-                yield from _below(entry.path, real, without)
-        elif not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS)):
-            yield entry.path, entry.stat(follow_symlinks=False), len(real) > 1
+            if _counts_as_folder(name) and name != without:
+                yield from _below(entry.path, way, without)
+        elif is_source(name):
+            yield entry.path, entry.stat(follow_symlinks=False), len(way) > 1
             if entry.is_symlink() and entry.is_dir():
                 target = os.path.realpath(entry.path)
-                if not any(f"{way}/".startswith(f"{target}/") for way in real):
-                    yield from _below(entry.path, (*real, target), without)
+                if not _leads_back(target, way):
+                    yield from _below(entry.path, (*way, target), without)
 
 
 def _mark(

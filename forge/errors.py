@@ -11,6 +11,8 @@ Anything else that escapes a command is our bug, and says so.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
@@ -96,6 +98,15 @@ class InterfaceError(ForgeError):
 
 class EnvironmentFault(ForgeError):  # noqa: N818  (EnvironmentError is a builtin's name)
     """The machine lacks something the command needs."""
+
+
+def said_once(problems: Iterable[Problem]) -> list[Problem]:
+    """Return the problems, of which those in a row that share a hint give it after the last of them."""
+    found = list(problems)
+    return [
+        replace(problem, hint=None) if problem.hint == following.hint else problem
+        for problem, following in pairwise(found)
+    ] + found[-1:]
 
 
 def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeError) -> None:

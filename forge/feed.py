@@ -12,6 +12,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from forge.errors import EXIT_INTERRUPTED
+from forge.graph import reduced
 from forge.model import (
     Aborted,
     Finished,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from forge.errors import Problem
     from forge.model import BuildPlan, Event, Package, Step
     from forge.reporting import Report
+    from forge.sampling import Usage
     from forge.testing.showing import Failure
 
 
@@ -52,13 +54,20 @@ class Feed:
         self._output = output
         self._begun = time.monotonic()
 
-    def announce(self, *, steps: bool = False) -> None:
-        """Tell what the plan is, with the commands of each package if `steps`."""
+    def announce(self, *, steps: bool = False, seconds: Mapping[str, float] | None = None) -> None:
+        """Tell what the plan is, with the commands of each package if `steps`.
+
+        `seconds` says how long packages took when they were built the last time.
+        """
+        last = seconds or {}
+        needs = reduced({name: task.needs for name, task in self._plan.tasks.items()}, [*self._plan.tasks])
         for name in self._plan.fresh:
             self._say("Fresh", name)
         for name, task in self._plan.tasks.items():
             commands = {"steps": [_step(step) for step in task.steps]} if steps else {}
-            self._say("Planned", name, reason=task.reason, conditional=task.conditional, **commands)
+            known = {"last": round(last[name], 3)} if name in last else {}
+            told = {"reason": task.reason, "conditional": task.conditional, "needs": needs[name]}
+            self._say("Planned", name, **told, **known, **commands)
 
     def write(self, event: Event, report: Report, why: Problem | None = None) -> None:
         """Tell of one event, and what the report made of it; `why` is known of what could not begin."""
@@ -92,6 +101,11 @@ class Feed:
                 message=list(failure.lines),
                 repeat=failure.repeat,
             )
+
+    def tell_usage(self, usage: Usage) -> None:
+        """Tell how much of the machine was in use in the course of it all."""
+        samples = [[round(time - self._begun, 3), round(busy, 2), used] for time, busy, used in usage.samples]
+        self._say("Usage", None, processors=usage.processors, memory=usage.memory, samples=samples)
 
     def conclude(self, report: Report, seconds: float, code: int | None = None) -> None:
         """Tell what came of it all: the last line. The code is the report's, unless another is given."""

@@ -29,6 +29,8 @@ def find_package(name: str, variables: Mapping[str, str]) -> Path:
 
     Raises EnvironmentFault when no prefix was sourced, ForgeError when none has the package.
     """
+    if not variables.get("AMENT_PREFIX_PATH"):
+        _refuse_unbuilt(name, variables)
     _require_prefixes(variables)
     where = ament_index.prefixes(variables)
     prefix = ament_index.prefix_of(name, where) if is_package_name(name) else None
@@ -67,6 +69,22 @@ def _require_prefixes(variables: Mapping[str, str]) -> None:
         setup = _setup_near(Path.cwd(), variables)
         hint = f"source {setup or 'the setup.bash of an install folder'} first"
         raise EnvironmentFault(Problem("no package can be found: 'AMENT_PREFIX_PATH' is not set", hint=hint))
+
+
+def _refuse_unbuilt(name: str, variables: Mapping[str, str]) -> None:
+    """Raise ForgeError where a workspace around here was built without the package: nothing to source."""
+    setup = _setup_near(Path.cwd(), variables)
+    if setup is None or not is_package_name(name):
+        return
+    install = setup.parent
+    prefixes = (install, *(path for path in sorted(install.iterdir()) if path.is_dir()))
+    if ament_index.prefix_of(name, prefixes) is not None:
+        return
+    hint = did_you_mean(name, ament_index.resources("packages", prefixes))
+    if (install / name / "lib").is_dir():
+        hint = "is ament_package() the last line of its CMakeLists.txt? it makes a package known"
+    hint = hint or f"build it: forge build --packages-select {name}"
+    raise ForgeError(Problem(f"package '{name}' is not installed in '{install}'", hint=hint))
 
 
 def _unsourced(name: str, variables: Mapping[str, str]) -> str | None:

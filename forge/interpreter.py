@@ -17,6 +17,18 @@ if TYPE_CHECKING:
 
 OLDEST = (3, 10)
 
+_TRAITS = """import importlib.metadata as m, importlib.util as u, os, sys, sysconfig
+print("version=%d.%d.%d" % sys.version_info[:3])
+header = sysconfig.get_path("include") + "/Python.h"
+os.path.exists(header) and print("header=" + header)
+for name in sys.argv[1:]:
+    u.find_spec(name) and print(name + "=there")
+try:
+    print("setuptools=" + m.version("setuptools"))
+except m.PackageNotFoundError:
+    pass
+"""
+
 
 @frozen
 class Interpreter:
@@ -64,13 +76,26 @@ def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
     """Raise EnvironmentFault naming the modules that `interpreter` lacks, and how to install them."""
     missing = missing_modules(interpreter, names)
     if missing:
-        listed = ", ".join(f"'{name}'" for name in missing)
-        raise EnvironmentFault(
-            Problem(
-                f"'{interpreter.path}' lacks what the build needs: {listed}",
-                hint=f"{interpreter.path} -m pip install {' '.join(missing)}",
-            )
-        )
+        raise EnvironmentFault(lacking(interpreter, missing))
+
+
+def lacking(interpreter: Interpreter, modules: Iterable[str]) -> Problem:
+    """Say that an interpreter is without modules that the build imports."""
+    names = list(modules)
+    wanted = " ".join({"em": "'empy<4'", "yaml": "PyYAML"}.get(name, name) for name in names)
+    return Problem(
+        f"'{interpreter.path}' lacks what the build needs: {', '.join(map(repr, names))}",
+        hint=f"{interpreter.path} -m pip install {wanted}",
+    )
+
+
+def traits(interpreter: Interpreter, names: Iterable[str]) -> Mapping[str, str]:
+    """Return what an interpreter says of itself; raises EnvironmentFault when it does not run.
+
+    Its whole 'version'; 'header', if C can be compiled for it; 'setuptools', the version of that. Those of
+    the modules `names` that it has stand there by their own names.
+    """
+    return dict(line.split("=", 1) for line in _ask(interpreter.path, _TRAITS, *names).splitlines())
 
 
 def missing_modules(interpreter: Interpreter, names: Iterable[str]) -> list[str]:

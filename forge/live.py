@@ -12,8 +12,9 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from forge.durations import duration
 from forge.progress import Progress, expectations
-from forge.reporting import PLAIN, duration
+from forge.reporting import PLAIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -188,7 +188,7 @@ class _Reader:
             if child.tag == "maintainer" and not email:
                 self.fault(child, "element 'maintainer' needs an attribute 'email'")
             elif email is not None and not _EMAIL.fullmatch(email):
-                self.fault(child, f"'{email}' is no e-mail address")
+                self.fault(child, f"'{email}' is no e-mail address", "as in somebody@example.com")
 
     def manifest(self) -> Manifest:
         exports = tuple(self.exports())

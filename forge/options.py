@@ -21,17 +21,28 @@ LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 5
 
 EXECUTORS = ("parallel", "sequential")
 
+EVENT_HANDLERS = (
+    "what to print: 'console_direct+' shows the output of every program as it comes, 'status-' does without "
+    "the moving lines of a terminal; 'forge extensions' names all"
+)
+"""What --event-handlers is for."""
+
 
 def add_layout(parser: Parser) -> None:
     """Add where results go."""
     group = parser.add_argument_group("where results go")
-    group.add_argument("--build-base", default="build", metavar="DIR", help="build folder (default: build)")
+    group.add_argument("--build-base", default="build", metavar="DIR", help="where to build (default: build)")
     group.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
+        "--install-base", default="install", metavar="DIR", help="where to install (default: install)"
     )
-    group.add_argument("--merge-install", action="store_true", help="one prefix for all packages")
     group.add_argument(
-        "--log-base", default=argparse.SUPPRESS, metavar="DIR", help="log folder (default: log)"
+        "--merge-install", action="store_true", help="one prefix for all packages, not one for each"
+    )
+    group.add_argument(
+        "--log-base",
+        default=argparse.SUPPRESS,
+        metavar="DIR",
+        help="where logs go; /dev/null for none (default: log)",
     )
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 
@@ -40,17 +51,35 @@ def add_budget(parser: Parser) -> None:
     """Add how much runs at a time."""
     group = parser.add_argument_group("how much at a time")
     group.add_argument(
-        "--jobs", type=_positive, metavar="N", help="jobs of all packages together (default: processors)"
+        "--jobs",
+        type=_positive,
+        metavar="N",
+        help="jobs of all packages and their compilers together (default: those of the make above, or of "
+        "MAKEFLAGS, else the processors that affinity and cgroup quotas leave)",
     )
     group.add_argument(
-        "--parallel-workers", type=int, default=0, metavar="N", help="packages at a time (default: --jobs)"
+        "--parallel-workers",
+        type=int,
+        default=0,
+        metavar="N",
+        help="packages at a time, at most (default: as many as jobs)",
     )
-    group.add_argument("--executor", choices=EXECUTORS, default=_executor())
     group.add_argument(
-        "--memory-limit", type=_size, metavar="SIZE", help="add no job above this, as 80%%, 12G or none"
+        "--executor",
+        choices=EXECUTORS,
+        default=_executor(),
+        help="several packages at a time, or one after the other as 'forge list -t' has them "
+        "(default: parallel)",
     )
     group.add_argument(
-        "--load-limit", type=float, metavar="X", help="add no job while the load is above this"
+        "--memory-limit",
+        type=_size,
+        metavar="SIZE",
+        help="while more is in use no job is added: 80%%, 12G, none (default: a tenth stays available, "
+        "or 1 GiB if that is less)",
+    )
+    group.add_argument(
+        "--load-limit", type=float, metavar="X", help="while the load average is above this no job is added"
     )
 
 

@@ -29,7 +29,8 @@ _CATEGORIES = {
     "run-dependencies": frozenset({Kind.EXEC}),
     "test-dependencies": frozenset({Kind.TEST}),
 }
-_NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
+NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
+"""What is said about packages that no option of a command has."""
 
 
 @frozen
@@ -98,7 +99,7 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
             names = _names(said, key, package)
             dependencies += (Dependency(name, kinds) for name in names if name != package.name)
         hooks += _hooks(said, package)
-        merge(settings, {key: value for key, value in said.items() if key not in _NO_SETTINGS})
+        merge(settings, {key: value for key, value in said.items() if key not in NO_SETTINGS})
     if not (dependencies or settings or hooks):
         return package
     manifest = replace(

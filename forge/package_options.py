@@ -20,20 +20,20 @@ _BY_NAME = {
     "up-to": "these and all that they need",
     "above": "these and all that need them",
     "above-and-dependencies": "these, all that need them, and all that those need",
-    "select-by-dep": "only those that need these",
-    "skip-by-dep": "not those that need these",
+    "select-by-dep": "only those that need one of these",
+    "skip-by-dep": "not those that need one of these",
     "skip-up-to": "neither these nor what they need",
 }
 _BY_PATTERN = {
     "select": "only those whose name begins like this regular expression",
-    "skip": "not those",
-    "up-to": "those and all that they need",
+    "skip": "not those whose name begins like it",
+    "up-to": "those whose name begins like it, and all that they need",
 }
 _BY_RESULT = {
     "select-build-failed": "only those that failed to build the last time",
     "skip-build-finished": "not those that built the last time",
-    "select-test-failures": "only those that failed their tests the last time",
-    "skip-test-passed": "not those that passed their tests the last time",
+    "select-test-failures": "only those whose tests failed the last time",
+    "skip-test-passed": "not those whose tests passed the last time",
 }
 _BY_CHANGE = ("packages_select_changed", "packages_above_changed")
 
@@ -48,14 +48,19 @@ def add(parser: Parser) -> None:
 def _add_discovery(parser: Parser) -> None:
     """Add where packages are looked for."""
     group = parser.add_argument_group("where packages are")
-    _paths(group, "--base-paths", ["."], "folders to walk (default: the current one)")
-    _paths(group, "--paths", [], "folders of packages; 'src/*' means all in it")
-    _paths(group, "--metas", ["colcon.meta"], "files with options for packages (default: colcon.meta)")
+    _paths(group, "--base-paths", ["."], "look below these folders (default: here)")
+    _paths(
+        group,
+        "--paths",
+        [],
+        "these folders themselves, and no others without --base-paths; 'src/*' means all in it",
+    )
+    _paths(group, "--metas", ["colcon.meta"], "files with options for single packages (default: colcon.meta)")
     group.add_argument(
-        "--ignore-user-meta", action="store_true", help="not those of the user's colcon folder"
+        "--ignore-user-meta", action="store_true", help="leave out the files in ~/.colcon/metadata"
     )
     _names(group, "--packages-ignore", "as if these were not there")
-    _patterns(group, "--packages-ignore-regex", "as if those were not there")
+    _patterns(group, "--packages-ignore-regex", "as if those whose name begins like it were not there")
 
 
 def _add_selection(parser: Parser) -> None:
@@ -81,7 +86,9 @@ def _add_selection(parser: Parser) -> None:
     for word, meaning in _BY_RESULT.items():
         results.add_argument(f"--packages-{word}", action="store_true", help=meaning)
     group.add_argument(
-        "--packages-select-changed", action="store_true", help="only those that git calls changed"
+        "--packages-select-changed",
+        action="store_true",
+        help="only those with files that differ from git's last commit, new files included",
     )
     group.add_argument("--packages-above-changed", action="store_true", help="those and all that need them")
     group.add_argument(
@@ -90,15 +97,18 @@ def _add_selection(parser: Parser) -> None:
     group.add_argument(
         "--strict",
         action="store_true",
-        help="a name that no package has, or a file of two packages, is an error",
+        help="a name that no package has is an error everywhere; for build, so is a file that two packages "
+        "install with different contents",
     )
 
 
 def _add_sets(parser: Parser) -> None:
     """Add where further options come from; forge.configuration reads them."""
     group = parser.add_argument_group("options from files")
-    group.add_argument("--profile", metavar="NAME", help="those of a profile in forge.toml")
-    group.add_argument("--mixin", nargs="*", metavar="NAME", help="those of mixins: 'forge mixin list'")
+    group.add_argument("--profile", metavar="NAME", help="options of a profile in forge.toml")
+    group.add_argument(
+        "--mixin", nargs="*", metavar="NAME", help="options of mixins, which 'forge mixin list' names"
+    )
     group.add_argument(
         "--mixin-files", nargs="*", metavar="FILE", help="files with mixins, beside the user's own"
     )
@@ -108,7 +118,10 @@ def add_listing(parser: Parser) -> None:
     """Add all that a command takes which shows packages, and builds none."""
     add(parser)
     parser.add_argument(
-        "--build-base", default="build", metavar="DIR", help="where results of builds are noted"
+        "--build-base",
+        default="build",
+        metavar="DIR",
+        help="where results of builds are noted (default: build)",
     )
     parser.add_argument("--embedded", action="store_true", help="with the packages that forge brings along")
     parser.add_argument("--json", action="store_true", help="print JSON")

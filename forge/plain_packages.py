@@ -65,7 +65,9 @@ def _cmake_package(folder: Folder) -> Identity | None:
     name = project_name(text)
     notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
     name = name or folder.place.resolve().name
-    wanted = cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
+    # Whose name and type the user has written down needs what the user says, as colcon has it.
+    told = folder.name and folder.type
+    wanted = set() if told else cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
     kinds = frozenset({Kind.BUILD, Kind.EXEC})
     dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
     return Identity(_plain(folder, folder.name or name, "cmake", path, dependencies), notes=notes)

@@ -17,11 +17,12 @@ from forge.lengths import too_long
 from forge.makeflags import read_make_flags
 from forge.planning import Standing
 from forge.prefixes import find_underlays
-from forge.provision import missing_problems
+from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
 from forge.tools import find_tools, identities
 from forge.underlays import lost_underlays
+from forge.unused_variables import odd_words
 from forge.workspace import warn
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from forge.layout import Layout
     from forge.model import BuildPlan
     from forge.workspace import Loaded
-
-INTERFACE_GROUP = "rosidl_interface_packages"
 
 
 def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:
@@ -74,12 +73,11 @@ def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
 
 def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str]) -> None:
     """Raise WorkspaceError with everything that would make the build fail anyway."""
-    errors, warnings = missing_problems(loaded.provision, names)
+    errors, _ = missing_problems(loaded.provision, names)
     problems = [*loaded.workspace.problems, *errors]
     if not loaded.workspace.packages and not problems:
         hint = "go to the folder that has 'src' in it, or make a package: forge pkg create my_package"
         problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
-    warn(warnings)
     raise_if_any(problems, WorkspaceError)
 
 
@@ -103,6 +101,7 @@ def prepare(
 ) -> tuple[Kitchen, Interpreter]:
     """Return the tools and options that all packages share; raises EnvironmentFault for what is missing."""
     packages = [loaded.packages[name] for name in names]
+    warn(odd_words([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
     tools = find_tools(packages, variables)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
@@ -141,7 +140,7 @@ def standing(
 ) -> Standing:
     """Return what holds for every package: forge, tools, environment, and whom --force means."""
     return Standing(
-        forge=_forge(),
+        forge=forge_stamp(),
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
         force=_force(options),
@@ -150,12 +149,14 @@ def standing(
 
 
 def _force(options: argparse.Namespace) -> str:
-    """Return the option that asks for packages though they are fresh; '' when none does."""
+    """Return the option that asks for packages though they are fresh; '' when none does, or has done so."""
+    if getattr(options, "again", False):
+        return ""
     words = ("force", "cmake-force-configure", "cmake-clean-cache", "cmake-clean-first", "cmake-target")
     return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
 
 
-def _forge() -> str:
+def forge_stamp() -> str:
     """Return what tells this forge apart: its version, and the stats of its code and templates.
 
     An upgrade changes both; a checkout that is worked on changes the latter alone.

@@ -16,7 +16,7 @@ from forge.graph import order, round_about
 from forge.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
 FAMILY_MARKS = {
     "ament": ("ament_cmake", "ament_cmake_core"),
@@ -28,7 +28,9 @@ FAMILY_MARKS = {
 ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 """What generated code of .action files refers to and manifests commonly leave unsaid."""
 
-_GENERATORS = frozenset({"rosidl_default_generators", "rosidl_interface_packages"})
+INTERFACE_GROUP = "rosidl_interface_packages"
+
+_GENERATORS = frozenset({"rosidl_default_generators", INTERFACE_GROUP})
 """A dependency or a group of a package that generates code; others may merely bring .action files along."""
 
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
@@ -166,10 +168,7 @@ def missing_problems(provision: Provision, names: Iterable[str]) -> tuple[list[P
             if dependency in required or (sure and dependency in used):
                 found = errors if sure and dependency in required else warnings
                 found.setdefault(dependency, []).append(name)
-    return (
-        [_missing(dependency, users, provision) for dependency, users in sorted(errors.items())],
-        [_missing(dependency, users, provision) for dependency, users in sorted(warnings.items())],
-    )
+    return _together(errors, provision), _together(warnings, provision)
 
 
 def _provided_families(
@@ -194,7 +193,7 @@ def _answers(
     withheld: dict[str, str] = {}
     for package in embedded.values():
         exports = package.manifest.exports
-        names = [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
+        names = _names_of(package)
         families = (e.content for e in exports if e.tag == "forge_family")
         reason = next((reasons[family] for family in families if family in reasons), None)
         if reason is None:
@@ -202,6 +201,16 @@ def _answers(
         else:
             withheld.update(dict.fromkeys(names, reason))
     return answers, withheld
+
+
+def answered_names(embedded: Mapping[str, Package]) -> frozenset[str]:
+    """Return every name that forge can answer to, whether or not its family is provided otherwise."""
+    return frozenset(name for package in embedded.values() for name in _names_of(package))
+
+
+def _names_of(package: Package) -> list[str]:
+    exports = package.manifest.exports
+    return [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
 
 
 def _wanted(package: Package) -> tuple[str, ...]:
@@ -225,21 +234,31 @@ def _resolve(
     return None
 
 
-def _missing(dependency: str, users: list[str], provision: Provision) -> Problem:
-    who = ", ".join(f"'{user}'" for user in sorted(users))
-    verb = "needs" if len(users) == 1 else "need"
-    what = f"{who} {verb} '{dependency}', which is neither in the workspace nor in a sourced underlay"
-    place = Place(provision.packages[min(users)].manifest.path)
-    if dependency in provision.withheld:
+def _together(found: Mapping[str, list[str]], provision: Provision) -> list[Problem]:
+    """Return a problem for all dependencies that the same packages lack for the same reason."""
+    groups: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    for dependency, users in sorted(found.items()):
+        reason = provision.withheld.get(dependency, "")
+        groups.setdefault((tuple(sorted(users)), reason), []).append(dependency)
+    return [_missing(names, users, reason, provision) for (users, reason), names in groups.items()]
+
+
+def _missing(names: Sequence[str], users: Sequence[str], reason: str, provision: Provision) -> Problem:
+    quoted = ", ".join(f"'{name}'" for name in names)
+    who = ", ".join(f"'{user}'" for user in users) + (" needs" if len(users) == 1 else " need")
+    which = "which is" if len(names) == 1 else "which are"
+    what = f"{who} {quoted}, {which} neither in the workspace nor in a sourced underlay"
+    place = Place(provision.packages[users[0]].manifest.path)
+    if reason:
         return Problem(
-            f"{what}, and forge's own would not fit: {provision.withheld[dependency]}",
+            f"{what}, and forge's own would not fit: {reason}",
             place,
-            f"add '{dependency}' from where that is, or take that away: forge then uses its own for all "
+            f"add {quoted} from where that is, or take that away: forge then uses its own for all "
             "(docs/explanation/embedded.md in the documentation)",
         )
     return Problem(
-        f"{what}, and forge does not bring it along",
+        f"{what}, and forge does not bring {'it' if len(names) == 1 else 'them'} along",
         place,
-        "source an installation that has it, or add its sources to the workspace "
+        "source an installation that has them, or add their sources to the workspace "
         "(docs/how-to/rclcpp.md in the documentation)",
     )

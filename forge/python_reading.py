@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _REQUIREMENT = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
 _ASKED = re.compile(r"(~=(?=\s*\d+\.)|==|!=|<=|>=|<|>)\s*(\d{1,18}(?:\.\d{1,18})*)(?![\w.*+!-])")
 _SYMBOLS = {"==": "eq", "!=": "neq", "<=": "lte", ">=": "gte", "<": "lt", ">": "gt"}
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([^#\n]+))", re.MULTILINE)
 _TEST_EXTRAS = ("test", "tests", "testing")
 _KINDS = {
     "setup_requires": frozenset({Kind.BUILD}),
@@ -124,6 +125,41 @@ def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     """Return a table inside another, an empty one where something else stands."""
     found = table.get(key)
     return found if isinstance(found, dict) else {}
+
+
+def mentioned_modules(text: str) -> frozenset[str]:
+    """Return the top-level modules that lines like imports name: all that are imported, and perhaps more."""
+    lists = (match[1] or match[2] for match in _IMPORT.finditer(text))
+    return frozenset(
+        re.split(r"[.\s]", name.strip(), maxsplit=1)[0] for said in lists for name in said.split(",")
+    )
+
+
+def imported_modules(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the top-level modules that a file imports whatever happens, with the lines.
+
+    What stands in a `try` or below TYPE_CHECKING may be left out by who runs the file. Raises SyntaxError
+    as Python would.
+    """
+    try:
+        yield from list(_imported(ast.parse(text)))
+    except (MemoryError, RecursionError, ValueError):
+        raise SyntaxError("it nests too deep, or has a NUL in it") from None
+
+
+def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
+    for child in ast.iter_child_nodes(node):
+        match child:
+            case ast.Import(names=names):
+                yield from ((name.name.partition(".")[0], child.lineno) for name in names)
+            case ast.ImportFrom(module=str(module), level=0):
+                yield module.partition(".")[0], child.lineno
+            case ast.Try():
+                pass
+            case ast.If(test=test) if "TYPE_CHECKING" in ast.dump(test):
+                pass
+            case _:
+                yield from _imported(child)
 
 
 def _facts(values: Mapping[str, Any]) -> PythonFacts:

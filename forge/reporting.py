@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Protocol
 
+from forge.durations import duration
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.frozen import frozen
 from forge.model import (
@@ -157,7 +158,7 @@ class Report:
         self.screen = PLAIN
         self.python = "python3"
         """The interpreter of the workspace, as hints name it."""
-        self._packages = packages
+        self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
         self.logs = logs
@@ -275,7 +276,7 @@ class Report:
         return f"{task} (embedded)" if self._embedded(task) else task
 
     def _embedded(self, name: str) -> bool:
-        return self._packages[name].embedded
+        return self.packages[name].embedded
 
     def _take(self, task: str, line: bytes, *, stderr: bool) -> None:
         kept = self._output.setdefault(task, [])
@@ -340,23 +341,10 @@ class Report:
 
     def _hint(self, task: str, text: Sequence[str]) -> str | None:
         """Return what to do about a failure whose cause is known."""
-        from forge.discovery import discover_embedded  # noqa: PLC0415  (only a failure pays for it)
-        from forge.hints import Scene, hint_of  # noqa: PLC0415
+        from forge.hints import hint_of  # noqa: PLC0415  (only a failure pays for it)
+        from forge.scenes import scene_of  # noqa: PLC0415
 
-        everything = {**discover_embedded(), **self._packages}
-        return hint_of("".join(text), Scene(self._packages[task], everything, self.python))
-
-
-def duration(seconds: float) -> str:
-    """Return seconds as colcon writes them: 0.15s, 12.3s, 1min 5s, 1h 2min 3s."""
-    if seconds < 9.995:  # noqa: PLR2004  (where two decimals would round up to 10.00)
-        return f"{seconds:.2f}s"
-    if seconds < 59.95:  # noqa: PLR2004
-        return f"{seconds:.1f}s"
-    whole = round(seconds)
-    hours, rest = divmod(whole, 3600)
-    minutes, rest = divmod(rest, 60)
-    return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
+        return hint_of("".join(text), scene_of(self.packages[task], self.packages, self.python))
 
 
 def _count(names: Sequence[str]) -> str:

@@ -37,6 +37,29 @@ def begin_workspace(layout: Layout) -> None:
         raise WorkspaceError(*dict.fromkeys(problems))
 
 
+def foreign_build(layout: Layout) -> Problem | None:
+    """Return what is to be said of a build folder in which another tool has built."""
+    marker = layout.build / ".built_by"
+    builder = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    if builder in {None, *_BUILDERS}:
+        return None
+    hint = "remove the folder, or choose another with '--build-base'"
+    return Problem(f"the build folder '{layout.build}' belongs to '{builder}'", hint=hint)
+
+
+def other_layout(layout: Layout) -> Problem | None:
+    """Return what is to be said of an install folder that is shared the other way."""
+    marker = layout.install / LAYOUT_MARKER
+    word = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    if word in {None, layout.word}:
+        return None
+    change = "remove '--merge-install'" if layout.merged else "add '--merge-install'"
+    return Problem(
+        f"the install folder '{layout.install}' has the {word} layout, not the {layout.word} one",
+        hint=f"{change}, remove the folder, or choose another with '--install-base'",
+    )
+
+
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
     """Return the underlays that the last build of an install tree recorded, lowest first."""
     return _recorded(root)[1]
@@ -81,13 +104,11 @@ def remove_file(path: Path, root: Path) -> None:
 
 def _begin_build(layout: Layout) -> Problem | None:
     """Make the build folder, unless another tool has built there."""
-    marker = layout.build / ".built_by"
-    builder = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
-    if builder not in {None, *_BUILDERS}:
-        hint = "remove the folder, or choose another with '--build-base'"
-        return Problem(f"the build folder '{layout.build}' belongs to '{builder}'", hint=hint)
+    problem = foreign_build(layout)
+    if problem:
+        return problem
     _make_ignored(layout.build)
-    write_if_changed(marker, "colcon\n")
+    write_if_changed(layout.build / ".built_by", "colcon\n")
     return None
 
 
@@ -96,16 +117,11 @@ def _begin_install(layout: Layout) -> Problem | None:
     if layout.install.exists() and not layout.install.is_dir():
         hint = "remove it, or choose another with '--install-base'"
         return Problem(f"the install folder '{layout.install}' is a file", hint=hint)
-    marker = layout.install / LAYOUT_MARKER
-    word = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
-    if word not in {None, layout.word}:
-        change = "remove '--merge-install'" if layout.merged else "add '--merge-install'"
-        return Problem(
-            f"the install folder '{layout.install}' has the {word} layout, not the {layout.word} one",
-            hint=f"{change}, remove the folder, or choose another with '--install-base'",
-        )
+    problem = other_layout(layout)
+    if problem:
+        return problem
     _make_ignored(layout.install)
-    write_if_changed(marker, f"{layout.word}\n")
+    write_if_changed(layout.install / LAYOUT_MARKER, f"{layout.word}\n")
     return None
 
 

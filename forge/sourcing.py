@@ -87,6 +87,11 @@ def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
     return _read_edits(name, prefix, (stamp.st_ino, stamp.st_mtime_ns, stamp.st_size))
 
 
+def forget_edits() -> None:
+    """Read what packages do to the environment anew, whatever their stamps say."""
+    _read_edits.cache_clear()
+
+
 @lru_cache(maxsize=4096)
 def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
     """Read the dsv files of a package; its package.dsv is written anew whenever it is installed."""

@@ -1,4 +1,4 @@
-"""The one door to the Jinja2 templates: strict, no escaping, no thinking inside."""
+"""The one door to the Jinja2 templates: strict, nothing escaped but in pages, no thinking inside."""
 
 from __future__ import annotations
 
@@ -32,6 +32,9 @@ def keep_compiled(where: Path) -> None:
 
 _COMPILED: list[Path] = []
 
+_PAGES = ("html.j2", "svg.j2")
+"""What templates of pages end with: there a name of a package must not become markup."""
+
 
 @cache
 def environment() -> jinja2.Environment:
@@ -42,7 +45,7 @@ def environment() -> jinja2.Environment:
         bytecode_cache=_compiled(),
         loader=jinja2.FileSystemLoader(folder()),
         undefined=jinja2.StrictUndefined,
-        autoescape=False,  # noqa: S701  (no HTML is written from these; views finish every string)
+        autoescape=jinja2.select_autoescape(_PAGES),
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -14,7 +14,7 @@ from forge.errors import EnvironmentFault, Problem, raise_if_any
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from forge.model import Package, Pairs
 
@@ -48,24 +48,69 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     needy = [package for package in packages if package.build_type in CMAKE_TYPES]
     if not needy:
         return None
-    cmake = _find_cmake(variables)
-    ninja = _find("ninja", variables)
-    make = _find("make", variables)
+    cmake = find_cmake(variables)
+    ninja = find_ninja(variables)
+    make = find_program("make", variables)
     problems = []
     if cmake is None:
-        problems.append(Problem(f"CMake was not found; {_who(needy)} it", hint=_CMAKE_HINT))
+        problems.append(no_cmake(needy))
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
-        hint = "`pip install 'ros-forge[cmake]'` brings Ninja along"
-        problems.append(Problem(f"neither Ninja nor make was found; {_who(needy)} one", hint=hint))
+        problems.append(no_builder(needy))
     texts = [(package, _project_text(package)) for package in needy if not package.embedded]
     compiled = [package for package, text in texts if _compiles(text)]
     if compiled and not _has_compiler(variables):
-        hint = "install g++ or clang++, as in `apt install g++` or `dnf install gcc-c++`, or set CXX"
-        problems.append(Problem(f"no C++ compiler was found; {_who(compiled)} one", hint=hint))
+        problems.append(no_compiler(compiled))
     raise_if_any(problems, EnvironmentFault)
     assert cmake is not None  # noqa: S101  (else there was a problem)
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
     return Tools(cmake, ninja, make, only_make)
+
+
+def no_cmake(needy: Sequence[Package]) -> Problem:
+    """Say that there is no CMake for these packages."""
+    return Problem(f"CMake was not found; {_who(needy)} it", hint=_CMAKE_HINT)
+
+
+def no_builder(needy: Sequence[Package]) -> Problem:
+    """Say that these packages cannot be built for want of Ninja and of make."""
+    hint = "`pip install ninja` brings Ninja; make is a package of every distribution"
+    return Problem(f"neither Ninja nor make was found; {_who(needy)} one", hint=hint)
+
+
+def no_compiler(needy: Sequence[Package]) -> Problem:
+    """Say that these packages cannot be compiled."""
+    hint = "install g++ or clang++, as in `apt install g++` or `dnf install gcc-c++`, or set CXX"
+    return Problem(f"no C++ compiler was found; {_who(needy)} one", hint=hint)
+
+
+def compiled_packages(packages: Iterable[Package]) -> list[Package]:
+    """Return the packages whose project() enables a language."""
+    needy = (package for package in packages if package.build_type in CMAKE_TYPES)
+    return [package for package in needy if _compiles(_project_text(package))]
+
+
+def compiler_words(variables: Mapping[str, str]) -> list[str]:
+    """Return how C++ is compiled: CXX as it stands, else the first compiler on PATH; nothing without one."""
+    if variables.get("CXX", "").strip():
+        return variables["CXX"].split()
+    found = (shutil.which(name, path=variables.get("PATH", os.defpath)) for name in _COMPILERS)
+    return [name for name in found if name][:1]
+
+
+def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return PATH with a folder in front that holds `ninja` alone, nothing when it is the first already.
+
+    So that a package that starts a CMake of its own, as for an external project, builds with the same.
+    """
+    path = variables.get("PATH", os.defpath)
+    if ninja is None or shutil.which("ninja", path=path) == str(ninja):
+        return {}
+    link = folder / ninja.name
+    if not (link.is_symlink() and link.readlink() == ninja):
+        folder.mkdir(parents=True, exist_ok=True)
+        link.unlink(missing_ok=True)
+        link.symlink_to(ninja)
+    return {"PATH": f"{folder}{os.pathsep}{path}"}
 
 
 def find_ctest(variables: Mapping[str, str]) -> Path:
@@ -73,9 +118,9 @@ def find_ctest(variables: Mapping[str, str]) -> Path:
     named = variables.get("CTEST_COMMAND")
     if named:
         return Path(named)
-    cmake = _find_cmake(variables)
+    cmake = find_cmake(variables)
     beside = cmake.with_name("ctest") if cmake else None
-    found = beside if beside and beside.is_file() else _find("ctest", variables)
+    found = beside if beside and beside.is_file() else find_program("ctest", variables)
     if found is None:
         raise EnvironmentFault(Problem("ctest, which comes with CMake, was not found", hint=_CMAKE_HINT))
     return found
@@ -106,14 +151,29 @@ def _identity(program: Path) -> str:
     return f"{program.resolve()} {status.st_size} {status.st_mtime_ns}"
 
 
-def _find(program: str, variables: Mapping[str, str]) -> Path | None:
+def find_program(program: str, variables: Mapping[str, str]) -> Path | None:
     """Return a program from PATH, else from beside the interpreter that runs forge."""
     here = str(Path(sys.executable).parent)
     found = shutil.which(program, path=os.pathsep.join([variables.get("PATH", os.defpath), here]))
     return Path(found) if found else None
 
 
-def _find_cmake(variables: Mapping[str, str]) -> Path | None:
+def find_ninja(variables: Mapping[str, str]) -> Path | None:
+    """Return NINJA, as Meson does, else the wheel's beside the interpreter, else the first on PATH.
+
+    The wheel's shares jobs with other tools; a distribution's seldom does, and would build the last large
+    package of a workspace with the few jobs that were free when it began.
+    """
+    named = variables.get("NINJA")
+    if named:
+        return Path(named)
+    beside = Path(sys.executable).with_name("ninja")
+    if importlib.util.find_spec("ninja") is not None and beside.is_file():
+        return beside
+    return find_program("ninja", variables)
+
+
+def find_cmake(variables: Mapping[str, str]) -> Path | None:
     """Return CMAKE_COMMAND, else the first on PATH, else the wheel's.
 
     The wheel's command is a Python script that starts the program: we start the program itself.
@@ -121,7 +181,7 @@ def _find_cmake(variables: Mapping[str, str]) -> Path | None:
     named = variables.get("CMAKE_COMMAND")
     if named:
         return Path(named)
-    found = _find("cmake", variables)
+    found = find_program("cmake", variables)
     if found is None or found.parent == Path(sys.executable).parent:
         wheel = importlib.util.find_spec("cmake")
         for folder in (wheel and wheel.submodule_search_locations) or ():
@@ -157,7 +217,9 @@ def _compiles(text: str) -> bool:
     return bool(text) and (project is None or "NONE" not in project.group(1).split())
 
 
-def _who(packages: list[Package]) -> str:
+def _who(packages: Sequence[Package]) -> str:
+    if not packages:
+        return "packages of CMake need"
     first = f"'{packages[0].name}'"
     rest = len(packages) - 1
     if not rest:

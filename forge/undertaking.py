@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 import time
 from contextlib import closing, nullcontext
@@ -23,12 +24,14 @@ from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.preparation import INTERFACE_GROUP
+from forge.options import spelled
+from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
+from forge.sampling import watched
 from forge.schedule import Board
 from forge.toolchain import Toolchain
-from forge.tools import CMAKE_TYPES
+from forge.tools import CMAKE_TYPES, ninja_first
 from forge.transcript import open_transcript
 from forge.underlays import overridden
 from forge.unused_variables import defined
@@ -38,9 +41,12 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping
     from contextlib import AbstractContextManager
+    from pathlib import Path
 
     from forge.interpreter import Interpreter
+    from forge.manner import Manner
     from forge.model import BuildPlan
+    from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
     from forge.workspace import Loaded
@@ -51,13 +57,14 @@ STYLES = "forge_styles.json"
 
 @frozen
 class Undertaking:
-    """What a build was asked for and what it found: options, packages, tools, interpreter, environment."""
+    """What a build was asked for and how, and what it found: packages, tools, interpreter, environment."""
 
     options: argparse.Namespace
     loaded: Loaded
     kitchen: Kitchen
     interpreter: Interpreter
     variables: Mapping[str, str]
+    manner: Manner
 
 
 def carry_out(
@@ -65,16 +72,19 @@ def carry_out(
 ) -> int:
     """Build what the plan says and return the exit code; `begun` is when the command started."""
     options, loaded, kitchen = undertaking.options, undertaking.loaded, undertaking.kitchen
-    variables, layout = undertaking.variables, undertaking.kitchen.layout
+    variables, layout, manner = undertaking.variables, kitchen.layout, undertaking.manner
     mine = [name for name, task in plan.tasks.items() if not task.embedded]
-    warn(overridden(mine, layout.install, variables))
+    _, lacking = missing_problems(loaded.provision, mine)
+    warn((*lacking, *overridden(mine, layout.install, variables)))
+    seconds = records.seconds()
     with (
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
-        warm_worker(plan) as found_by,
+        manner.worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan)) as budget,
-        live_view(plan, records.seconds(), wanted=not options.json and is_wanted(handlers)) as view,
+        live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
+        watched(wanted=options.timings) as watch,
     ):
-        spoken = without_prose(handlers) if options.json else handlers
+        spoken = without_prose(handlers) if options.json or manner.quiet else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
         report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
         report.screen = view.screen
@@ -82,10 +92,12 @@ def carry_out(
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}
+        surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
-        toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables)
-        board = _board(plan, options, budget.jobs, records.seconds())
-        feed.announce()
+        python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
+        toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
+        board = _board(plan, options, budget.jobs, seconds)
+        feed.announce(seconds=seconds)
         try:
             for event in execute(plan, jobs.runner(budget, toolchain), board, records.settle):
                 records.take(event, plan)
@@ -97,24 +109,49 @@ def carry_out(
             records.finish(plan, variables)
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
-            seconds = time.monotonic() - begun
-            report.summarise(seconds)
-            feed.conclude(report, seconds)
+            passed = time.monotonic() - begun
+            manner.conclude(plan, report, passed)
+            if usage := watch.usage():
+                feed.tell_usage(usage)
+            feed.conclude(report, passed)
+            if options.timings and transcript.folder:
+                line = f"timings: {_drawn_timings(transcript.folder, options)}\n".encode(
+                    errors="surrogateescape"
+                )
+                view.screen.write(line, stderr=options.json)
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))
     return report.exit_code
 
 
-def toolchain_of(kitchen: Kitchen, variables: Mapping[str, str]) -> Toolchain | None:
-    """Return what spares new packages the examination of the compilers.
+def _drawn_timings(folder: Path, options: argparse.Namespace) -> str:
+    """Write the page about a run, and return where the latest one always is, as the user would type it."""
+    from forge.pages import PAGE, write_timings  # noqa: PLC0415  (asked for now and then)
+
+    write_timings(folder)
+    return spelled(os.path.relpath(folder.parent / "latest_build" / PAGE), options)
+
+
+def _looks_for_python(plan: BuildPlan, provision: Provision) -> bool:
+    """Tell if packages are built by an ament that is not forge's own, which never looks for Python."""
+    own = provision.packages.get("ament_cmake")
+    return not (own and own.embedded) and any(
+        task.package.build_type == "ament_cmake" for task in plan.tasks.values()
+    )
+
+
+def toolchain_of(
+    kitchen: Kitchen, variables: Mapping[str, str], python: Path | None = None
+) -> Toolchain | None:
+    """Return what spares new packages the examination of the compilers, and of `python`.
 
     None without CMake, and where ament packages are told what others are not: that may be a compiler.
     """
     if kitchen.cmake is None or kitchen.ament_cmake_args:
         return None
     told_apart = (*kitchen.tools, *environment_that_counts(variables))
-    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart)
+    return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart, python)
 
 
 def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:

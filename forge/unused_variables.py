@@ -9,8 +9,14 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from forge.errors import Problem
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+
+_WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
+_WANTING = frozenset({"-D", "-C", "-G", "-T", "-A", "-P", "-U", "--toolchain", "--preset"})
+"""The options of CMake whose value is a word of its own."""
 
 _DEFINITION = re.compile(r"-D([^:=]+)")
 _COMPLAINT = re.compile(
@@ -18,6 +24,14 @@ _COMPLAINT = re.compile(
     rb"  Manually-specified variables were not used by the project:\r?\n\r?\n"
     rb"((?:    \S+\r?\n)+)(?:\r?\n)*"
 )
+
+
+def odd_words(words: Sequence[str]) -> Iterator[Problem]:
+    """Yield the words that CMake would take for a path, though they are meant to define something."""
+    for before, word in zip(("", *words), words, strict=False):
+        if _WITHOUT_D.match(word) and before not in _WANTING:
+            hint = f"write -D{word}"
+            yield Problem(f"--cmake-args has '{word}', which CMake takes for a path", hint=hint)
 
 
 def defined(arguments: Sequence[str]) -> frozenset[str]:

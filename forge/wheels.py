@@ -33,6 +33,7 @@ from forge.errors import EnvironmentFault, ForgeError, Place, Problem, Workspace
 from forge.files import replace_file
 from forge.formats import read_toml
 from forge.lending import lent_setuptools
+from forge.pitfalls import doubts, refuse_what_no_backend_reads
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -51,6 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Install one package; returns 0, or 2 after saying what the user must mend."""
     options = _parser().parse_args(argv)
     try:
+        refuse_what_no_backend_reads(options.source)
         wheel = _build_wheel(options.source, options.build, options.python)
         installed = _unpack(wheel, options)
     except ForgeError as error:
@@ -60,6 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.link:
         _link_to_sources(options.source, installed)
     _remove_stale(options.build / MANIFEST, installed, options.prefix)
+    for problem in doubts(options.source, options.prefix / options.site_packages, installed):
+        print(problem.render("warning"), file=sys.stderr)
     return 0
 
 

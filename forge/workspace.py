@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge import package_options
 from forge.constraints import unmet_versions
 from forge.discovery import discover, discover_embedded
-from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.errors import Place, Problem, WorkspaceError, raise_if_any, said_once
 from forge.frozen import frozen
 from forge.graph import ordered_names
 from forge.limits import limits_of
@@ -42,6 +42,8 @@ class Loaded:
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
     ordered: tuple[str, ...]
+    doubts: tuple[Problem, ...] = ()
+    """What deserves a warning, and in a listing also manifests that cannot be read."""
 
 
 def load_workspace(
@@ -59,8 +61,22 @@ def load_workspace(
     included. Manifests that cannot be read are then told on stderr. Raises WorkspaceError for a cycle and,
     but in a listing, for two selected packages of one name; SelectionError for names that cannot be selected.
     """
+    loaded = look_at_workspace(root, options, variables, embedded=embedded, install=install)
+    warn(loaded.doubts)
+    return loaded
+
+
+def look_at_workspace(
+    root: Path,
+    options: argparse.Namespace,
+    variables: Mapping[str, str],
+    *,
+    embedded: bool = False,
+    install: Path | None = None,
+) -> Loaded:
+    """Return the same as load_workspace, and say nothing."""
     query = package_options.query_of(options)
-    found = _discovered(root, options, variables)
+    found = packages_there(root, options, variables)
     workspace = _without(found, ignored(query, found.packages))
     whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
     provision, circles = without_test_circles(whole)
@@ -76,17 +92,31 @@ def load_workspace(
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
     doubts = (*workspace.notes, *circles, *unmet_versions(workspace.packages))
     told = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    warn((*told, *doubts, *warnings))
-    return Loaded(workspace, provision, selection, packages, needs, ordered)
+    return Loaded(workspace, provision, selection, packages, needs, ordered, (*told, *doubts, *warnings))
+
+
+_told: set[str] = set()
+_known: set[str] = set()
+"""Warnings of this turn and of the one before it; a command that is no watch has one turn."""
 
 
 def warn(problems: Iterable[Problem]) -> None:
-    """Say on stderr what does not stop the command."""
-    for problem in problems:
+    """Say on stderr what does not stop the command; those in a row that share a hint give it once."""
+    texts = {problem.render("warning"): problem for problem in problems}
+    for problem in said_once(problem for text, problem in texts.items() if text not in _known):
         print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (stderr is talk)
+    _told.update(texts)
 
 
-def _discovered(root: Path, options: argparse.Namespace, variables: Mapping[str, str]) -> Workspace:
+def begin_turn() -> None:
+    """Say no warning again from now on that the last turn would have said, too."""
+    _known.clear()
+    _known.update(_told)
+    _told.clear()
+
+
+def packages_there(root: Path, options: argparse.Namespace, variables: Mapping[str, str]) -> Workspace:
+    """Return all packages where the options look for them; raises WorkspaceError for settings of theirs."""
     overrides = read_overrides(root, options.metas, None if options.ignore_user_meta else home(variables))
     return discover(
         root,

@@ -19,6 +19,8 @@ _MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
 
 _ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base", "--output")
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
+_WITH_SHORT_OUTPUT = frozenset({"bundle", "graph"})
+"""The commands whose -o is --output."""
 
 
 def find_root(start: Path, home: Path) -> Path:
@@ -45,12 +47,13 @@ def typed_elsewhere(arguments: Sequence[str], origin: Path, root: Path) -> list[
     """Return a command line typed in `origin` as it reads in `root`: paths stay the same places."""
     rewritten: list[str] = []
     name, left = "", 0
+    short = not _WITH_SHORT_OUTPUT.isdisjoint(arguments)
     for argument in arguments:
         option, equals, value = argument.partition("=")
         if argument.startswith("-"):
-            left = 0 if equals else _paths_after(option)
+            left = 0 if equals else _paths_after(option, short=short)
             name = option
-            if equals and _paths_after(option):
+            if equals and _paths_after(option, short=short):
                 argument = f"{option}={_moved(name, value, origin, root)}"  # noqa: PLW2901
         elif left:
             left -= 1
@@ -94,10 +97,13 @@ def _may_be_found(folder: Path, home: Path) -> bool:
         return False
 
 
-def _paths_after(option: str) -> int:
-    """Return how many words after an option are paths; a unique beginning stands for it."""
+def _paths_after(option: str, *, short: bool) -> int:
+    """Return how many words after an option are paths; a unique beginning stands for it.
+
+    `short` where '-o' is --output, and not a word for pytest.
+    """
     if not option.startswith("--"):
-        return 0
+        return int(option == "-o" and short)
     if any(known.startswith(option) for known in _ONE_PATH):
         return 1
     return 1_000_000 if any(known.startswith(option) for known in _MANY_PATHS) else 0

@@ -7,7 +7,7 @@ So is what nests deeper than any manifest or test result does.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 from xml.parsers import expat
 
@@ -23,6 +23,11 @@ DEEPEST = 100
 
 _START_TAG = re.compile(rb"""(?:[^"'>]|"[^"]*"|'[^']*')*>""")
 """Up to its end: a '>' inside a quoted attribute does not end it."""
+
+_LEFT_OPEN = frozenset(
+    expat.errors.codes[text]
+    for text in (expat.errors.XML_ERROR_TAG_MISMATCH, expat.errors.XML_ERROR_NO_ELEMENTS)
+)
 
 
 @dataclass(slots=True)
@@ -57,8 +62,8 @@ def parse_xml(content: bytes, path: Path) -> Element:
     try:
         builder.parser.Parse(content, True)  # noqa: FBT003  (expat's own signature)
     except expat.ExpatError as error:
-        message = expat.ErrorString(error.code)
-        raise WorkspaceError(_problem(message, content, path, error.lineno, error.offset + 1)) from None
+        problem = _problem(expat.ErrorString(error.code), content, path, error.lineno, error.offset + 1)
+        raise WorkspaceError(replace(problem, hint=builder.remedy(error.code))) from None
     except _RefusedError as error:
         raise WorkspaceError(_problem(str(error), content, path, error.line, None)) from None
     assert builder.root is not None  # noqa: S101  (expat refuses a document without a root)
@@ -111,6 +116,17 @@ class _Builder:
         element = self.open.pop()
         element.end = self.parser.CurrentByteIndex
         element.text = "".join(self.texts.pop())
+
+    def remedy(self, code: int) -> str | None:
+        """Return what to mend, as far as expat's fault tells."""
+        if code in _LEFT_OPEN and self.open:
+            element = self.open[-1]
+            return f"<{element.tag}> in line {element.line} is not closed: write </{element.tag}> after it"
+        try:
+            self.content.decode()
+        except UnicodeDecodeError:
+            return "the file is no UTF-8: save it again as UTF-8"
+        return None
 
     def characters(self, text: str) -> None:
         self.texts[-1].append(text)

@@ -26,6 +26,8 @@ settings.load_profile("forge")
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from tests.browser import Browser
+
     Variables = Mapping[str, str | None]
     """Values by name; None takes a variable away."""
 
@@ -37,6 +39,8 @@ GOLDEN = Path(__file__).parent / "golden"
 REMEDIES = {
     "/usr/include/fastcdr/Cdr.h": "apt-get install libfastcdr-dev",
     "bash": "apt-get install bash",
+    "chromedriver": "apt-get install chromium-driver",
+    "chromium": "apt-get install chromium",
     "clang": "apt-get install clang",
     "clang++": "apt-get install clang",
     "cmake": "pip install cmake",
@@ -50,6 +54,7 @@ REMEDIES = {
     "ninja": "pip install ninja",
     "pkg-config": "apt-get install pkg-config",
     "shellcheck": "apt-get install shellcheck",
+    "strace": "apt-get install strace",
     "zsh": "apt-get install zsh",
 }
 """The command that brings each tool, or file, which a test may need."""
@@ -136,6 +141,22 @@ def golden(request: pytest.FixtureRequest) -> Golden:
                 pytest.fail(f"{differences}\nif that is right: pytest --accept", pytrace=False)
 
     return hold
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """Run one browser for all tests of pages."""
+    from tests.browser import started  # noqa: PLC0415  (most tests open no page)
+
+    with started() as running:
+        yield running
+
+
+@pytest.fixture
+def browser(chromium: Browser) -> Iterator[Browser]:
+    """Open pages in a real browser; the test fails when one of them complains. It `needs` both programs."""
+    yield chromium
+    assert chromium.complaints() == []
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

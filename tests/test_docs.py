@@ -8,23 +8,27 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli import COMMANDS
+from tests.reference import all_parsers
 from tests.snippets import ROOT, TYPED, blocks, commands, run
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.conftest import Forge
-
-DOCUMENTS = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
-TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, and goes on from where it ends
-
-
-VERBS = {
-    "mixin": ("list", "show"),
-    "interface": ("list", "package", "packages", "show", "proto", "hash", "schema", "generate"),
-    "pkg": ("create", "list", "executables", "prefix", "xml"),
+TRANSLATIONS = {
+    path: path.with_name(path.name.replace(".zh-CN", ""))
+    for path in sorted({*ROOT.glob("*.zh-CN.md"), *(ROOT / "docs").rglob("*.zh-CN.md")})
 }
+DOCUMENTS = sorted({ROOT / "README.md", *TRANSLATIONS, *(ROOT / "docs").rglob("*.md")})
+TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, and goes on from where it ends
+RUN = [path for path in DOCUMENTS if path != TUTORIAL and path not in TRANSLATIONS]
+
+READ = frozenset({"text", "cmake", "toml", "yaml", "xml", "python", "cpp", "c", "json"})
+"""Languages of blocks that may be there to be read only; commands are in 'console' or 'bash' blocks."""
+
+PARSERS = dict(all_parsers())
+
+_INLINE = re.compile(r"(?<!`)`(forge(?: [^`]+)?)`(?!`)")
+_HEADING = re.compile(r"^(#+) ", re.MULTILINE)
 
 
 def _name(document: Path) -> str:
@@ -47,7 +51,7 @@ def test_every_link_to_a_file_leads_there(document: Path) -> None:
 
 
 @pytest.mark.needs("bash", "cmake", "make", "g++")
-@pytest.mark.parametrize("document", [path for path in DOCUMENTS if path != TUTORIAL], ids=_name)
+@pytest.mark.parametrize("document", RUN, ids=_name)
 def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
     if not any(map(commands, blocks(document.read_text(encoding="utf-8")))):
         return
@@ -57,20 +61,73 @@ def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
     run(document, folder)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_reference_knows_each_option_of_each_command(forge: Forge, command: str) -> None:
-    """--help and the page list the same options; those that commands share have a section of their own."""
-    text = (ROOT / "docs/reference/commands.md").read_text(encoding="utf-8")
-    first, *parts = text.split("\n## ")
-    sections = {part.split("\n", 1)[0]: _options(part) for part in parts}
-    verbs: tuple[tuple[str, ...], ...] = tuple((verb,) for verb in VERBS.get(command, ())) or ((),)
-    offered = set().union(*(_options(forge(command, *verb, "--help").out) for verb in verbs)) - {"--help"}
-    shared = _options(first) | sections["Which packages"]
-    documented = sections[f"forge {command}"]
-    assert documented <= offered
-    assert offered <= documented | shared
+def test_the_index_has_every_page() -> None:
+    index = ROOT / "docs/README.md"
+    targets = {part.split(")")[0] for part in index.read_text(encoding="utf-8").split("](")[1:]}
+    pages = {path.relative_to(index.parent).as_posix() for path in index.parent.rglob("*.md")}
+    assert pages - targets == {"README.md"}
 
 
-def _options(text: str) -> set[str]:
-    """Return the long options in a text; the spelling with '_' is an old one that nobody needs to know."""
-    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]+(?![\w_])", text))
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
+def test_no_block_escapes_these_tests(document: Path) -> None:
+    """Every fence is one that the tests read, and its language is known; so no command hides in 'sh'."""
+    text = document.read_text(encoding="utf-8")
+    assert {block.language for block in blocks(text)} <= {*TYPED, *READ}
+    fences = re.findall(r"^\s*(?:```|~~~).*$", text, re.MULTILINE)
+    assert len(fences) == 2 * len(blocks(text))
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
+def test_the_reader_sees_where_the_text_of_a_block_goes(document: Path) -> None:
+    """What a comment says to these tests, the words before a block say to people."""
+    text, seen = document.read_text(encoding="utf-8"), 0
+    for block in blocks(text):
+        begin = text.index(f"```{block.language}\n{block.text}", seen)
+        if file := re.match(r"(?:write|append|insert): (\S+)", block.mark):
+            words = text[seen:begin].partition(f"<!-- {block.mark}")[0]
+            assert file[1].rpartition("/")[2] in words, f"{document}:{block.line}"
+        seen = begin + len(block.text)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
+def test_commands_between_words_are_commands(document: Path) -> None:
+    """Whoever types one meets no word and no option that forge does not know."""
+    text = _without_blocks(document.read_text(encoding="utf-8"))
+    wrong = [typed for typed in _INLINE.findall(text.replace("\\|", "|")) if not _is_known(typed)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("translation", "original"), TRANSLATIONS.items(), ids=map(_name, TRANSLATIONS))
+def test_a_translation_has_the_same_commands_and_parts(translation: Path, original: Path) -> None:
+    """So the commands of the translation need not be run a second time."""
+    texts = [path.read_text(encoding="utf-8") for path in (original, translation)]
+    typed, translated = (
+        [(b.language, b.mark, b.text) for b in blocks(text) if b.language in TYPED or commands(b)]
+        for text in texts
+    )
+    assert translated == typed
+    headings = [[len(marks) for marks in _HEADING.findall(_without_blocks(text))] for text in texts]
+    assert headings[0] == headings[1]
+    assert f"]({translation.name})" in texts[0]
+    assert f"]({original.name})" in texts[1]
+
+
+def _without_blocks(text: str) -> str:
+    return re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def _is_known(typed: str) -> bool:
+    """Tell if forge knows the words and options of a command line, the values left aside."""
+    words = typed.split()[1:]
+    path = ""
+    for word in words:
+        if word.isupper() or word.startswith("-"):
+            break
+        if f"{path} {word}".strip() not in PARSERS:
+            if not path or any(name.startswith(f"{path} ") for name in PARSERS):
+                return False
+            break
+        path = f"{path} {word}".strip()
+    known = {flag for name in ("", path) for flag in PARSERS[name]._option_string_actions}  # noqa: SLF001  (argparse has no other way)
+    given = [word.partition("=")[0] for word in words if word.startswith("-") and "|" not in typed]
+    return all(any(flag.startswith(option) for flag in known) for option in given)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
+from forge.errors import Problem, SelectionError
+from forge.manner import Manner
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
@@ -41,18 +43,33 @@ def register(parser: Parser) -> None:
     package_options.add(parser)
     shared.add_layout(parser)
     _add_what_to_build(parser)
+    _add_cmake(parser)
     shared.add_budget(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})
 
 
 def run(options: argparse.Namespace) -> int:
+    """Build once, or again and again while somebody edits; returns as `build` does."""
+    if options.watch:
+        from forge.watching import watch  # noqa: PLC0415  (asked for now and then)
+
+        return watch(options, build)
+    return build(options, Manner())
+
+
+def build(options: argparse.Namespace, manner: Manner) -> int:
     """Build; returns 0, 1 when a package failed, 2 when an interface definition is wrong."""
     begun = time.monotonic()
     root = Path.cwd()
     handlers = handlers_of(options.event_handlers)
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
+    if options.timings and layout.logs is None:
+        hint = "leave out '--log-base', or leave out '--timings'"
+        raise SelectionError(
+            Problem("--timings writes into the log folder, and there is to be none", hint=hint)
+        )
     if options.print_command:
         from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
 
@@ -75,67 +92,128 @@ def run(options: argparse.Namespace) -> int:
         )
         records.confirm(plan, snapshot, outlook)
         refuse_what_is_too_long(plan, loaded, kitchen, variables)
-        _say(plan, options, level, loaded.packages)
+        if plan.tasks or not manner.checking:
+            _say(plan, options, level, loaded.packages)
         if options.dry_run:
             return 0
         records.recover()
         records.retire(loaded.provision.superseded)
         if not plan.tasks:
             records.finish(plan, variables)
-            _conclude_at_once(plan, options, handlers, loaded.packages, time.monotonic() - begun)
+            report = Report(plan, loaded.packages, handlers, None)
+            _conclude_at_once(plan, options, report, manner, time.monotonic() - begun)
             return 0
         from forge.undertaking import Undertaking, carry_out  # noqa: PLC0415  (a build of nothing is quick)
 
-        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables)
+        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables, manner)
         return carry_out(plan, undertaking, records, handlers, begun)
 
 
 def _add_what_to_build(parser: Parser) -> None:
     group = parser.add_argument_group("how to build")
-    group.add_argument("--symlink-install", action="store_true", help="link files instead of copying them")
-    group.add_argument("--continue-on-error", action="store_true", help="build what does not need the failed")
+    group.add_argument(
+        "--symlink-install", action="store_true", help="link files into the install folder instead of copying"
+    )
+    group.add_argument(
+        "--continue-on-error",
+        action="store_true",
+        help="when a package fails, go on with those that do not need it",
+    )
     group.add_argument(
         "--force", action="store_true", help="build the selected packages though they are fresh"
     )
     group.add_argument(
-        "--reset-underlays", action="store_true", help="forget underlays that are not sourced now"
-    )
-    group.add_argument("--python", metavar="PATH", help="the interpreter to build with and for")
-    group.add_argument("--test-result-base", metavar="DIR", help="where tests of ament leave their results")
-    group.add_argument("--cmake-args", nargs="*", default=[], metavar="ARG", help="given to every cmake")
-    group.add_argument(
-        "--ament-cmake-args", nargs="*", default=[], metavar="ARG", help="to ament_cmake packages"
+        "--reset-underlays",
+        action="store_true",
+        help="forget underlays of earlier builds that are not sourced now",
     )
     group.add_argument(
-        "--no-toolchain-cache", action="store_true", help="let CMake examine the compilers for every package"
+        "--python",
+        metavar="PATH",
+        help="the interpreter to build with and for (default: that of the active virtual environment, else "
+        "forge's own)",
     )
     group.add_argument(
-        "--cmake-force-configure", action="store_true", help="configure even when nothing changed"
+        "--test-result-base",
+        metavar="DIR",
+        help="where tests of ament leave their results (default: the build folders); as for forge test",
+    )
+
+
+def _add_cmake(parser: Parser) -> None:
+    group = parser.add_argument_group("what CMake is told")
+    group.add_argument(
+        "--cmake-args",
+        nargs="*",
+        default=[],
+        metavar="ARG",
+        help="given to CMake for every package: all words up to the next option of forge",
     )
     group.add_argument(
-        "--cmake-clean-cache", action="store_true", help="let CMake forget earlier options first"
+        "--ament-cmake-args",
+        nargs="*",
+        default=[],
+        metavar="ARG",
+        help="given to CMake for ament_cmake packages",
     )
-    group.add_argument("--cmake-clean-first", action="store_true", help="remove what was compiled first")
-    group.add_argument("--cmake-target", metavar="TARGET", help="build this target, too, before all others")
+    group.add_argument(
+        "--no-toolchain-cache",
+        action="store_true",
+        help="let CMake examine the compilers for every new package",
+    )
+    group.add_argument(
+        "--cmake-force-configure",
+        action="store_true",
+        help="run CMake's configure step even when nothing changed",
+    )
+    group.add_argument(
+        "--cmake-clean-cache",
+        action="store_true",
+        help="the same, and let CMake forget the options of before",
+    )
+    group.add_argument(
+        "--cmake-clean-first", action="store_true", help="remove what was compiled before, and compile again"
+    )
+    group.add_argument(
+        "--cmake-target", metavar="TARGET", help="build this target, too, before everything else"
+    )
     group.add_argument(
         "--cmake-target-skip-unavailable",
         action="store_true",
-        help="not where there is none of that name",
+        help="where a package has none of that name, go on without",
     )
     group.add_argument(
-        "--catkin-cmake-args", nargs="*", default=[], metavar="ARG", help="for ROS 1: no effect"
+        "--catkin-cmake-args", nargs="*", default=[], metavar="ARG", help="for packages of ROS 1: no effect"
     )
-    group.add_argument("--catkin-skip-building-tests", action="store_true", help="for ROS 1: no effect")
+    group.add_argument(
+        "--catkin-skip-building-tests", action="store_true", help="for packages of ROS 1: no effect"
+    )
 
 
 def _add_what_to_see(parser: Parser) -> None:
     group = parser.add_argument_group("what to see")
-    group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
-    group.add_argument("--json", action="store_true", help="print a JSON object for each event, a line each")
-    group.add_argument("--explain", action="store_true", help="say why each package is built or fresh")
+    group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help=shared.EVENT_HANDLERS)
+    group.add_argument(
+        "--json", action="store_true", help="print a line of JSON for each event, and nothing else"
+    )
+    group.add_argument(
+        "--explain",
+        action="store_true",
+        help="say why each package is built or fresh: the file, option, tool or dependency",
+    )
+    group.add_argument(
+        "--watch",
+        action="store_true",
+        help="build, then build again whenever a source is saved, until Ctrl-C",
+    )
+    group.add_argument(
+        "--timings",
+        action="store_true",
+        help="write a page that shows where the time went, and a trace, into the log folder",
+    )
     group.add_argument("--dry-run", action="store_true", help="print the plan and every command, run nothing")
     group.add_argument(
-        "--print-command", metavar="PKG", help="print a line that repeats its last step by hand"
+        "--print-command", metavar="PKG", help="print a line that repeats the last step of a package by hand"
     )
 
 
@@ -158,18 +236,16 @@ def _say(plan: BuildPlan, options: argparse.Namespace, level: int, packages: Map
 
 
 def _conclude_at_once(
-    plan: BuildPlan,
-    options: argparse.Namespace,
-    handlers: dict[str, bool],
-    packages: Mapping[str, Package],
-    seconds: float,
+    plan: BuildPlan, options: argparse.Namespace, report: Report, manner: Manner, seconds: float
 ) -> None:
     """Tell that there was nothing to do."""
+    if options.timings and not manner.quiet:
+        print("timings: nothing was built, so there is no new page", file=sys.stderr)
     if not options.json:
-        Report(plan, packages, handlers, None).summarise(seconds)
+        manner.conclude(plan, report, seconds)
         return
     from forge.feed import Feed  # noqa: PLC0415  (asked for now and then)
 
-    feed = Feed(plan, packages, printed=True)
+    feed = Feed(plan, report.packages, printed=not manner.checking)
     feed.announce()
-    feed.conclude(Report(plan, packages, handlers, None), seconds)
+    feed.conclude(report, seconds)

@@ -24,10 +24,15 @@ def register(parser: Parser) -> None:
         "-o", "--output", metavar="FILE", help="the archive (default: the workspace's name and .tar.gz)"
     )
     parser.add_argument(
-        "--with-build-files", action="store_true", help="with headers, CMake files and static libraries"
+        "--with-build-files",
+        action="store_true",
+        help="with headers, CMake files and static libraries: others can build on it",
     )
     parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="where the workspace is installed (default: install)",
     )
 
 

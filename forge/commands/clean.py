@@ -45,7 +45,11 @@ def register(parser: Parser) -> None:
     parser.add_argument("names", nargs="*", metavar="PKG", help="for 'packages': which")
     parser.add_argument("-y", "--yes", action="store_true", help="do not ask")
     parser.add_argument(
-        "--base-select", nargs="+", choices=BASES, default=list(BASES), help="for 'workspace': only these"
+        "--base-select",
+        nargs="+",
+        choices=BASES,
+        default=list(BASES),
+        help="of the workspace, only these (default: all)",
     )
     package_options.add(parser)
     shared.add_layout(parser)

@@ -23,7 +23,10 @@ def register(parser: Parser) -> None:
     parser.add_argument("names", nargs="*", metavar="VARIABLE", help="only these, changed or not")
     parser.add_argument("--format", choices=FORMATS, default="sh", help="how it is written (default: sh)")
     parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="where the workspace is installed (default: install)",
     )
 
 

@@ -77,6 +77,8 @@ def _graph(options: argparse.Namespace) -> int:
         raise SelectionError(
             Problem("these options say how a graph looks, but not that you want one", hint=hint)
         )
+    options.html = options.svg = options.mermaid = False
+    options.output = None
     options.density = options.topological_graph_density and not options.dot
     options.legend = options.topological_graph_legend
     options.dot_cluster = options.topological_graph_dot_cluster

@@ -20,13 +20,19 @@ if TYPE_CHECKING:
 def register(parser: Parser) -> None:
     """Add the verbs of `forge mixin`."""
     verbs = parser.add_subparsers(dest="mixin_verb", metavar="VERB", required=True)
-    listing = verbs.add_parser("list", help="name all mixins")
-    showing = verbs.add_parser("show", help="show what they say")
+    summary = "list all mixins: their command, their name, where they come from"
+    listing = verbs.add_parser("list", help=summary, description=summary)
+    summary = "print what mixins say"
+    showing = verbs.add_parser("show", help=summary, description=summary)
     showing.add_argument("of", nargs="?", metavar="COMMAND", help="those of this command alone")
     showing.add_argument("name", nargs="?", metavar="MIXIN", help="this one alone")
     for verb in (listing, showing):
         verb.add_argument(
-            "--mixin-files", nargs="*", default=[], metavar="FILE", help="files with further mixins"
+            "--mixin-files",
+            nargs="*",
+            default=[],
+            metavar="FILE",
+            help="files with mixins, beside the user's own",
         )
 
 

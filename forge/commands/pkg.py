@@ -21,29 +21,35 @@ from forge.xml_tree import parse_xml
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (argparse has no public name)
+
 
 def register(parser: argparse.ArgumentParser) -> None:
     """Add the verbs of `ros2 pkg`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    _register_create(verbs.add_parser("create", help="create a package from a template"))
+    _register_create(_verb(verbs, "create", "create a package from a template"))
 
-    listing = verbs.add_parser("list", help="list the installed packages")
+    listing = _verb(verbs, "list", "list the installed packages")
     listing.set_defaults(verb=_list)
 
-    starters = verbs.add_parser("executables", help="list what 'forge run' can start")
+    starters = _verb(verbs, "executables", "list what 'forge run' can start")
     starters.add_argument("package", metavar="PACKAGE", nargs="?", help="of this package (default: of all)")
     starters.add_argument("--full-path", action="store_true", help="print paths instead of names")
     starters.set_defaults(verb=_executables)
 
-    prefix = verbs.add_parser("prefix", help="print where a package is installed")
-    prefix.add_argument("package", metavar="PACKAGE")
+    prefix = _verb(verbs, "prefix", "print where a package is installed")
+    prefix.add_argument("package", metavar="PACKAGE", help="which package")
     prefix.add_argument("--share", action="store_true", help="print its share folder instead")
     prefix.set_defaults(verb=_prefix)
 
-    xml = verbs.add_parser("xml", help="print the manifest of a package")
-    xml.add_argument("package", metavar="PACKAGE")
-    xml.add_argument("-t", "--tag", help="print only the text of these elements")
+    xml = _verb(verbs, "xml", "print the manifest of a package")
+    xml.add_argument("package", metavar="PACKAGE", help="which package")
+    xml.add_argument("-t", "--tag", metavar="TAG", help="print only the text of these elements")
     xml.set_defaults(verb=_xml)
+
+
+def _verb(verbs: Verbs, word: str, summary: str) -> argparse.ArgumentParser:
+    return verbs.add_parser(word, help=summary, description=summary)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,17 +61,37 @@ def run(options: argparse.Namespace) -> int:
 def _register_create(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("name", metavar="NAME", help="the package's name, such as 'my_robot'")
-    add("--package-format", "--package_format", type=int, choices=(2, 3), default=3, help="of package.xml")
-    add("--description", default="TODO: Package description", help="what the package is for")
-    license_help = "an SPDX identifier; '?' lists those whose text forge can write"
+    add(
+        "--package-format",
+        "--package_format",
+        type=int,
+        choices=(2, 3),
+        default=3,
+        help="of package.xml (default: 3)",
+    )
+    add(
+        "--description",
+        default="TODO: Package description",
+        help="what the package is for (default: a line with TODO)",
+    )
+    license_help = (
+        "an SPDX identifier; '?' lists those whose text forge can write (default: a line with TODO)"
+    )
     add("--license", action=_License, default="TODO: License declaration", help=license_help)
-    add("--destination-directory", metavar="DIR", default=".", help="where the package's folder goes")
-    add("--build-type", choices=BUILD_TYPES, default="ament_cmake", help="how it is built")
+    add("--destination-directory", metavar="DIR", default=".", help="where its folder goes (default: here)")
+    add(
+        "--build-type",
+        choices=BUILD_TYPES,
+        default="ament_cmake",
+        help="how it is built (default: ament_cmake)",
+    )
     add("--dependencies", metavar="NAME", nargs="*", default=(), help="packages that it needs")
-    add("--maintainer-email", metavar="EMAIL", help="default: the one that git knows")
-    add("--maintainer-name", metavar="NAME", help="default: the name you are logged in with")
-    add("--node-name", metavar="NAME", help="add a program of that name")
-    add("--library-name", metavar="NAME", help="add a library of that name")
+    add("--maintainer-email", metavar="EMAIL", help="for package.xml (default: the one that git knows)")
+    add(
+        "--maintainer-name", metavar="NAME", help="for package.xml (default: the name you are logged in with)"
+    )
+    add("--node-name", metavar="NAME", help="begin with a program of that name")
+    add("--library-name", metavar="NAME", help="begin with a library of that name")
     parser.set_defaults(verb=_create)
 
 

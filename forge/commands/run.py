@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, ForgeError, Problem
 from forge.installed import executables, find_package, workspace_of
-from forge.names import did_you_mean
+from forge.unfound import refuse_windows_line_endings, remedy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 def register(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `ros2 run`."""
-    parser.add_argument("--prefix", metavar="COMMAND", help="put this command in front, such as 'gdb --args'")
+    parser.add_argument(
+        "--prefix",
+        metavar="COMMAND",
+        help="put this command in front, such as 'gdb --args'; stands before the package",
+    )
     # One positional, because argparse would take a '--' away from between two.
     parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     parser.usage = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"
@@ -60,23 +64,12 @@ def _choose(package: str, name: str, prefix: Path) -> Path:
     paths = executables(package, prefix)
     matches = [path for path in paths if path.name == name]
     if not matches:
-        raise ForgeError(Problem("no executable found", hint=_remedy(package, name, prefix, paths)))
+        raise ForgeError(Problem("no executable found", hint=remedy(package, name, prefix, paths)))
     if len(matches) > 1:
         listing = "".join(f"\n- {path}" for path in matches)
         raise ForgeError(Problem(f"multiple executables found:{listing}"))
+    refuse_windows_line_endings(matches[0])
     return matches[0]
-
-
-def _remedy(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
-    """Return why there is no such executable, as far as one can see."""
-    folder = prefix / "lib" / package
-    plain = next((path for path in folder.rglob("*") if path.name == name and path.is_file()), None)
-    if plain is not None:
-        return f"the file is there, but not executable: chmod +x {shlex.quote(str(plain))}"
-    if not paths:
-        return f"package '{package}' has no executables in '{folder}'"
-    near = did_you_mean(name, (path.name for path in paths))
-    return near or f"'forge pkg executables {package}' lists what there is"
 
 
 def _words(command: str | None) -> list[str]:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 def register(parser: Parser) -> None:
     """Add the options of `forge shell`."""
     parser.add_argument(
-        "--install-base", default="install", metavar="DIR", help="install folder (default: install)"
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="where the workspace is installed (default: install)",
     )
     parser.add_argument("words", nargs=argparse.REMAINDER, metavar="COMMAND", help="run this instead")
 

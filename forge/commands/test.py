@@ -106,11 +106,15 @@ def run(options: argparse.Namespace) -> int:
 def _add_how_to_test(parser: Parser) -> None:
     group = parser.add_argument_group("how to test")
     group.add_argument(
-        "--test-result-base", metavar="DIR", help="where results go (default: the build folder)"
+        "--test-result-base", metavar="DIR", help="where result files go (default: the build folder)"
     )
     again = group.add_mutually_exclusive_group()
     again.add_argument(
-        "--retest-until-fail", type=int, default=0, metavar="N", help="repeat tests N times while they pass"
+        "--retest-until-fail",
+        type=int,
+        default=0,
+        metavar="N",
+        help="repeat tests up to N times while they pass",
     )
     again.add_argument(
         "--retest-until-pass", type=int, default=0, metavar="N", help="repeat failed tests up to N times"
@@ -118,31 +122,42 @@ def _add_how_to_test(parser: Parser) -> None:
     group.add_argument(
         "--abort-on-error",
         action="store_true",
-        help="stop when a package cannot be tested; failed tests go on",
+        help="stop when a package cannot be tested; failed tests are no reason to stop",
     )
     group.add_argument(
         "--return-code-on-test-failure",
         action="store_true",
-        help="exit with 1 when a test failed, not with 0",
+        help="exit with 1 when a test failed (default: with 0, as colcon does)",
     )
-    group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help="as console_direct+")
-    group.add_argument("--json", action="store_true", help="print a JSON object for each event, a line each")
+    group.add_argument("--event-handlers", nargs="*", default=[], metavar="NAME+", help=shared.EVENT_HANDLERS)
+    group.add_argument(
+        "--json", action="store_true", help="print a line of JSON for each event, and nothing else"
+    )
 
 
 def _add_frameworks(parser: Parser) -> None:
     group = parser.add_argument_group("what runs the tests")
-    group.add_argument("--python", metavar="PATH", help="the interpreter (default: that of the last build)")
-    group.add_argument("--ctest-args", nargs="*", default=[], metavar="ARG", help="given to every ctest")
+    group.add_argument(
+        "--python",
+        metavar="PATH",
+        help="the interpreter that runs Python tests (default: that of the last build)",
+    )
+    group.add_argument(
+        "--ctest-args",
+        nargs="*",
+        default=[],
+        metavar="ARG",
+        help="given to CTest for every package: all words up to the next option of forge",
+    )
     group.add_argument(
         "--python-testing",
         choices=["pytest", "unittest", "setuppy_test"],
-        help="what runs Python tests (default: pytest where a package asks for it, else unittest)",
+        help="what runs Python tests; setuppy_test is colcon's word for unittest (default: pytest where a "
+        "package asks for it, else unittest)",
     )
-    group.add_argument("--pytest-args", nargs="*", default=[], metavar="ARG", help="given to every pytest")
+    group.add_argument("--pytest-args", nargs="*", default=[], metavar="ARG", help="given to pytest")
     group.add_argument("--pytest-with-coverage", action="store_true", help="measure coverage with pytest-cov")
-    group.add_argument(
-        "--unittest-args", nargs="*", default=[], metavar="ARG", help="given to every unittest"
-    )
+    group.add_argument("--unittest-args", nargs="*", default=[], metavar="ARG", help="given to unittest")
 
 
 def _refuse(absent: Mapping[str, Problem], report: Report, feed: Feed) -> None:

@@ -30,11 +30,13 @@ def register(parser: Parser) -> None:
         metavar="DIR",
         help="where to look for results (default: build)",
     )
-    parser.add_argument("--all", action="store_true", help="show results without failures too")
+    parser.add_argument("--all", action="store_true", help="show files without failures too")
     parser.add_argument("--result-files-only", action="store_true", help="print the paths alone")
     parser.add_argument("--verbose", action="store_true", help="show what each failed test says")
     parser.add_argument("--delete", action="store_true", help="delete all result files, after a question")
-    parser.add_argument("--delete-yes", action="store_true", help="delete them without a question")
+    parser.add_argument(
+        "--delete-yes", action="store_true", help="delete all result files, without a question"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 

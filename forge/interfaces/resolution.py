@@ -43,14 +43,17 @@ class Known(Protocol):
         """Return all names there are, for hints."""
 
 
-def resolve(package: str, parsed: Iterable[Parsed], known: Known) -> Catalog:
+def resolve(
+    package: str, parsed: Iterable[Parsed], known: Known, forgotten: Mapping[str, str] | None = None
+) -> Catalog:
     """Return the catalog of a package's parsed files; `known` is asked only for what they refer to.
 
+    `forgotten` are types of the package that have a file which is not among these, with that file, for hints.
     Raises InterfaceError: unknown types, cycles, two files for one name or for one generated file.
     """
     unique, problems = _unique(parsed)
     own = {message.name: message for p in unique.values() for message in messages_of(p.interface)}
-    search = _Search(package, own, known, set(unique))
+    search = _Search(package, own, known, set(unique), forgotten or {})
     for message in own.values():
         search.follow(message)
     messages = {**own, **search.found}
@@ -114,7 +117,7 @@ def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
 
 
 def too_deep(messages: Mapping[TypeName, Message]) -> list[Problem]:
-    """Return a problem where resolved messages stand too deep inside each other for code that includes code."""
+    """Return a problem where messages stand too deep inside each other for code that includes code."""
     below = {
         name: {e.name for member in message.fields if isinstance(e := element_of(member.type), Named)}
         for name, message in messages.items()
@@ -196,6 +199,7 @@ class _Search:
     own: Mapping[TypeName, Message]
     known: Known
     interfaces: set[TypeName]
+    forgotten: Mapping[str, str] = field(default_factory=dict)
     found: dict[TypeName, Message] = field(default_factory=dict)
     sources: dict[TypeName, Source] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
@@ -239,6 +243,9 @@ class _Search:
             message = f"the action '{action}' needs '{name}', which is not there"
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
+        if name.package == self.package and name.name in self.forgotten:
+            hint = f'add "{self.forgotten[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
+            return Problem(f"unknown type '{written}'", member.place, hint)
         if len(self.problems) >= _MANY:
             return Problem(f"unknown type '{written}'", member.place)
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]

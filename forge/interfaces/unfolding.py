@@ -50,8 +50,8 @@ class Layouts:
         flat.add_members((), name)
         return flat.layout()
 
-    def of_element(self, type_: Element, start: Phase) -> Layout:
-        """Return the layout of a collection's element; its path is ()."""
+    def of_element(self, type_: Type, start: Phase) -> Layout:
+        """Return the layout of a collection's element, or of a member alone; its path is ()."""
         flat = _Flat(self, start)
         flat.add((), type_)
         return flat.layout()

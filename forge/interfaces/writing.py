@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Place, Problem
@@ -13,7 +15,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+    from forge.interfaces.model import File
     from forge.interfaces.rendering import Part
+
+_LISTING = ".forge_site"
+"""The file, in the folder of a site, with the paths of all others."""
 
 
 @frozen
@@ -47,8 +53,7 @@ def write(parts: Iterable[Part], out: Path, package: str, record: Record | None 
             (out / path).unlink(missing_ok=True)
         write_record(out, package, new)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EnvironmentFault(Problem(f"cannot write: {reason}", Place(error.filename or out))) from error
+        raise _unwritable(error, out) from error
     return Written(tuple(changed), total)
 
 
@@ -61,6 +66,51 @@ def _make(part: Part, out: Path, changed: list[Path]) -> Made:
             changed.append(path)
         marks[file.path] = mark_of(out, file.path)
     return Made(part.digest, marks)
+
+
+def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
+    """Write the files of a site below `out`; what an earlier run wrote and this one does not is removed.
+
+    Raises EnvironmentFault when the folder cannot be written to, or has another first page already.
+    """
+    listing = out / _LISTING
+    try:
+        if not listing.is_file() and (out / first_page).exists():
+            hint = "name another folder with --output, or remove it"
+            problem = Problem(f"'{first_page}' is there, and forge did not write it", Place(out), hint)
+            raise EnvironmentFault(problem)
+        before = _listed(listing)
+        made = {file.path: write_if_changed(out / file.path, file.text) for file in files}
+        # Whatever happens next, all that is there stays listed.
+        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | made.keys())))
+        _remove(before - made.keys(), out)
+        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(made)))
+    except OSError as error:
+        raise _unwritable(error, out) from error
+    return Written(tuple(out / path for path, changed in made.items() if changed), len(made))
+
+
+def _listed(listing: Path) -> set[str]:
+    """Return the paths that an earlier run listed; one that leads out of the folder is none of ours."""
+    if not listing.is_file():
+        return set()
+    lines = listing.read_text(encoding="utf-8").splitlines()
+    paths = [PurePosixPath(line) for line in lines if line]
+    return {str(path) for path in paths if not path.is_absolute() and ".." not in path.parts}
+
+
+def _remove(paths: Iterable[str], out: Path) -> None:
+    """Remove files, and the folders that this leaves empty."""
+    for path in sorted(paths):
+        (out / path).unlink(missing_ok=True)
+        for folder in PurePosixPath(path).parents[:-1]:
+            with suppress(OSError):
+                (out / folder).rmdir()
+
+
+def _unwritable(error: OSError, out: Path) -> EnvironmentFault:
+    reason = (error.strerror or str(error)).lower()
+    return EnvironmentFault(Problem(f"cannot write: {reason}", Place(error.filename or out)))
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:

@@ -109,7 +109,8 @@ def _configure(
     generator, record = kitchen.configured.get(package.name, ("", ""))
     argv = (
         str(kitchen.cmake),
-        str(kitchen.root / package.path),
+        # By these words, since CMake takes a source folder with a CMakeCache.txt in it for a build folder.
+        *("-S", str(kitchen.root / package.path), "-B", str(build)),
         "-C",
         str(handover_folder(build) / "handover.cmake"),
         *_generator(kitchen, arguments, generator, only_make=package.name in kitchen.only_make),
@@ -117,7 +118,7 @@ def _configure(
         f"-DCMAKE_INSTALL_PREFIX={kitchen.layout.prefix(package.name)}",
     )
     # The generator is left out: the second run finds it in the cache and does not name it.
-    said = (*argv[:4], *arguments, argv[-1], handed_over)
+    said = (*argv[:7], *arguments, argv[-1], handed_over)
     digest = hashlib.sha256("\0".join(said).encode()).hexdigest()
     if record == digest and not kitchen.force_configure and package.name not in kitchen.reconfigure:
         return ()

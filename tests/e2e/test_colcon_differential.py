@@ -116,6 +116,13 @@ def test_files_with_options_say_the_same(colcon: Colcon, forge: Forge, tree: Tre
             "src/b/package.xml": manifest_text("b"),
             "src/c/CMakeLists.txt": "project(c)",
             "src/c/colcon.pkg": "name: d\ntest-dependencies: [a]\n",
+            "src/f/CMakeLists.txt": "project(f)\nfind_package(a)",
+            "src/f/colcon.pkg": "name: f\ntype: cmake\ndependencies: [b]\n",
+            "src/h/CMakeLists.txt": "project(h)\nfind_package(a)",
+            "src/h/colcon.pkg": "type: cmake\n",
+            "src/i/setup.py": "from setuptools import setup\n"
+            "setup(name='i', version='1', install_requires=['a'])",
+            "src/i/colcon.pkg": "name: i\ntype: python\n",
             "src/e/setup.py": "from setuptools import setup\n"
             "setup(name='e', version='1', install_requires=['a'])",
             "colcon.meta": "names: {a: {cmake-args: [-D1], hooks: [x.sh]}}\n"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.packages import manifest_text
+from tests.snippets import ROOT
 
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree
@@ -102,6 +104,26 @@ def broken(
             "-m pip install em_is_not_here",
             id="a module of Python",
         ),
+        pytest.param(
+            broken(f"{MAIN}\ninstall(TARGETS mian DESTINATION lib/broken)", languages="CXX"),
+            "did you mean 'main'?",
+            id="a target in install() that is spelled otherwise",
+        ),
+        pytest.param(
+            broken("add_executable(main mian.cpp)", languages="CXX"),
+            "did you mean 'main.cpp'?",
+            id="a source file that is spelled otherwise",
+        ),
+        pytest.param(
+            broken("install(DIRECTORY launch DESTINATION share/broken)"),
+            "the package has no 'launch': make it, or take it out of what names it",
+            id="a folder to install that is not there",
+        ),
+        pytest.param(
+            broken(MAIN, languages="CXX", main="int go(int);\nint here = go(1);"),
+            "nothing that is linked has 'go(int)': name its source file in add_executable()",
+            id="a source file that is not linked",
+        ),
     ],
 )
 def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, str], hint: str) -> None:
@@ -111,3 +133,62 @@ def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, s
     hints = [line for line in ran.err.splitlines() if line.startswith("  hint: ")]
     assert len(hints) == 1, ran.err
     assert hint in hints[0]
+
+
+def test_a_package_without_its_cmakelists(forge: Forge, tree: Tree) -> None:
+    """The manifest says CMake, the folder says Python: one of them was forgotten."""
+    files = {"src/broken/package.xml": manifest_text("broken", build_type="cmake")}
+    ran = forge("build", cwd=tree(files))
+    assert "  hint: it needs a CMakeLists.txt: 'forge pkg create' makes" in ran.err
+    ran = forge("build", cwd=tree({"src/broken/setup.py": ""}))
+    assert (
+        "  hint: it has a setup.py: write <build_type>ament_python</build_type> into src/broken/" in ran.err
+    )
+
+
+def test_cmake_was_run_in_the_source_folder(forge: Forge, tree: Tree) -> None:
+    """What it left there makes no difference: CMake would take the folder for the one to build in."""
+    root = tree(broken(""))
+    subprocess.run(
+        ["cmake", "-G", "Unix Makefiles", "."], cwd=root / "src/broken", check=True, capture_output=True
+    )
+    ran = forge("build", cwd=root)
+    assert ran.code == 0, ran.err
+
+
+INTERFACES = """find_package(ament_cmake REQUIRED)
+find_package(rosidl_default_generators REQUIRED)
+rosidl_generate_interfaces(${PROJECT_NAME} "msg/Listed.msg")
+ament_package()"""
+
+
+def test_a_message_that_cmakelists_does_not_name(forge: Forge, tree: Tree) -> None:
+    """Whoever uses it is told where to add it; that nobody can use it is said in any case."""
+    lines = (
+        "<buildtool_depend>rosidl_default_generators</buildtool_depend>",
+        "<member_of_group>rosidl_interface_packages</member_of_group>",
+    )
+    root = tree(
+        {
+            "src/own/package.xml": manifest_text("own", *lines),
+            "src/own/CMakeLists.txt": PLAIN.format(name="own", languages="NONE", lines=INTERFACES),
+            "src/own/msg/Listed.msg": "Forgotten part\n",
+            "src/own/msg/Forgotten.msg": "uint8 x\n",
+        }
+    )
+    ran = forge("build", cwd=root, env={"PYTHONPATH": str(ROOT)})  # CMake starts forge again
+    assert ran.code == 2
+    said = " ".join(ran.err.split())
+    assert "'msg/Forgotten.msg' is in the package and not in rosidl_generate_interfaces()" in said
+    assert "Listed.msg:1:1: error: unknown type 'own/Forgotten'\n" in ran.err
+    assert 'hint: add "msg/Forgotten.msg" to rosidl_generate_interfaces() in CMakeLists.txt\n' in ran.err
+
+
+def test_a_definition_without_its_d(forge: Forge, tree: Tree) -> None:
+    """CMake would warn of a path, once for each package."""
+    ran = forge("build", "--cmake-args", "CMAKE_BUILD_TYPE=Debug", "-D", "A=1", cwd=tree(LIBRARY))
+    assert ran.err.startswith(
+        "warning: --cmake-args has 'CMAKE_BUILD_TYPE=Debug', which CMake takes for a path\n"
+        "hint: write -DCMAKE_BUILD_TYPE=Debug\n"
+    )
+    assert ran.err.count("hint: write") == 1

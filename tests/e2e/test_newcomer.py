@@ -78,7 +78,15 @@ def test_a_cycle_is_named(forge: Forge, tree: Tree) -> None:
 
 def test_a_malformed_manifest_is_shown_where_it_breaks(forge: Forge, tree: Tree) -> None:
     broken = manifest("a").replace("</version>", "</versoin>")
-    one_message(forge("build", cwd=tree({"src/a/package.xml": broken})), "src/a/package.xml:4:", "error: ")
+    ran = forge("build", cwd=tree({"src/a/package.xml": broken}))
+    one_message(ran, "src/a/package.xml:4:", "error: ", "hint: <version> in line 4 is not closed")
+
+
+def test_a_manifest_that_is_no_utf_8_says_so(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest("a")})
+    path = root / "src/a/package.xml"
+    path.write_bytes(path.read_bytes().replace(b"Someone", b"J\xfcrgen"))
+    one_message(forge("build", cwd=root), "src/a/package.xml:6:", "hint: the file is no UTF-8: save it again")
 
 
 def test_a_remark_pasted_behind_a_tag_does_no_harm(forge: Forge, tree: Tree) -> None:

@@ -61,6 +61,15 @@ def test_selected_packages_need_theirs_installed(forge: Forge, workspace: Path) 
     assert forge("build", "--packages-select", "c", cwd=workspace).code == 0
 
 
+def test_what_was_warned_of_is_not_said_again_when_nothing_is_built(forge: Forge, tree: Tree) -> None:
+    workspace = tree(files("a", "<exec_depend>launch_ros</exec_depend>"))
+    first = forge("build", cwd=workspace)
+    assert first.code == 0
+    assert "warning: 'a' needs 'launch_ros', which is neither" in first.err
+    again = forge("build", cwd=workspace)
+    assert (again.code, again.err) == (0, "")
+
+
 def test_a_merged_install_and_back_is_refused(forge: Forge, workspace: Path) -> None:
     assert forge("build", "--merge-install", "--packages-select", "a", cwd=workspace).code == 0
     assert (workspace / "install/share/a/a.txt").is_file()

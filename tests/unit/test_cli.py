@@ -11,10 +11,16 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge import cli, commands
-from forge.errors import ForgeError, Place, Problem, raise_if_any
+from forge.errors import ForgeError, Place, Problem, raise_if_any, said_once
 
 if TYPE_CHECKING:
     from tests.conftest import Forge
+
+
+def test_problems_in_a_row_that_have_one_remedy_give_it_once() -> None:
+    source = [Problem("a", hint="x"), Problem("b", hint="x"), Problem("c"), Problem("d", hint="x")]
+    assert [problem.hint for problem in said_once(source)] == [None, "x", None, "x"]
+    assert said_once([]) == []
 
 
 def test_help_names_every_command(forge: Forge) -> None:
@@ -24,7 +30,7 @@ def test_help_names_every_command(forge: Forge) -> None:
 
 
 def test_a_word_that_is_no_command(forge: Forge) -> None:
-    ran = forge("bild")
+    ran = forge("xyz")
     assert ran.code == 2
     assert "'forge --help' lists what it takes" in ran.err
 
@@ -81,6 +87,23 @@ def test_every_end_has_its_exit_code(
     ran = forge("list")
     assert ran.code == code
     assert text in ran.err
+
+
+@pytest.mark.parametrize(
+    ("command", "usage"),
+    [
+        (("build",), "usage: forge build [OPTION ...]\n"),
+        (("info",), "usage: forge info [OPTION ...] [PKG ...]\n"),
+        (
+            ("interface", "generate"),
+            "usage: forge interface generate [OPTION ...] --output DIR [SOURCE_DIR]\n",
+        ),
+        (("pkg", "prefix"), "usage: forge pkg prefix [-h] [--share] PACKAGE\n"),
+    ],
+)
+def test_the_usage_is_a_line(forge: Forge, command: tuple[str, ...], usage: str) -> None:
+    """What must be given is in it; the options that may be are listed below."""
+    assert forge(*command, "--help").out.startswith(usage)
 
 
 def test_a_reader_that_leaves_early_is_no_error() -> None:

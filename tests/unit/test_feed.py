@@ -14,6 +14,7 @@ import pytest
 from forge.feed import Feed
 from forge.model import Aborted, BuildPlan, Finished, Fresh, Output, Skipped, Started, Step, Task
 from forge.reporting import HANDLERS, Report, without_prose
+from forge.sampling import Usage
 from tests.packages import manifest_text, package
 from tests.snippets import ROOT
 from tests.testable import PYTEST, cmake_package, python_package
@@ -184,7 +185,8 @@ def test_the_page_names_every_event_and_every_key(capfd: pytest.CaptureFixture[s
     plan = BuildPlan({"a": Task("a", table["a"], tmp_path, tmp_path, (), (step,), "why")}, ("a",))
     report = Report(plan, table, without_prose(HANDLERS), tmp_path)
     feed = Feed(plan, table, printed=True, output=True)
-    feed.announce(steps=True)
+    feed.announce(steps=True, seconds={"a": 1.0})
+    feed.tell_usage(Usage(2, 1 << 30, ((1.0, 0.5, 1 << 20),)))
     line = Output("a", b"x: error\n", stderr=False)
     for event in (Started("a"), line, Finished("a", 1, 0.1, step), Aborted("a", 1), Skipped("a", "b")):
         report.show(event)

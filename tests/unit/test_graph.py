@@ -5,7 +5,7 @@ from itertools import pairwise
 import networkx as nx
 from hypothesis import given
 
-from forge.graph import closure, closures, find_cycle, order, reverse
+from forge.graph import closure, closures, find_cycle, order, reduced, reverse
 from tests.strategies import graphs
 
 
@@ -49,3 +49,19 @@ def test_closures_agree_with_networkx(graph: dict[str, frozenset[str]]) -> None:
 @given(graphs(acyclic=False))
 def test_reversing_twice_is_the_graph(graph: dict[str, frozenset[str]]) -> None:
     assert reverse(reverse(graph)) == graph
+
+
+@given(graphs())
+def test_what_other_needs_imply_is_left_out_as_networkx_does(graph: dict[str, frozenset[str]]) -> None:
+    ordered = order(graph)
+    assert ordered is not None
+    picture: nx.DiGraph[str] = nx.DiGraph()
+    picture.add_nodes_from(graph)
+    picture.add_edges_from((name, need) for name, needs in graph.items() for need in needs if need in graph)
+    expected = nx.transitive_reduction(picture)
+    found = reduced(graph, ordered)
+    assert {name: set(needs) for name, needs in found.items()} == {
+        name: set(expected[name]) for name in graph
+    }
+    # From closures the same comes out.
+    assert reduced(closures(graph, ordered), ordered) == found

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.hints import Scene, hint_of
-from tests.packages import package
+from forge.manifest import parse_manifest
+from forge.model import Package
+from tests.packages import manifest_text, package
 
 SCENE = Scene(
-    package("mine", "shapes"), {name: package(name) for name in ("mine", "shapes")}, "/venv/bin/python3"
+    package("mine", "shapes"),
+    {name: package(name) for name in ("mine", "shapes")},
+    "/venv/bin/python3",
+    ("CMakeCache.txt", "launch/robot/go.launch.py", "msg/Other.msg"),
+    ("drive",),
 )
 
 
@@ -29,6 +37,41 @@ SCENE = Scene(
             "clones https://x.org/y.git while it is built",
         ),
         ("a.cpp:1:10: fatal error: 'foo/bar.h' file not found", "apt-file search foo/bar.h"),
+        ("b.cpp:(.text+0x0): multiple definition of `main'; a.o: first defined here", "of its own"),
+        ("Scrt1.o: in function `_start':\n(.text+0x17): undefined reference to `main'", "no main()"),
+        (
+            "a.cpp:(.text+0x5): undefined reference to `shapes::area(int)'",
+            "find_package(shapes REQUIRED) and ament_target_dependencies(YOUR_TARGET shapes)",
+        ),
+        (
+            'Imported target "shapes::shapes" includes non-existent path',
+            "'shapes' does not install its headers: add install(DIRECTORY include/",
+        ),
+        (
+            "ament_target_dependencies(): 'a' uses the package 'shaps', which was\n  not found (is",
+            "did you mean 'shapes'?",
+        ),
+        (
+            "ament_target_dependencies(): 'a' uses the package 'shapes', which was not found",
+            "add find_package(shapes REQUIRED) before it",
+        ),
+        ("ament_target_dependencies() was given 'drvie', which is no target", "did you mean 'drive'?"),
+        ('Cannot specify link libraries for target "x" which is not built by', "makes 'x'"),
+        ("can't copy 'launch/go.launch.py': doesn't exist", "did you mean 'launch/robot/go.launch.py'?"),
+        ("was given\n  '/w/src/mine/msg/Oter.msg', which does\n  not exist", "did you mean 'msg/Other.msg'?"),
+        (
+            "Could not find the compiler specified in the environment variable CXX:\n  gxx.",
+            "unset CXX, or let it name a compiler",
+        ),
+        (
+            "CMake Error: Error: generator : Ninja\nDoes not match the generator used previously: Unix",
+            "'cmake .' was run in src/mine: rm -r src/mine/CMakeCache.txt",
+        ),
+        (
+            'file INSTALL cannot copy file "a" to "/w/install/a": Permission denied.',
+            "sudo chown -R",
+        ),
+        ("PermissionError: [Errno 13] Permission denied: '/w/install/x'", "sudo chown -R"),
     ],
 )
 def test_known_causes_have_a_remedy(said: str, expected: str) -> None:
@@ -51,6 +94,7 @@ def test_a_dependency_that_is_written_like_a_ros_package_is_not_looked_for_in_th
         "a.cpp:1:1: error: expected ';'",
         'asked CMake to find a package configuration file provided by "shapes", but',
         "ModuleNotFoundError: No module named 'shapes'",
+        "/bin/sh: 1: ./generate.sh: Permission denied",
         'Unknown CMake command "frobnicate".',
     ],
 )
@@ -62,3 +106,20 @@ def test_no_hint_is_better_than_a_wrong_one(said: str) -> None:
 @given(st.text())
 def test_any_output_is_read(said: str) -> None:
     hint_of(said, SCENE)
+
+
+def test_headers_of_interfaces_are_in_lower_case() -> None:
+    text = manifest_text("own_msgs", "<member_of_group>rosidl_interface_packages</member_of_group>")
+    path = Path("src/own_msgs")
+    msgs = Package(path, parse_manifest(text.encode(), path / "package.xml", {}))
+    scene = Scene(package("mine", "own_msgs"), {"own_msgs": msgs})
+    said = "a.cpp:1:10: fatal error: own_msgs/msg/BigStatus.hpp: No such file or directory"
+    assert hint_of(said, scene) == "headers of interfaces are in lower case: 'own_msgs/msg/big_status.hpp'"
+
+
+def test_build_tools_are_declared_as_such() -> None:
+    said = 'package configuration file provided by "ament_cmake", but'
+    scene = Scene(package("mine"), {"ament_cmake": package("ament_cmake")})
+    assert "add <buildtool_depend>ament_cmake</buildtool_depend> to src/mine/package.xml" in str(
+        hint_of(said, scene)
+    )

@@ -257,7 +257,7 @@ def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> No
     assert [step.label for step in steps] == ["cmake", "build", "install"]
     assert steps[0].argv == (
         "/usr/bin/cmake",
-        "/ws/src/a",
+        *("-S", "/ws/src/a", "-B", "/ws/build/a"),
         "-C",
         "/ws/build/a/handover/handover.cmake",
         "-G",
@@ -309,7 +309,7 @@ def test_the_users_generator_wins_over_ninja(kitchen: Kitchen) -> None:
 
 def test_a_package_that_calls_make_is_built_by_it_where_there_is_one() -> None:
     kitchen = replace(KITCHEN, only_make=frozenset({"a"}), make=Path("/usr/bin/make"))
-    assert plan("a", kitchen=kitchen).tasks["a"].steps[0].argv[4:6] == ("-G", "Unix Makefiles")
+    assert plan("a", kitchen=kitchen).tasks["a"].steps[0].argv[7:9] == ("-G", "Unix Makefiles")
     assert "Ninja" in plan("a", kitchen=replace(kitchen, make=None)).tasks["a"].steps[0].argv
     assert "Ninja" in plan("b", kitchen=kitchen).tasks["b"].steps[0].argv
 

@@ -115,6 +115,16 @@ def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
     ]
 
 
+def test_what_the_same_packages_lack_is_said_in_one_sentence() -> None:
+    both = ("rclcpp", "rclcpp_action")
+    workspace = by_name(package("a", *both), package("b", *both, "tf2"))
+    errors, _ = missing_problems(provide(workspace, EMBEDDED, nobody), workspace)
+    assert [error.message.rpartition(" neither")[0] for error in errors] == [
+        "'a', 'b' need 'rclcpp', 'rclcpp_action', which are",
+        "'b' needs 'tf2', which is",
+    ]
+
+
 def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with() -> None:
     """Words with '_' between them are hardly ever a system package; but what is named may be optional."""
     workspace = by_name(

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from forge.diagnosis import first_error
+from forge.durations import duration
 from forge.model import (
     Aborted,
     BuildPlan,
@@ -21,7 +22,7 @@ from forge.model import (
     StepStarted,
     Task,
 )
-from forge.reporting import HANDLERS, Report, duration
+from forge.reporting import HANDLERS, Report
 from tests.packages import package
 
 STEP = Step("build", ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/build/my pkg"))

@@ -20,6 +20,10 @@ BROKEN = (
     "cannot run '{}/lib/walker/broken': no such file or directory\n"
     "hint: a script says in its first line what runs it, such as '#!/usr/bin/env python3'"
 )
+PLAIN = (
+    "no executable found\nhint: the file is there, but not executable: install(PROGRAMS ...) makes it so, "
+    "or chmod +x {}/lib/walker/plain"
+)
 SAY = "#!/bin/sh\nfor word; do printf '[%s]' \"$word\"; done\n"
 
 
@@ -117,10 +121,7 @@ def test_handlers_are_put_back(forge: Forge, tree: Tree) -> None:
         (("crawler", "say"), "package 'crawler' not found\nhint: did you mean 'walker'?"),
         (("walker", "sya"), "no executable found\nhint: did you mean 'say'?"),
         (("walker", "zzz"), "no executable found\nhint: 'forge pkg executables walker' lists what there is"),
-        (
-            ("walker", "plain"),
-            "no executable found\nhint: the file is there, but not executable: chmod +x {}/lib/walker/plain",
-        ),
+        (("walker", "plain"), PLAIN),
         (
             ("walker", "twin"),
             "multiple executables found:\n- {}/lib/walker/a/twin\n- {}/lib/walker/twin",
@@ -158,3 +159,70 @@ def test_a_package_without_programs_says_so(forge: Forge, tree: Tree) -> None:
     root = tree({MARK: ""})
     told = f"hint: package 'walker' has no executables in '{root}/lib/walker'\n"
     assert run(forge, root, "walker", "say") == (2, "", f"error: no executable found\n{told}")
+
+
+def package_xml(build_type: str) -> dict[str, str]:
+    """Return an installed package of a build type, as far as anybody asks."""
+    return {MARK: "", "share/walker/package.xml": f"<build_type>{build_type}</build_type>"}
+
+
+NOTHING = "has no executables in '{}/lib/walker': "
+BIN = "it is in '{}/bin', which must be lib/walker: "
+OTHER = "it is in '{}/lib/wlaker', which must be lib/walker: "
+
+
+@pytest.mark.parametrize(
+    ("files", "where", "hint"),
+    [
+        (
+            package_xml("ament_python"),
+            NOTHING,
+            "name it in 'console_scripts' in its setup.py, and build again",
+        ),
+        (
+            package_xml("ament_cmake"),
+            NOTHING,
+            "add install(TARGETS say DESTINATION lib/${PROJECT_NAME}) to its CMakeLists.txt, and build again",
+        ),
+        (
+            {**package_xml("ament_python"), "bin/say": SAY},
+            BIN,
+            "write install_scripts=$base/lib/walker below [install] in its setup.cfg",
+        ),
+        (
+            {**package_xml("ament_cmake"), "lib/wlaker/say": SAY},
+            OTHER,
+            "write DESTINATION lib/${PROJECT_NAME} in install() in its CMakeLists.txt",
+        ),
+    ],
+)
+def test_a_program_that_was_not_installed_where_it_belongs(
+    files: dict[str, str], where: str, hint: str, forge: Forge, tree: Tree
+) -> None:
+    root = tree(files)
+    code, _, err = run(forge, root, "walker", "say")
+    assert code == 2
+    assert f"{where.format(root)}{hint}" in err
+
+
+def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> None:
+    """The system would say that there is no 'python3', with a character that nobody sees."""
+    root = tree({MARK: "", "lib/walker/say": SAY.replace("\n", "\r\n")})
+    code, _, err = run(forge, root, "walker", "say")
+    assert code == 2
+    assert "line ends of Windows" in err
+    assert "hint: in its source: sed -i 's/\\r$//' say, and build again" in err
+
+
+def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:
+    root = tree({"install/setup.bash": "", f"install/walker/{MARK}": "", "install/half/lib/half/x": ""})
+    told = {
+        name: forge("run", name, "say", cwd=root, env={"AMENT_PREFIX_PATH": None}).err
+        for name in ("wlaker", "half", "zzz")
+    }
+    assert (
+        told["wlaker"]
+        == "error: package 'wlaker' is not installed in 'install'\nhint: did you mean 'walker'?\n"
+    )
+    assert "is ament_package() the last line of its CMakeLists.txt?" in told["half"]
+    assert "hint: build it: forge build --packages-select zzz" in told["zzz"]

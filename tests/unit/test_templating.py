@@ -8,6 +8,8 @@ import jinja2
 import pytest
 
 from forge import templating
+from forge.charts import Chart
+from forge.pictures import drawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,6 +31,16 @@ def afresh() -> Iterator[None]:
 def test_a_name_that_was_not_given_is_an_error() -> None:
     with pytest.raises(jinja2.UndefinedError):
         templating.render(TEMPLATE, guard="A")
+
+
+@pytest.mark.parametrize("page", ["html/graph.svg.j2", "html/graph.html.j2"])
+def test_in_pages_and_only_there_names_are_escaped(page: str) -> None:
+    empty = drawn(Chart((), {}, {}, frozenset()), {})
+    text = templating.render(page, title="<b>&", picture=empty, facts=["</script>"])
+    assert "<b>" not in text
+    assert "&lt;b&gt;&amp;" in text
+    assert text.count("</script>") == text.count("<script")
+    assert '#include "<b>&"' in templating.render(TEMPLATE, **{**NAMES, "headers": ["<b>&"]})
 
 
 @pytest.mark.usefixtures("afresh")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -115,3 +116,52 @@ def test_without_a_compiler_nothing_is_seeded(tree: Tree) -> None:
     toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), (), ())
     assert not toolchain.seed(root / "src", root / "build", variables)
     assert not (root / "build/CMakeCache.txt").exists()
+
+
+@pytest.mark.needs("cmake", "ninja", "g++")
+@pytest.mark.parametrize("languages", ["", " NONE"])
+def test_what_python_is_need_not_be_asked_again(tree: Tree, languages: str) -> None:
+    """A new folder starts the interpreter as seldom as CMake does when it knows the folder already.
+
+    That is once; the newest CMake (4.4) trusts no answer from a project with languages, not even its own.
+    """
+    asked = "find_package(Python3 REQUIRED COMPONENTS Interpreter)\n"
+    lists = f"cmake_minimum_required(VERSION 3.18)\nproject(x{languages})\n{asked}"
+    told = 'message("is ${Python3_EXECUTABLE} ${Python3_VERSION} ${Python3_SITELIB} ${Python3_SOABI}")\n'
+    root = tree(
+        {
+            "src/CMakeLists.txt": lists + told,
+            "python3": f'#!/bin/sh\necho start >> "$0.log"\nexec {sys.executable} "$@"\n',
+        }
+    )
+    python, log = root / "python3", root / "python3.log"
+    python.chmod(0o755)
+    cmake = Path(shutil.which("cmake") or "")
+
+    def configured(place: str) -> tuple[str, int]:
+        log.write_text("")
+        argv = (
+            cmake,
+            "-S",
+            root / "src",
+            "-B",
+            root / place,
+            "-G",
+            "Ninja",
+            f"-DPython3_EXECUTABLE={python}",
+        )
+        said = subprocess.run(argv, check=True, capture_output=True, text=True).stderr
+        return said[said.index("is ") :], log.read_text().count("start")
+
+    toolchain = Toolchain(root / "cache", cmake, ("-G", "Ninja"), (), python)
+    assert toolchain.seed(root / "src", root / "seeded", os.environ)
+    first, again, seeded = configured("usual"), configured("usual"), configured("seeded")
+    assert first[1] > 4
+    assert first[0] == again[0] == seeded[0]
+    distrusted = languages and (again[1], seeded[1]) == (1, first[1])
+    assert seeded[1] == again[1] or (distrusted and _version(cmake) >= (4, 4))
+
+
+def _version(cmake: Path) -> tuple[int, ...]:
+    said = subprocess.run([cmake, "--version"], check=True, capture_output=True, text=True).stdout
+    return tuple(int(word) for word in said.split()[2].split(".")[:2])

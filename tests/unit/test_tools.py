@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.errors import EnvironmentFault
-from forge.tools import find_tools
+from forge.tools import find_tools, ninja_first
 from tests.packages import package
 
 if TYPE_CHECKING:
@@ -39,8 +39,9 @@ def test_python_packages_need_none_of_them() -> None:
     assert find_tools([package("a", build_type="ament_python")], {}) is None
 
 
-def test_programs_come_from_path(tree: Tree) -> None:
+def test_programs_come_from_path(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tree({"bin/cmake": PROGRAM, "bin/ninja": PROGRAM, "bin/g++": PROGRAM})
+    beside_nothing(monkeypatch, root)
     tools = find_tools([package("a")], {"PATH": str(root / "bin")})
     assert tools is not None
     assert (tools.cmake, tools.ninja) == (root / "bin/cmake", root / "bin/ninja")
@@ -84,6 +85,41 @@ def test_a_package_without_languages_needs_no_compiler(
     root = tree({"bin/cmake": PROGRAM, "bin/make": PROGRAM})
     beside_nothing(monkeypatch, root)
     assert find_tools([compiled(root, project)], {"PATH": str(root / "bin")}) is not None
+
+
+def test_the_ninja_that_came_with_forge_goes_before_that_of_the_system(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A distribution's seldom shares jobs."""
+    root = tree(
+        {
+            "bin/cmake": PROGRAM,
+            "bin/ninja": PROGRAM,
+            "site/ninja/__init__.py": "",
+            "venv/bin/ninja": PROGRAM,
+        }
+    )
+    beside_nothing(monkeypatch, root)
+    monkeypatch.setattr(sys, "path", [str(root / "site")])
+    monkeypatch.setattr(sys, "executable", str(root / "venv/bin/python"))
+    found = find_tools([package("a")], {"PATH": str(root / "bin")})
+    named = find_tools([package("a")], {"PATH": str(root / "bin"), "NINJA": "/mine/ninja"})
+    assert found is not None
+    assert named is not None
+    assert (found.ninja, named.ninja) == (root / "venv/bin/ninja", Path("/mine/ninja"))
+
+
+def test_what_a_package_starts_by_itself_finds_the_same_ninja(tree: Tree) -> None:
+    root = tree({"bin/ninja": PROGRAM, "venv/bin/ninja": PROGRAM})
+    for name in ("bin/ninja", "venv/bin/ninja"):
+        (root / name).chmod(0o755)
+    variables = {"PATH": str(root / "bin")}
+    assert ninja_first(root / "bin/ninja", root / "programs", variables) == {}
+    found = ninja_first(root / "venv/bin/ninja", root / "programs", variables)
+    first, *rest = found["PATH"].split(":")
+    assert (Path(first) / "ninja").resolve() == (root / "venv/bin/ninja").resolve()
+    assert [one.name for one in Path(first).iterdir()] == ["ninja"]
+    assert rest == [str(root / "bin")]
 
 
 def test_the_wheels_own_cmake_is_found_behind_its_script(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:

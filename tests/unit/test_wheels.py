@@ -185,3 +185,80 @@ def test_a_fresh_virtual_environment_needs_nothing_more(
     assert files(root / "install") == INSTALLED
     assert (root / "install/lib/talk/hello").read_text().startswith(f"#!{python}\n")
     assert hello(root) == "hello from talk\n"
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"setup.py": "from setuptools import setup\nsetup(name='talk'\n      version='1')\n"},
+            ("{}/setup.py:2:", ": error: ", "    setup(name='talk'\n"),
+        ),
+        (
+            {"setup.py": None},
+            ("{}: error: there is neither a setup.py nor a pyproject.toml", "hint: 'forge pkg create"),
+        ),
+        (
+            {"talk/hello.py": "def main()\n    pass\n"},
+            ("{}/talk/hello.py:1:11: warning: expected ':'", "    def main()\n"),
+        ),
+        (
+            {"talk/hello.py": "def main():\n    if 1:\n\tpass\n"},
+            ("{}/talk/hello.py:3", "warning: inconsistent use of tabs"),
+        ),
+        (
+            {"setup.py": SETUP["src/talk/setup.py"].replace("talk.hello:", "talk.helo:")},
+            ("{}/setup.py: warning: 'hello' starts 'talk.helo', which", "hint: did you mean 'talk.hello'?"),
+        ),
+        (
+            {"setup.py": SETUP["src/talk/setup.py"].replace(":main", ":mian")},
+            (
+                "{}/setup.py: warning: 'hello' calls 'mian', which 'talk.hello' has not",
+                "hint: did you mean 'main'?",
+            ),
+        ),
+        (
+            {
+                "talk/__init__.py": None,
+                "setup.py": SETUP["src/talk/setup.py"]
+                .replace('packages=["talk"]', "packages=find_packages()")
+                .replace("import setup", "import find_packages, setup"),
+            },
+            ("{}/setup.py: warning: 'hello' starts 'talk.hello', which", "hint: make {}/talk/__init__.py"),
+        ),
+    ],
+    ids=["setup.py", "no setup.py", "syntax", "tabs", "module", "function", "__init__"],
+)
+def test_what_no_backend_tells(
+    changes: dict[str, str | None], told: tuple[str, ...], tree: Tree, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Such a package would be installed, and fail when it is started."""
+    root = tree(SETUP)
+    source = root / "src/talk"
+    for name, text in changes.items():
+        if text is None:
+            (source / name).unlink()
+        else:
+            (source / name).write_text(text, encoding="utf-8")
+    code = install(root)
+    err = capfd.readouterr().err
+    assert code == (2 if "error: " in err else 0)
+    assert "Traceback" not in err
+    for part in told:
+        assert part.format(source) in err
+
+
+def test_nothing_is_told_of_a_package_that_is_right(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """Functions may come from anywhere, and modules from other packages."""
+    points = "['a = talk.hello:Node.main', 'b = other.module:main', 'c = talk:late', 'd = talk.hello:given']"
+    setup = SETUP["src/talk/setup.py"].replace('["hello = talk.hello:main"]', points)
+    root = tree(
+        {
+            **SETUP,
+            "src/talk/setup.py": setup,
+            "src/talk/talk/__init__.py": "def __getattr__(name):\n    return print\n",
+            "src/talk/talk/hello.py": "from os import *\nclass Node:\n    main = print\n",
+        }
+    )
+    assert install(root) == 0
+    assert capfd.readouterr().err == ""

@@ -70,6 +70,9 @@ def test_paths_stay_the_same_places() -> None:
     assert typed_elsewhere(["list", "--log-base=l", "-n"], Path("/ws/s"), Path("/ws")) == [
         *("list", "--log-base=s/l", "-n")
     ]
+    assert typed_elsewhere(["graph", "-o", "g.svg"], Path("/ws/s"), Path("/ws"))[-1] == "s/g.svg"
+    pytest_words = ["test", "--pytest-args", "-o", "addopts="]
+    assert typed_elsewhere(pytest_words, Path("/ws/s"), Path("/ws")) == pytest_words
 
 
 @pytest.fixture

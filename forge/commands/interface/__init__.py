@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.commands.interface import asking, compiling, describing
+from forge.commands.interface import asking, compiling, describing, documenting
 
 if TYPE_CHECKING:
     import argparse
@@ -16,6 +16,7 @@ def register(parser: argparse.ArgumentParser) -> None:
     asking.register(verbs)
     compiling.register(verbs)
     describing.register(verbs)
+    documenting.register(verbs)
 
 
 def run(options: argparse.Namespace) -> int:

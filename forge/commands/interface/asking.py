@@ -27,7 +27,7 @@ def register(verbs: Verbs) -> None:
     """Add the questions to the words that follow `forge interface`."""
     _add_listing(verbs, "list", _list, "list all interfaces")
     package = _add_listing(verbs, "package", _package, "list the interfaces of a package")
-    package.add_argument("package", metavar="PACKAGE")
+    package.add_argument("package", metavar="PACKAGE", help="which package")
     _add_listing(verbs, "packages", _packages, "list the packages that have interfaces")
     summary = "print a definition, the messages inside it unfolded"
     show = verbs.add_parser("show", help=summary, description=summary)

@@ -40,7 +40,9 @@ def register(verbs: Verbs) -> None:
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", metavar="DIR", type=Path, required=True, help="gets LANG/PACKAGE/...")
+    parser.add_argument(
+        "--output", metavar="DIR", type=Path, required=True, help="where python/NAME, cpp/NAME and so on go"
+    )
     default = " and ".join(_DEFAULT_LANGUAGES)
     parser.add_argument(
         "--lang",

@@ -78,7 +78,14 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         from forge.interfaces.strictness import doubts  # noqa: PLC0415  (few ask for that)
 
         raise_if_any(doubts(parsed), InterfaceError)
-    return resolve(package, parsed, library)
+    return resolve(package, parsed, library, _forgotten(options))
+
+
+def _forgotten(options: argparse.Namespace) -> dict[str, str]:
+    """Return the messages that lie beside the files that were named, and were not named themselves."""
+    named = {relative for _, relative in options.files}
+    beside = (path for base in {base for base, _ in options.files} for path in Path(base).glob("msg/*.msg"))
+    return {path.stem: f"msg/{path.name}" for path in beside if f"msg/{path.name}" not in named}
 
 
 def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:

@@ -106,7 +106,27 @@ function(_rosidl_read_files variable target)
     list(APPEND tuples "${CMAKE_MATCH_1}:${CMAKE_MATCH_2}/${CMAKE_MATCH_3}")
   endforeach()
   list(REMOVE_DUPLICATES tuples)
+  _rosidl_tell_of_forgotten_files("${tuples}")
   set(${variable} "${tuples}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_tell_of_forgotten_files(<tuples>): definitions that lie there and that CMakeLists.txt does not name.
+function(_rosidl_tell_of_forgotten_files tuples)
+  file(READ "${CMAKE_CURRENT_LIST_FILE}" text)
+  file(GLOB found RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}"
+    "${CMAKE_CURRENT_SOURCE_DIR}/msg/*.msg"
+    "${CMAKE_CURRENT_SOURCE_DIR}/srv/*.srv"
+    "${CMAKE_CURRENT_SOURCE_DIR}/action/*.action")
+  foreach(file IN LISTS found)
+    get_filename_component(name "${file}" NAME)
+    get_filename_component(stem "${file}" NAME_WE)
+    string(FIND "${text}" "${stem}" place)
+    string(FIND "${tuples}" "/${name}" listed)
+    if(place EQUAL -1 AND listed EQUAL -1)
+      message(WARNING
+        "'${file}' is in the package and not in rosidl_generate_interfaces(): nobody can use its type")
+    endif()
+  endforeach()
 endfunction()
 
 # _rosidl_interface_packages(<variable> <package>...): those with interfaces among them and their dependencies.

@@ -1,0 +1,92 @@
+"""A few lines of Python and of C++ that use an interface: to begin with, not to keep."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
+from forge.interfaces.model import Action, Array, Message, Named, Primitive, Sequence, Service, Text
+from forge.names import snake_case
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from forge.interfaces.model import Interface, Type, TypeName
+
+_ASSIGNMENTS = 2
+_DEPTH = 3
+_PYTHON = {"boolean": "True", "octet": 'b"\\x01"', "char": "1", "float": "1.0", "double": "1.0"}
+_CPP = {"boolean": "true", "float": "1.0F", "double": "1.0"}
+_WORD = "text"
+
+
+@frozen
+class Snippets:
+    """The same in two languages."""
+
+    python: str
+    cpp: str
+
+
+@frozen
+class _Leaf:
+    """A member to try: how it is reached, and a value in either language."""
+
+    path: str
+    python: str
+    cpp: str
+
+
+def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> Snippets:
+    """Return the lines for an interface; `known` has the messages that it refers to."""
+    name = interface.name
+    python = [f"from {name.package}.{name.kind} import {name.name}", ""]
+    cpp = [f'#include "{name.package}/{name.kind}/{snake_case(name.name)}.hpp"', ""]
+    for variable, part, message in _variables(interface):
+        leaves = _leaves(message, known)
+        python += [
+            f"{variable} = {name.name}{part}()",
+            *(f"{variable}.{e.path} = {e.python}" for e in leaves),
+        ]
+        type_ = f"{name.package}::{name.kind}::{name.name}{part.replace('.', '::')}"
+        cpp += [f"{type_} {variable};", *(f"{variable}.{each.path} = {each.cpp};" for each in leaves)]
+    return Snippets("\n".join(python) + "\n", "\n".join(cpp) + "\n")
+
+
+def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
+    """Yield each message to make: the name of a variable, what follows the class's name, the message."""
+    match interface:
+        case Message():
+            yield "message", "", interface
+        case Service(_, request, response):
+            yield "request", ".Request", request
+            yield "response", ".Response", response
+        case Action(_, goal, result, feedback):
+            yield "goal", ".Goal", goal
+            yield "feedback", ".Feedback", feedback
+            yield "result", ".Result", result
+
+
+def _leaves(message: Message, known: Mapping[TypeName, Message]) -> list[_Leaf]:
+    """Return a few members that a line can set, the message's own before those of messages in it."""
+    found = (_leaf(member.name, member.type, known, _DEPTH) for member in message.fields)
+    leaves = [leaf for leaf in found if leaf]
+    return sorted(leaves, key=lambda leaf: leaf.path.count("."))[:_ASSIGNMENTS]
+
+
+def _leaf(path: str, type_: Type, known: Mapping[TypeName, Message], depth: int) -> _Leaf | None:
+    match type_:
+        case Primitive(name) if name != "wchar":
+            return _Leaf(path, _PYTHON.get(name, "1"), _CPP.get(name, "1"))
+        case Text(wide, bound):
+            word = _WORD[:bound]
+            return _Leaf(path, f'"{word}"', f'{"u" if wide else ""}"{word}"')
+        case Named(name) if depth:
+            below = (_leaf(f"{path}.{m.name}", m.type, known, depth - 1) for m in known[name].fields)
+            return next((leaf for leaf in below if leaf), None)
+        case Array(Primitive(name)) if name not in {"wchar", "octet"}:
+            return _Leaf(f"{path}[0]", _PYTHON.get(name, "1"), _CPP.get(name, "1"))
+        case Sequence(Primitive(name)) if name not in {"wchar", "octet"}:
+            return _Leaf(path, f"[{_PYTHON.get(name, '1')}]", f"{{{_CPP.get(name, '1')}}}")
+        case _:
+            return None

@@ -1,0 +1,148 @@
+"""What Python packages get wrong and no build backend tells: it would show when they are started."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+import sys
+from typing import TYPE_CHECKING
+
+from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.names import did_you_mean
+from forge.python_reading import read_setup_cfg
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+_VERSION = re.compile(r"python3\.(\d+)")
+_POINT = re.compile(r"([\w.]+)\s*:\s*(\w+)")
+
+
+def refuse_what_no_backend_reads(source: Path) -> None:
+    """Raise WorkspaceError for a folder that says nothing to a backend, or a setup.py that is no Python."""
+    setup = source / "setup.py"
+    if setup.is_file():
+        fault = _fault(setup, setup)
+        raise_if_any((fault,) if fault else (), WorkspaceError)
+    elif not (source / "pyproject.toml").is_file() and not read_setup_cfg(_text(source / "setup.cfg")).name:
+        hint = "'forge pkg create --build-type ament_python NAME' makes one with all that it needs"
+        raise WorkspaceError(Problem("there is neither a setup.py nor a pyproject.toml", Place(source), hint))
+
+
+def doubts(source: Path, site: Path, installed: Sequence[Path]) -> Iterator[Problem]:
+    """Yield what will fail when it is imported or started; `site` is where the modules were installed."""
+    modules = {_module(path.relative_to(site)): path for path in installed if _is_module(path, site)}
+    broken = set()
+    if _same_version(site):
+        for name, path in sorted(modules.items()):
+            fault = _fault(path, _origin(source, site, path))
+            if fault:
+                broken.add(name)
+                yield fault
+    points = next((path for path in installed if path.name == "entry_points.txt"), None)
+    for script, module, function in _entry_points(points):
+        if module in modules and module not in broken:
+            yield from _missing_function(source, script, module, function, modules[module])
+        elif module not in modules:
+            yield from _missing_module(source, script, module, modules)
+
+
+def _missing_module(source: Path, script: str, module: str, modules: dict[str, Path]) -> Iterator[Problem]:
+    """Yield that a program starts a module that the package has not; other packages may have it."""
+    top = module.partition(".")[0]
+    folder = source / top
+    if top not in modules and not folder.is_dir():
+        return
+    bare = folder.is_dir() and not (folder / "__init__.py").exists()
+    hint = f"make {folder}/__init__.py, which may be empty" if bare else did_you_mean(module, modules)
+    message = f"'{script}' starts '{module}', which the package does not install"
+    yield Problem(message, Place(_said_in(source)), hint)
+
+
+def _missing_function(source: Path, script: str, module: str, function: str, path: Path) -> Iterator[Problem]:
+    """Yield that a program calls what its module does not define, as far as its text tells."""
+    if path.suffix != ".py":
+        return
+    names, all_of_them = _defined(ast.parse(_text(path)))
+    if not all_of_them or function in names:
+        return
+    message = f"'{script}' calls '{function}', which '{module}' has not"
+    yield Problem(message, Place(_said_in(source)), did_you_mean(function, names))
+
+
+def _defined(tree: ast.Module) -> tuple[set[str], bool]:
+    """Return the names that a module binds at its top level, and whether these are surely all."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                names.add(name)
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                names.update((alias.asname or alias.name).partition(".")[0] for alias in aliases)
+            case ast.Name(id=name, ctx=ast.Store()):
+                names.add(name)
+    return names, names.isdisjoint({"*", "__getattr__"})
+
+
+def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
+    """Yield program, module and function of what the package lets be started."""
+    parser = configparser.RawConfigParser(delimiters=("=",))
+    parser.optionxform = str  # type: ignore[assignment, method-assign]  # (names have upper case, too)
+    try:
+        parser.read_string(_text(path) if path else "")
+    except configparser.Error:
+        return
+    for section in ("console_scripts", "gui_scripts"):
+        for script, said in parser[section].items() if parser.has_section(section) else ():
+            match = _POINT.match(said)
+            if match:
+                yield script, match[1], match[2]
+
+
+def _fault(path: Path, shown: Path) -> Problem | None:
+    """Return why Python cannot read a file, with the place in the file as it is shown; None when it can."""
+    try:
+        compile(path.read_bytes(), str(shown), "exec", ast.PyCF_ONLY_AST)
+    except SyntaxError as error:
+        line = (error.text or "").rstrip("\r\n")
+        place = Place(shown, error.lineno, error.offset or None, line or None)
+        return Problem(error.msg or "this is no Python", place)
+    except ValueError as error:
+        return Problem(str(error), Place(shown))
+    return None
+
+
+def _is_module(path: Path, site: Path) -> bool:
+    return path.is_relative_to(site) and path.suffix in {".py", ".so"}
+
+
+def _module(path: Path) -> str:
+    parts = [*path.parts[:-1], path.name.partition(".")[0]]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _origin(source: Path, site: Path, path: Path) -> Path:
+    """Return the file that a module was copied from, where it lies as it was installed; else itself."""
+    name = path.relative_to(site)
+    return next((at / name for at in (source, source / "src") if (at / name).is_file()), path)
+
+
+def _said_in(source: Path) -> Path:
+    """Return the file that says what can be started."""
+    names = ("setup.py", "pyproject.toml", "setup.cfg")
+    return next((source / name for name in names if "_scripts" in _text(source / name)), source / names[0])
+
+
+def _same_version(site: Path) -> bool:
+    """Tell if modules there are for a Python like ours: another may know more, or less."""
+    match = _VERSION.search(str(site))
+    return match is None or int(match[1]) == sys.version_info.minor
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""

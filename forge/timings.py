@@ -1,0 +1,213 @@
+"""Where the time of a build went: from the lines of its events.jsonl to packages and steps; pure."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from forge.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+FINISHED, FAILED, ABORTED = "finished", "failed", "aborted"
+
+
+@frozen
+class StepRun:
+    """A program of a package. Times are seconds since the first event; `code` is None if it was stopped."""
+
+    label: str
+    begun: float
+    ended: float
+    code: int | None
+
+    @property
+    def seconds(self) -> float:
+        """How long it ran."""
+        return self.ended - self.begun
+
+
+@frozen
+class PackageRun:
+    """A package that was built, or tried. `needs` are those of this build that it waited for.
+
+    `last` is how long it took when it was built before, if it was.
+    """
+
+    name: str
+    embedded: bool
+    reason: str
+    begun: float
+    ended: float
+    outcome: str
+    steps: tuple[StepRun, ...]
+    needs: tuple[str, ...]
+    last: float | None
+
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+        return self.ended - self.begun
+
+
+@frozen
+class MachineUse:
+    """Processors and bytes of memory that there are, and samples: time, processors busy, bytes in use."""
+
+    processors: int
+    memory: int
+    samples: tuple[tuple[float, float, int], ...]
+
+
+@frozen
+class Build:
+    """A whole build: packages in the order in which they began, and what needed nothing or did not start.
+
+    `ended` is when the last event was, `seconds` how long the command took, from before the first event.
+    """
+
+    packages: tuple[PackageRun, ...]
+    fresh: tuple[str, ...]
+    skipped: tuple[str, ...]
+    ended: float
+    seconds: float
+    code: int
+    use: MachineUse | None
+
+
+def read_build(lines: Iterable[str]) -> Build:
+    """Return what the events of one run tell; a torn last line tells nothing."""
+    events = [event for line in lines if (event := _parsed(line))]
+    by_package: dict[str, list[Mapping[str, Any]]] = {}
+    for event in events:
+        if "package" in event:
+            by_package.setdefault(event["package"], []).append(event)
+    ended = events[-1]["time"] if events else 0.0
+    summary = next((event for event in events if event["event"] == "Summary"), {})
+    usage = next((event for event in events if event["event"] == "Usage"), None)
+    planned = {event["package"]: event.get("needs", ()) for event in events if event["event"] == "Planned"}
+    started = {event["package"] for event in events if event["event"] == "Started"}
+    runs = [
+        _package(told, ended, _waited_for(name, planned, started))
+        for name, told in by_package.items()
+        if name in started
+    ]
+    return Build(
+        packages=tuple(sorted(runs, key=lambda run: run.begun)),
+        fresh=tuple(name for name, told in by_package.items() if _first(told, "Fresh")),
+        skipped=tuple(name for name, told in by_package.items() if _first(told, "Skipped")),
+        ended=ended,
+        seconds=summary.get("seconds", ended),
+        code=summary.get("code", 0),
+        use=_use(usage) if usage else None,
+    )
+
+
+def critical_path(packages: Sequence[PackageRun]) -> tuple[PackageRun, ...]:
+    """Return the chain of packages, each needing the one before, that takes longest in all.
+
+    With any number of processors the build could not have been faster than these one after the other.
+    """
+    runs = {run.name: run for run in packages}
+    length: dict[str, float] = {}
+    before: dict[str, str | None] = {}
+    # What a package needs has begun before it, so that the order of beginning is one of the needs.
+    for run in packages:
+        longest = max(run.needs, key=lambda need: (length[need], need), default=None)
+        before[run.name] = longest
+        length[run.name] = run.seconds + (length[longest] if longest else 0.0)
+    name = max(length, key=lambda name: (length[name], name), default=None)
+    chain: list[PackageRun] = []
+    while name is not None:
+        chain.append(runs[name])
+        name = before[name]
+    return tuple(reversed(chain))
+
+
+def waited(run: PackageRun, runs: Mapping[str, PackageRun]) -> float:
+    """Return for how long all that a package needs had ended before it began: for want of a free job."""
+    return max(0.0, run.begun - max((runs[need].ended for need in run.needs), default=0.0))
+
+
+def rows(packages: Iterable[PackageRun]) -> dict[str, int]:
+    """Return a row for each package, the first one that is free when it begins: as many as ran at a time."""
+    ends: list[float] = []
+    found: dict[str, int] = {}
+    for run in packages:
+        row = next((row for row, end in enumerate(ends) if end <= run.begun), len(ends))
+        ends[row : row + 1] = [run.ended]
+        found[run.name] = row
+    return found
+
+
+def at_work(packages: Iterable[PackageRun]) -> tuple[tuple[float, int], ...]:
+    """Return how many packages ran, from each moment on at which that changed."""
+    changes: dict[float, int] = {0.0: 0}
+    for run in packages:
+        changes[run.begun] = changes.get(run.begun, 0) + 1
+        changes[run.ended] = changes.get(run.ended, 0) - 1
+    count, found = 0, []
+    for time in sorted(changes):
+        count += changes[time]
+        found.append((time, count))
+    return tuple(found)
+
+
+def _parsed(line: str) -> Mapping[str, Any] | None:
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None
+    return event if isinstance(event, dict) and {"event", "time"} <= event.keys() else None
+
+
+def _package(told: Sequence[Mapping[str, Any]], ended: float, needs: frozenset[str]) -> PackageRun:
+    started, end = _first(told, "Started") or {}, _first(told, "Finished")
+    planned = _first(told, "Planned") or {}
+    stop = end or _first(told, "Aborted") or {"time": ended}
+    return PackageRun(
+        name=started["package"],
+        embedded=started["embedded"],
+        reason=started["reason"],
+        begun=started["time"],
+        ended=stop["time"],
+        outcome=ABORTED if end is None else FAILED if end["code"] else FINISHED,
+        steps=tuple(_steps(told, stop["time"])),
+        needs=tuple(sorted(needs)),
+        last=planned.get("last"),
+    )
+
+
+def _steps(told: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRun]:
+    open_step: Mapping[str, Any] | None = None
+    for event in told:
+        if event["event"] == "StepStarted":
+            open_step = event
+        elif event["event"] == "StepFinished" and open_step:
+            yield StepRun(open_step["step"], open_step["time"], event["time"], event["code"])
+            open_step = None
+    if open_step:
+        yield StepRun(open_step["step"], open_step["time"], ended, None)
+
+
+def _waited_for(name: str, planned: Mapping[str, Sequence[str]], started: set[str]) -> frozenset[str]:
+    """Return which packages of the build another one waited for, also over some that turned out fresh."""
+    found: set[str] = set()
+    waiting = list(planned.get(name, ()))
+    while waiting:
+        need = waiting.pop()
+        if need in started:
+            found.add(need)
+        else:
+            waiting += planned.get(need, ())
+    return frozenset(found)
+
+
+def _first(told: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] | None:
+    return next((event for event in told if event["event"] == word), None)
+
+
+def _use(event: Mapping[str, Any]) -> MachineUse:
+    samples = tuple((float(time), float(busy), int(used)) for time, busy, used in event["samples"])
+    return MachineUse(event["processors"], event["memory"], samples)

@@ -1,0 +1,79 @@
+"""Why a program of a package is not found, as far as what is installed tells, and what to do about it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from typing import TYPE_CHECKING
+
+from forge.errors import ForgeError, Problem
+from forge.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+_BUILD_TYPE = re.compile(r"<build_type[^>]*>\s*(\w+)\s*</build_type>")
+
+
+def remedy(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
+    """Return what to do so that a package has the program `name`; `paths` are those that it has."""
+    folder = prefix / "lib" / package
+    plain = next((path for path in folder.rglob("*") if path.name == name and path.is_file()), None)
+    if plain is not None:
+        said = f"chmod +x {shlex.quote(str(plain))}"
+        return f"the file is there, but not executable: install(PROGRAMS ...) makes it so, or {said}"
+    python = _build_type(package, prefix) == "ament_python"
+    elsewhere = next((path for path in _places(name, prefix) if os.access(path, os.X_OK)), None)
+    if elsewhere is not None:
+        line = f"install_scripts=$base/lib/{package}" if python else "DESTINATION lib/${PROJECT_NAME}"
+        where = "below [install] in its setup.cfg" if python else "in install() in its CMakeLists.txt"
+        return f"it is in '{elsewhere.parent}', which must be lib/{package}: write {line} {where}"
+    near = did_you_mean(name, (path.name for path in paths))
+    if near:
+        return near
+    if paths:
+        return f"'forge pkg executables {package}' lists what there is"
+    return _nothing(package, name, folder, _build_type(package, prefix))
+
+
+def refuse_windows_line_endings(path: Path) -> None:
+    """Raise ForgeError for a script whose first line no system can read, for it ends as Windows has it."""
+    try:
+        with path.open("rb") as stream:
+            first = stream.readline(512)
+    except OSError:
+        return
+    if first.startswith(b"#!") and first.endswith(b"\r\n"):
+        raise ForgeError(
+            Problem(
+                f"'{path}' has the line ends of Windows, so that its first line names no program",
+                hint=f"in its source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again",
+            )
+        )
+
+
+def _places(name: str, prefix: Path) -> Iterable[Path]:
+    """Return where else a program may have been installed."""
+    return (prefix / "bin" / name, *sorted(prefix.glob(f"lib/*/{name}")))
+
+
+def _build_type(package: str, prefix: Path) -> str:
+    try:
+        text = (prefix / "share" / package / "package.xml").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    match = _BUILD_TYPE.search(text)
+    return match[1] if match else ""
+
+
+def _nothing(package: str, name: str, folder: Path, build_type: str) -> str:
+    """Return how a package that has no programs at all gets one."""
+    said = f"package '{package}' has no executables in '{folder}'"
+    if build_type == "ament_python":
+        return f"{said}: name it in 'console_scripts' in its setup.py, and build again"
+    if build_type == "ament_cmake":
+        line = f"install(TARGETS {name} DESTINATION lib/${{PROJECT_NAME}})"
+        return f"{said}: add {line} to its CMakeLists.txt, and build again"
+    return said

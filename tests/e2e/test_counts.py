@@ -1,0 +1,117 @@
+"""What a build asks of the system, counted by strace: it may not grow unnoticed.
+
+Counts are the same on every machine, as times are not. What one package costs is the difference between
+workspaces of twenty and of ten packages: what starting costs, and the version of Python, do not matter.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.bench.workspaces import write_ament_workspace
+from tests.snippets import surroundings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+pytestmark = pytest.mark.needs("strace", "cmake", "ninja", "g++")
+
+KINDS = {
+    "stat": "newfstatat stat lstat statx access faccessat faccessat2 readlink",
+    "open": "open openat",
+    "start": "execve",
+}
+KIND = {call: kind for kind, calls in KINDS.items() for call in calls.split()}
+CALL = re.compile(r'^\d+ +(\w+)\((?:AT_FDCWD, |\d+, )?"([^"]*)"?(.*)')
+
+NOTHING_CHANGED = {
+    "files read": 2,
+    "folders listed": 5,
+    "stat calls": 45,
+}
+"""Per package of 5 source files and 28 installed ones: two are read, and each is looked at about once."""
+
+ONE_LINE = {"cmake": 2, "ninja": 1, "cc1plus": 1, "c++": 3}
+"""Programs for a changed line: build and install; one object, its library, the program that links that."""
+
+
+class Counts:
+    """The system calls of one command and all that it started."""
+
+    def __init__(self, trace: str) -> None:
+        """Count the calls in what strace wrote."""
+        self.of: Counter[str] = Counter()
+        self.programs: Counter[str] = Counter()
+        self.configured = 0
+        for line in trace.splitlines():
+            call = CALL.match(line)
+            if call is None or call[1] not in KIND:
+                continue
+            kind = KIND[call[1]]
+            if kind == "start":
+                if "= -1" not in call[3]:  # the folders of PATH are tried one by one
+                    self.programs[Path(call[2]).name] += 1
+                    self.configured += Path(call[2]).name == "cmake" and not re.search(
+                        r"--(build|install)", line
+                    )
+            elif kind == "stat":
+                self.of["stat calls"] += 1
+            else:
+                self.of["folders listed" if "O_DIRECTORY" in call[3] else "files read"] += 1
+
+    def __sub__(self, other: Counts) -> dict[str, int]:
+        """Return how much more of each kind there is."""
+        return {kind: self.of[kind] - other.of[kind] for kind in NOTHING_CHANGED}
+
+
+def counted(workspace: Path, variables: Mapping[str, str]) -> Counts:
+    """Run `forge build` under strace."""
+    trace = workspace.with_suffix(".trace")
+    # '?': a call that this machine does not have is no fault.
+    strace = ("strace", "-f", "-qq", "-s", "4096", "-o", trace, "-e", f"trace=?{',?'.join(KIND)}")
+    argv = (*strace, sys.executable, "-m", "forge", "build")
+    subprocess.run(argv, cwd=workspace, env=dict(variables), check=True, capture_output=True)
+    return Counts(trace.read_text(encoding="utf-8", errors="replace"))
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, str]]:
+    """Return two built workspaces of ten and of twenty packages, and the environment of their builds."""
+    root = tmp_path_factory.mktemp("counts")
+    variables = surroundings(root)
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)
+    places = []
+    for packages in (10, 20):
+        places.append(write_ament_workspace(root / f"of_{packages}", packages))
+        for _ in range(2):  # the second build settles what the first left to it
+            argv = (sys.executable, "-m", "forge", "build")
+            subprocess.run(argv, cwd=places[-1], env=variables, check=True, capture_output=True)
+    return places[0], places[1], variables
+
+
+def test_a_build_of_nothing_starts_nothing_and_looks_at_each_file_once(
+    built: tuple[Path, Path, dict[str, str]],
+) -> None:
+    small, large, variables = built
+    few, many = counted(small, variables), counted(large, variables)
+    assert sum(many.programs.values()) == 1
+    more = {kind: count / 10 for kind, count in (many - few).items()}
+    assert all(more[kind] <= NOTHING_CHANGED[kind] for kind in more), more
+
+
+def test_one_changed_line_starts_what_it_takes_and_configures_nothing(
+    built: tuple[Path, Path, dict[str, str]],
+) -> None:
+    small, _, variables = built
+    source = small / "src/bench_0009/src/library.cpp"
+    source.write_text(source.read_text(encoding="utf-8") + "// a word\n", encoding="utf-8")
+    counts = counted(small, variables)
+    assert counts.configured == 0
+    assert {name: counts.programs[name] for name in ONE_LINE} == ONE_LINE, counts.programs

@@ -1,0 +1,335 @@
+"""Pages about a workspace and its builds, as somebody sees and uses them in a browser."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.pages import write_timings
+from tests.browser import Keys
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from tests.browser import Browser
+    from tests.conftest import Forge
+
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+install(FILES package.xml DESTINATION share/{name})
+"""
+NEEDS = {
+    "base": (),
+    "msgs": ("base",),
+    "driver": ("base", "msgs"),
+    "map": ("msgs",),
+    "planner": ("map", "driver"),
+    "lone": (),
+}
+NASTY = "a <b>bold</b> &amp; </script><img src=x onerror=boom()> word"
+
+
+def write_workspace(root: Path) -> Path:
+    """Write packages that do nothing but need each other; one says nasty things."""
+    for name, needs in NEEDS.items():
+        text = manifest_text(name, *(f"<depend>{need}</depend>" for need in needs), build_type="cmake")
+        if name == "driver":
+            text = text.replace("A package of the tests", NASTY.replace("&", "&amp;").replace("<", "&lt;"))
+        folder = root / "src" / name
+        folder.mkdir(parents=True)
+        (folder / "package.xml").write_text(text)
+        (folder / "CMakeLists.txt").write_text(CMAKE.format(name=name))
+    return root
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a workspace for all tests of this file, the first of which builds it."""
+    return write_workspace(tmp_path_factory.mktemp("pictures") / "my ws")
+
+
+@pytest.fixture
+def timings(forge: Forge, workspace: Path) -> Path:
+    """Return the page about a build of the workspace."""
+    path = workspace / "log/latest_build/timings.html"
+    if not path.exists():
+        ran = forge("build", "--timings", cwd=workspace)
+        assert ran.code == 0, ran.err
+        assert ran.out.endswith("timings: log/latest_build/timings.html\n")
+    return path
+
+
+@pytest.fixture
+def graph(forge: Forge, workspace: Path, timings: Path) -> Path:
+    """Return the picture of the workspace, which is built."""
+    assert timings.exists()
+    ran = forge("graph", "--html", "-o", "graph.html", cwd=workspace)
+    assert (ran.code, ran.out) == (0, ""), ran.err
+    return workspace / "graph.html"
+
+
+browsing = pytest.mark.needs("chromium", "chromedriver", "cmake")
+
+
+@browsing
+def test_bars_are_the_packages_of_the_events(browser: Browser, timings: Path) -> None:
+    browser.open(timings)
+    events = [json.loads(line) for line in timings.with_name("events.jsonl").read_text().splitlines()]
+    started = [event["package"] for event in events if event["event"] == "Started"]
+    assert sorted(started) == sorted(NEEDS)
+    assert browser.texts("#bars .name") == started
+    assert browser.texts("h1")[0].startswith("6 packages in ")
+    lefts = browser.run(
+        "return [...document.querySelectorAll('.bar')].map(bar => bar.getBoundingClientRect().left)"
+    )
+    assert isinstance(lefts, list)
+    assert lefts == sorted(lefts)
+    # With /proc there is something to see of the machine, too.
+    assert browser.texts(".strip .name")[0].startswith("packages at work")
+    path = browser.texts("#critical .go")
+    assert path[0] == "base"
+    assert path[-1] == "planner"
+    assert browser.texts("#bars .critical .name") == path
+
+
+@browsing
+def test_a_package_of_the_chart_shows_its_steps_and_what_it_waited_for(
+    browser: Browser, timings: Path
+) -> None:
+    browser.open(timings)
+    browser.click("#bars [data-number='0'] .bar")
+    assert browser.texts("#card h2") == ["base"]
+    assert [row.split()[0] for row in browser.texts("#steps tr")] == ["cmake", "build", "install"]
+    browser.click("#users .go")
+    assert browser.texts("#card h2") == ["msgs"]
+    assert browser.texts("#needs .go") == ["base"]
+    assert sorted(browser.texts("#users .go")) == ["driver", "map"]
+    assert browser.texts("#bars .need .name") == ["base"]
+    assert sorted(browser.texts("#bars .user .name")) == ["driver", "map"]
+    browser.press(Keys.ESCAPE)
+    assert browser.texts("#card") == []
+
+
+@browsing
+def test_the_chart_is_searched_zoomed_and_walked_by_keys(browser: Browser, timings: Path) -> None:
+    browser.open(timings)
+    browser.press("/", "m")
+    assert sorted(browser.texts("#bars .name")) == ["map", "msgs"]
+    assert browser.texts("#count") == ["2 of 6"]
+    assert sorted(browser.texts("#packages-table tbody th")) == ["map", "msgs"]
+    browser.press(Keys.ESCAPE)
+    assert len(browser.texts("#bars .name")) == len(NEEDS)
+    width = "return document.querySelector('#axis .track').getBoundingClientRect().width"
+    before = browser.run(width)
+    browser.click("#closer")
+    browser.press("+")
+    after = browser.run(width)
+    assert isinstance(before, int | float)
+    assert isinstance(after, int | float)
+    assert after > 1.8 * before
+    browser.press("0")
+    assert browser.run(width) == before
+    browser.run("document.querySelector('#bars .bar').focus()")
+    browser.press(Keys.ARROW_DOWN, Keys.ARROW_DOWN)
+    assert (browser.focus.get_attribute("aria-label") or "").startswith(browser.texts("#bars .name")[2] + ",")
+    browser.click("#only")
+    assert browser.texts("#bars .name") == browser.texts("#critical .go")
+
+
+@browsing
+def test_the_table_sorts_by_any_column(browser: Browser, timings: Path) -> None:
+    browser.open(timings)
+    browser.click("#packages-table thead th:first-child button")
+    assert browser.texts("#packages-table tbody th") == sorted(NEEDS)
+    browser.click("#packages-table thead th:first-child button")
+    assert browser.texts("#packages-table tbody th") == sorted(NEEDS, reverse=True)
+
+
+@browsing
+def test_the_graph_shows_the_packages_and_finds_them(browser: Browser, graph: Path) -> None:
+    browser.open(graph)
+    assert sorted(browser.texts(".node text:first-of-type")) == sorted(NEEDS)
+    assert (
+        len(browser.all(".line")) == 5
+    )  # base-msgs-driver-planner, msgs-map-planner: base-driver is implied
+    browser.write("#search", "P")
+    assert browser.texts("#found button") == ["planner", "map"]
+    assert browser.texts("#count") == ["2 of 6"]
+    browser.press(Keys.ENTER)
+    assert browser.texts("#card h2") == ["planner"]
+    assert browser.address.endswith("#planner")
+
+
+@browsing
+def test_a_click_lights_up_what_it_needs_and_what_needs_it(browser: Browser, graph: Path) -> None:
+    browser.open(graph)
+    browser.click(f".node[data-number='{number_of(browser, 'map')}']")
+    assert sorted(browser.texts(".node.below text:first-of-type")) == ["base", "msgs"]
+    assert browser.texts(".node.above text:first-of-type") == ["planner"]
+    assert len(browser.all(".line.below")) == 2
+    assert len(browser.all(".line.above")) == 1
+    assert browser.texts("#needs-title") == ["Needs 2 (1 directly)"]
+    assert browser.texts("#needs .direct") == ["msgs"]
+    assert browser.texts("#layer") == ["3 of 4"]
+    browser.click("#users button")
+    assert browser.texts(".node.chosen text:first-of-type") == ["planner"]
+    browser.press(Keys.ARROW_LEFT)
+    assert browser.texts("#card h2")[0] in {"map", "driver"}
+    browser.click("#close")
+    assert browser.all(".node.below, .node.above, .node.chosen") == []
+    assert not browser.address.endswith("planner")
+
+
+@browsing
+def test_an_address_with_a_name_shows_that_package(browser: Browser, graph: Path) -> None:
+    browser.open(graph, anchor="driver", dark=True)
+    assert browser.texts("#card h2") == ["driver"]
+    assert browser.texts("#about") == [NASTY]
+    assert browser.all("#about *, img") == []
+    assert browser.texts("#needs .direct") == ["base", "msgs"]
+
+
+@browsing
+def test_the_graph_moves_and_zooms(browser: Browser, graph: Path) -> None:
+    browser.open(graph)
+    place = "const box = document.querySelector('.node').getBoundingClientRect();"
+    place += "return [box.x, box.y, box.width]"
+    before = browser.run(place)
+    browser.drag("#graph", 50, 30)
+    moved = browser.run(place)
+    assert isinstance(before, list)
+    assert isinstance(moved, list)
+    assert (round(moved[0] - before[0]), round(moved[1] - before[1])) == (50, 30)
+    browser.press("+")
+    closer = browser.run(place)
+    assert isinstance(closer, list)
+    assert closer[2] == pytest.approx(1.25 * before[2])
+    browser.click("#whole")
+    assert browser.run(place) == before
+
+
+@browsing
+def test_what_packages_say_is_text_on_the_page_about_a_build(browser: Browser, tmp_path: Path) -> None:
+    names = [NASTY, "'\"`${boom()}", "__proto__"]
+    write_run(tmp_path, dict.fromkeys(names, ()))
+    browser.open(tmp_path / "timings.html")
+    assert browser.texts("#bars .name") == names
+    assert browser.texts("#critical .go") == [names[-1]]
+    assert browser.texts("#packages-table tbody th") == [names[2], names[1], names[0]]
+    browser.click(".bar")
+    assert browser.texts("#card h2") == [NASTY]
+    assert browser.texts("#reason") == [f"Built because: {NASTY} changed"]
+    assert browser.all("img, b") == []
+
+
+@browsing
+def test_a_thousand_packages_can_be_searched_and_walked_through(browser: Browser, tmp_path: Path) -> None:
+    names = [f"package_{number:04}" for number in range(1000)]
+    before = ((), *((name,) for name in names))
+    write_run(tmp_path, dict(zip(names, before, strict=False)))
+    browser.open(tmp_path / "timings.html")
+    assert browser.run("return document.querySelectorAll('#bars .bar').length") == len(names)
+    browser.write("#search", "_0777")
+    assert browser.texts("#bars li:not([hidden]) .name") == ["package_0777"]
+    browser.click("#bars li:not([hidden]) .bar")
+    browser.click("#users .go")
+    assert browser.texts("#card h2") == ["package_0778"]
+    assert (browser.focus.get_attribute("aria-label") or "").startswith("package_0778,")
+    assert browser.run("return bars[778].getBoundingClientRect().top < innerHeight")
+
+
+def write_run(folder: Path, needs: Mapping[str, tuple[str, ...]]) -> None:
+    """Write the page about a build in which each package took a second longer than the one before."""
+    lines: list[dict[str, object]] = []
+    now = 0.0
+    for number, (name, wanted) in enumerate(needs.items(), 1):
+        about = {"package": name, "embedded": False}
+        lines += [
+            {"event": "Planned", "time": 0.0, **about, "reason": "", "conditional": False, "needs": wanted},
+            {"event": "Started", "time": now, **about, "reason": f"{NASTY} changed"},
+            {"event": "StepStarted", "time": now, **about, "step": "build", "argv": [], "cwd": "/"},
+            {"event": "StepFinished", "time": now + number, **about, "step": "build", "code": 0},
+            {"event": "Finished", "time": now + number, **about, "code": 0, "seconds": number},
+        ]
+        now += number
+    (folder / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    write_timings(folder)
+
+
+def number_of(browser: Browser, name: str) -> int:
+    """Return the number of a package's node."""
+    return browser.texts(".node text:first-of-type").index(name)
+
+
+def test_a_picture_is_the_same_for_the_same_workspace(forge: Forge, tmp_path: Path) -> None:
+    root = write_workspace(tmp_path / "ws")
+    first = forge("graph", "--svg", cwd=root)
+    assert first.code == 0, first.err
+    assert forge("graph", "--svg", cwd=root).out == first.out
+    drawing = ET.fromstring(first.out)  # noqa: S314  (ours)
+    names = [text.text for text in drawing.iter("{http://www.w3.org/2000/svg}text")]
+    assert {*NEEDS} < set(names)
+    # Only what is selected, and lines over what is not.
+    some = forge("graph", "--svg", "--packages-select", "planner", "base", cwd=root).out
+    assert some.count('<path class="line"') == 1
+
+
+def test_mermaid_draws_an_arrow_to_each_need_that_no_other_implies(forge: Forge, tmp_path: Path) -> None:
+    root = write_workspace(tmp_path / "ws")
+    lines = forge("graph", "--mermaid", "--packages-skip", "lone", cwd=root).out.splitlines()
+    assert lines[0] == "flowchart TD"
+    names = {line.split("[")[0].strip(): line.split('"')[1] for line in lines if "[" in line}
+    arrows = {
+        tuple(names[end] for end in line.split(" --> "))
+        for line in (x.strip() for x in lines)
+        if "-->" in line
+    }
+    assert arrows == {
+        *(("msgs", "base"), ("driver", "msgs"), ("map", "msgs")),
+        *(("planner", "map"), ("planner", "driver")),
+    }
+
+
+def test_timings_need_a_log_folder_and_something_that_was_built(
+    forge: Forge, workspace: Path, timings: Path
+) -> None:
+    assert timings.exists()
+    ran = forge("build", "--timings", "--log-base", "/dev/null", cwd=workspace)
+    assert ran.code == 2
+    assert "log folder" in ran.err
+    ran = forge("build", "--timings", cwd=workspace)
+    assert ran.code == 0
+    assert "nothing was built" in ran.err
+
+
+def test_with_json_the_page_is_told_of_on_stderr_and_the_machine_in_an_event(
+    forge: Forge, workspace: Path, timings: Path
+) -> None:
+    page = timings.read_text()
+    ran = forge(
+        "build", "--timings", "--json", "--force", "--packages-select", "lone", cwd=workspace / "src/lone"
+    )
+    assert ran.code == 0, ran.err
+    assert "timings: ../../log/latest_build/timings.html\n" in ran.err
+    *_, usage, summary = (json.loads(line) for line in ran.out.splitlines())
+    assert (usage["event"], summary["event"]) == ("Usage", "Summary")
+    assert all(0 <= busy <= usage["processors"] for _, busy, _ in usage["samples"])
+    # The run of before keeps its own page, and this one knows how long the package took then.
+    assert page in {path.read_text() for path in workspace.glob("log/build_*/timings.html")}
+    assert json.loads(timings.with_name("trace.json").read_text())["traceEvents"]
+    assert "than when they were last built" in timings.read_text()
+
+
+def test_a_build_that_fails_has_a_page_too(forge: Forge, tmp_path: Path) -> None:
+    root = write_workspace(tmp_path / "ws")
+    (root / "src/msgs/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 3.18)\nproject(")
+    ran = forge("build", "--timings", "--packages-up-to", "map", cwd=root)
+    assert ran.code == 1
+    text = (root / "log/latest_build/timings.html").read_text()
+    assert "1 built, 1 failed, 1 not begun." in text
+    assert 'class="row failed' in text

@@ -1,0 +1,341 @@
+"""`forge build --watch`: a real process, real saves, and the line that tells how each went."""
+
+from __future__ import annotations
+
+import os
+import queue
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.snippets import ROOT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+pytestmark = pytest.mark.needs("cmake")
+
+_CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+add_custom_target(all_of_it ALL COMMAND sleep {seconds})
+install(FILES said.txt DESTINATION share/{name})
+{more}
+"""
+_SETUP = "from setuptools import setup\nsetup(name='{name}', version='1.0', packages=['{name}'])\n"
+LINE = re.compile(r"^\d\d:\d\d:\d\d (.*)$")
+REBUILT = re.compile(r"(.*) rebuilt in [0-9.smin ]+")
+
+
+def package(name: str, *depends: str, seconds: float = 0, more: str = "") -> dict[str, str]:
+    """Return a package that installs what a file says."""
+    needs = (f"<depend>{need}</depend>" for need in depends)
+    return {
+        f"src/{name}/package.xml": manifest_text(name, *needs, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": _CMAKE.format(name=name, seconds=seconds, more=more),
+        f"src/{name}/said.txt": "one\n",
+    }
+
+
+def python_package(name: str) -> dict[str, str]:
+    """Return a package of one Python module."""
+    return {
+        f"src/{name}/package.xml": manifest_text(name, build_type="ament_python"),
+        f"src/{name}/setup.py": _SETUP.format(name=name),
+        f"src/{name}/{name}/__init__.py": "WORD = 'one'\n",
+    }
+
+
+class Watch:
+    """A running `forge build --watch` and what it says, line by line as it comes."""
+
+    def __init__(self, root: Path, *options: str, prefix: tuple[str, ...] = ()) -> None:
+        """Start it."""
+        argv = [*prefix, sys.executable, "-m", "forge", "build", "--watch", *options]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+        self.process = subprocess.Popen(
+            argv, cwd=root, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        self.said: list[str] = []
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line.rstrip("\n"))
+        self._lines.put(None)
+
+    def line(self, seconds: float = 30) -> str:
+        """Return the next line that has a clock in front, without that; what else is said is kept."""
+        end = time.monotonic() + seconds
+        while True:
+            try:
+                said = self._lines.get(timeout=max(0.0, end - time.monotonic()))
+            except queue.Empty:
+                raise AssertionError("\n".join(("nothing came, but:", *self.said))) from None
+            assert said is not None, "\n".join(("it ended:", *self.said))
+            self.said.append(said)
+            if found := LINE.match(said):
+                return found[1]
+
+    def is_silent(self, seconds: float) -> bool:
+        """Tell if nothing is said for so long."""
+        try:
+            said = self._lines.get(timeout=seconds)
+        except queue.Empty:
+            return True
+        self.said.append(str(said))
+        return False
+
+    def nothing(self, path: Path) -> None:
+        """Touch a file or make a folder, and see that forge says it need not build."""
+        time.sleep(0.5)  # what comes right after a build may be its own doing, and is not told of
+        path.touch() if path.is_file() else path.mkdir()
+        assert self.line() == "nothing to do"
+
+    def rebuilt(self) -> str:
+        """Return who was rebuilt, as the next line says."""
+        line = self.line()
+        found = REBUILT.fullmatch(line)
+        assert found, "\n".join((line, *self.said))
+        return found[1]
+
+    def close(self) -> None:
+        """End it in any case."""
+        self.process.kill()
+        self.process.wait()
+        self._reader.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+    def end(self, number: signal.Signals = signal.SIGINT) -> int:
+        """Interrupt it and return its exit code."""
+        self.process.send_signal(number)
+        return self.process.wait(timeout=20)
+
+
+@contextmanager
+def watching(root: Path, *options: str, prefix: tuple[str, ...] = ()) -> Iterator[Watch]:
+    """Start a watch, wait until it watches, and see it out."""
+    watch = Watch(root, *options, prefix=prefix)
+    try:
+        while not re.match(r"watching \d+ folders; Ctrl-C ends it", watch.line(60)):
+            pass
+        yield watch
+    finally:
+        watch.close()
+
+
+def replace(path: Path, text: str) -> None:
+    """Save as most editors do: write beside it, then take its place."""
+    beside = path.with_name(f"{path.name}~")
+    beside.write_text(text)
+    beside.replace(path)
+
+
+def test_each_save_is_built_and_told_in_one_line(tree: Tree) -> None:
+    root = tree({**package("a"), **package("b", "a"), **package("c", "b"), **package("other")})
+    with watching(root) as watch:
+        assert any(said.startswith("Summary: 4 packages finished") for said in watch.said)
+        before = len(watch.said)
+        (root / "src/b/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "b and 1 more", "b came out different, so c is built again"
+        assert len(watch.said) == before + 1
+        assert (root / "install/b/share/b/said.txt").read_text() == "two\n"
+        replace(root / "src/c/said.txt", "three\n")
+        assert watch.rebuilt() == "c"
+        assert (root / "install/c/share/c/said.txt").read_text() == "three\n"
+        watch.nothing(root / "src/a/notes")
+        (root / "src/a/notes/new.txt").write_text("in a folder that was not there when the watch began")
+        assert watch.rebuilt() == "a"
+        watch.nothing(root / "src/a/said.txt")
+        assert watch.end() == 0, "waiting is not interrupted, it ends"
+
+
+def test_what_forge_git_and_editors_write_is_no_save(tree: Tree) -> None:
+    root = tree({**package("a"), "src/a/.git/HEAD": "x", "src/.git/HEAD": "x"})
+    with watching(root) as watch:
+        for name in (
+            *("src/a/.git/index", "src/.git/index", "src/a/.said.txt.swp", "src/a/said.txt~", "src/a/#x#"),
+            *("build/a/x.o", "build/new", "install/a/x", "install/new", "log/new", "src/notes.txt", "todo"),
+        ):
+            (root / name).write_text("x")
+        (root / "src/a/__pycache__").mkdir()
+        assert watch.is_silent(0.8), watch.said
+        (root / "src/a/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "a"
+
+
+def test_packages_come_and_go(tree: Tree) -> None:
+    root = tree({**package("a"), **package("b")})
+    with watching(root) as watch:
+        tree(package("c", "a"))
+        while not (root / "install/c/share/c/package.sh").exists():
+            watch.line()
+        (root / "src/c/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "c"
+        (root / "src/b/package.xml").write_text("<package")
+        assert watch.line() == "nothing was built; forge tries again after the next save"
+        assert any(said.startswith("src/b/package.xml:1") for said in watch.said)
+        (root / "src/b/package.xml").write_text(manifest_text("b", "<depend>a</depend>", build_type="cmake"))
+        assert watch.rebuilt() == "b"
+        (root / "src/a/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "a and 2 more", "b needs a from now on"
+        time.sleep(0.5)
+        shutil.rmtree(root / "src/c")
+        assert watch.line() == "nothing to do"
+        (root / "src/d").mkdir()
+        (root / "src/a").rename(root / "src/d/moved")
+        assert watch.rebuilt().startswith("a")
+        (root / "src/d/moved/said.txt").write_text("three\n")
+        assert watch.rebuilt() == "a and 1 more"
+
+
+def test_a_failure_is_told_as_ever_and_mended_by_the_next_save(tree: Tree) -> None:
+    root = tree({**package("a"), **package("b", "a")})
+    with watching(root) as watch:
+        good = (root / "src/a/CMakeLists.txt").read_text()
+        (root / "src/a/CMakeLists.txt").write_text(f'{good}\nmessage(FATAL_ERROR "no luck")\n')
+        line = watch.line()
+        assert line.startswith(("a failed, 1 not built in ", "a failed in ")), line
+        assert any("CMake Error at CMakeLists.txt" in said for said in watch.said)
+        assert any(said.startswith("  repeat: ") for said in watch.said)
+        (root / "src/a/CMakeLists.txt").write_text(f"{good}\n")
+        assert watch.rebuilt() == "a"
+
+
+def installed(root: Path) -> tuple[str, ...]:
+    """Return what the packages of the next test have installed; nothing in the moment of a change."""
+    paths = [root / f"install/{name}/share/{name}/said.txt" for name in ("slow", "quick")]
+    return tuple(path.read_text() if path.exists() else "" for path in paths)
+
+
+def test_a_save_during_a_build_is_not_lost(tree: Tree) -> None:
+    root = tree({**package("slow", seconds=0.6), **package("quick")})
+    with watching(root) as watch:
+        said = root / "src/slow/said.txt"
+        said.write_text("two\n")
+        time.sleep(0.4)
+        said.write_text("three\n")
+        (root / "src/quick/said.txt").write_text("two\n")
+        end = time.monotonic() + 20
+        while time.monotonic() < end and installed(root) != ("three\n", "two\n"):
+            time.sleep(0.05)
+        assert installed(root) == ("three\n", "two\n"), watch.said
+
+
+def test_only_what_was_selected_is_built(tree: Tree) -> None:
+    root = tree({**package("a"), **package("b", "a"), **package("other")})
+    with watching(root, "--packages-up-to", "b") as watch:
+        watch.nothing(root / "src/other/said.txt")
+        time.sleep(0.5)
+        (root / "src/other/said.txt").write_text("two\n")
+        assert watch.line() == "nothing to do"
+        (root / "src/a/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "a and 1 more"
+        assert not (root / "install/other").exists()
+
+
+def test_others_may_build_between_two_turns(tree: Tree) -> None:
+    root = tree(package("a"))
+    with watching(root) as watch:
+        argv = [sys.executable, "-m", "forge", "build", "--force"]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        other = subprocess.run(argv, cwd=root, env=environment, capture_output=True, text=True, check=False)
+        assert (other.returncode, other.stderr) == (0, "")
+        assert watch.is_silent(0.3)
+        (root / "src/a/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "a"
+
+
+def test_folders_and_files_that_are_links(tree: Tree, tmp_path: Path) -> None:
+    root = tree({**{f"a space/{name}": text for name, text in package("a").items()}, "far/x": ""})
+    home = root / "a space"
+    (home / "src/a").rename(root / "far/a")
+    (home / "src/a").symlink_to(root / "far/a")
+    (root / "far/said elsewhere.txt").write_text("one\n")
+    (root / "far/a/said.txt").unlink()
+    (root / "far/a/said.txt").symlink_to(root / "far/said elsewhere.txt")
+    with watching(home) as watch:
+        replace(tmp_path / "far/said elsewhere.txt", "two\n")
+        assert watch.rebuilt() == "a"
+        assert (home / "install/a/share/a/said.txt").read_text() == "two\n"
+        (root / "far/a/new.txt").write_text("x")
+        assert watch.rebuilt() == "a"
+
+
+def test_what_is_asked_for_once_is_done_once(tree: Tree) -> None:
+    root = tree(package("a"))
+    with watching(root, "--force", "--cmake-clean-cache") as watch:
+        assert watch.is_silent(0.5)
+        watch.nothing(root / "src/a/said.txt")
+        (root / "forge.toml").write_text('[build]\ncmake-args = ["-DSAID=1"]\n')
+        assert watch.rebuilt() == "a", "options in files are read again"
+
+
+def test_a_package_that_writes_its_own_sources_does_not_spin(tree: Tree) -> None:
+    stamp = 'execute_process(COMMAND sh -c "date +%N > ${CMAKE_CURRENT_SOURCE_DIR}/stamp.txt")'
+    root = tree(package("a", more=f'install(CODE "{stamp.replace(chr(34), chr(92) + chr(34))}")'))
+    with watching(root) as watch:
+        (root / "src/a/said.txt").write_text("two\n")
+        end = time.monotonic() + 6
+        while time.monotonic() < end and not any("builds in a row" in said for said in watch.said):
+            watch.line()
+        assert any("'src/a/stamp.txt' was changed during 5 builds in a row" in said for said in watch.said)
+
+
+def test_an_interrupted_build_ends_with_130_and_nothing_goes_on(tree: Tree) -> None:
+    root = tree(package("a", seconds=0))
+    with watching(root) as watch:
+        text = (root / "src/a/CMakeLists.txt").read_text()
+        (root / "src/a/CMakeLists.txt").write_text(text.replace("sleep 0", "sleep 77"))
+        time.sleep(1.5)
+        assert watch.end() == 130
+        found = subprocess.run(["pgrep", "-f", "sleep 77"], capture_output=True, check=False)
+        assert found.returncode == 1
+
+
+@pytest.mark.parametrize("other", ["--dry-run", "--print-command=a"])
+def test_what_builds_nothing_cannot_be_watched(tree: Tree, other: str) -> None:
+    watch = Watch(tree(package("a")), other)
+    assert watch.process.wait(timeout=20) == 2
+    watch.close()
+
+
+def test_a_python_file_and_an_interface_are_there_soon(tree: Tree) -> None:
+    """The aim is half a second; a busy machine takes longer, so what is asserted is an order of magnitude."""
+    root = tree(python_package("a"))
+    with watching(root) as watch:
+        begun = time.monotonic()
+        (root / "src/a/a/__init__.py").write_text("WORD = 'two'\n")
+        assert watch.rebuilt() == "a"
+        assert time.monotonic() - begun < 5
+
+
+def test_a_system_with_no_more_watches_is_looked_at_instead(tree: Tree) -> None:
+    """The limit is set in a user namespace; where there is none to be had, looking is asked for by hand."""
+    root = tree(package("a"))
+    few = ("unshare", "-Ur", "sh", "-c", 'echo 2 > /proc/sys/user/max_inotify_watches && exec "$@"', "sh")
+    try:
+        limited = subprocess.run([*few, "true"], capture_output=True, check=False).returncode == 0
+    except FileNotFoundError:
+        limited = False
+    prefix = few if limited else ("env", "WATCHFILES_FORCE_POLLING=1")
+    with watching(root, prefix=prefix) as watch:
+        if limited:
+            assert any("sudo sysctl fs.inotify.max_user_watches=" in said for said in watch.said)
+        (root / "src/a/said.txt").write_text("two\n")
+        assert watch.rebuilt() == "a"
