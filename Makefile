@@ -12,7 +12,7 @@ help:
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
-	@echo "make soak    build after long random edits and many kills, compare with clean builds"
+	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
 	@echo "make peers   install colcon, which tests then compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
@@ -37,10 +37,10 @@ fuzz: .venv/.ready
 	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \
 	  tests/e2e/test_cdr_differential.py tests/e2e/test_cdr_cpp_python.py
 
-# Fifty kills: thirteen in each of the four tests. SEED=2 makes other sequences.
+# Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output. SEED=2 makes other sequences.
 soak: .venv/.ready
-	FORGE_TEST_KILLS=13 FORGE_TEST_SEED=$(or $(SEED),1) FORGE_TEST_EXAMPLES=60 $(PYTEST) \
-	  tests/e2e/test_kill.py tests/e2e/test_incremental.py
+	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
+	  FORGE_TEST_EXAMPLES=60 $(PYTEST) tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_incremental.py
 
 peers: .venv-peers/.ready
 

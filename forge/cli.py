@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 from forge import __version__
 from forge.configuration import GENERAL, configured
 from forge.errors import EXIT_INTERRUPTED, ForgeError, said_once
+from forge.interrupts import caught, interrupt
 from forge.refusals import refusal
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
@@ -59,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        with standing_in(_folder(arguments)):
+        with caught(interrupt), standing_in(_folder(arguments)):
             code = _run(arguments)
         sys.stdout.flush()
     except ForgeError as error:

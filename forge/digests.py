@@ -180,9 +180,15 @@ def _leads_back(target: str, way: tuple[str, ...]) -> bool:
 
 
 def _entries(folder: str) -> list[os.DirEntry[str]] | None:
-    """Return what is in a folder, sorted; None where results of a build go. Raises OSError."""
-    with os.scandir(folder) as found:
-        entries = sorted(found, key=lambda entry: entry.name)
+    """Return what is in a folder, sorted; None where results of a build go, or when it has just vanished.
+
+    Raises other OSErrors.
+    """
+    try:
+        with os.scandir(folder) as found:
+            entries = sorted(found, key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
     names = {entry.name for entry in entries}
     return None if "COLCON_IGNORE" in names and names & _RESULTS else entries
 
@@ -200,7 +206,12 @@ def _below(
             if _counts_as_folder(name) and name != without:
                 yield from _below(entry.path, way, without)
         elif is_source(name):
-            yield entry.path, entry.stat(follow_symlinks=False), len(way) > 1
+            try:
+                status = entry.stat(follow_symlinks=False)
+            except FileNotFoundError:
+                # An editor's file that came and went while we looked.
+                continue
+            yield entry.path, status, len(way) > 1
             if entry.is_symlink() and entry.is_dir():
                 target = os.path.realpath(entry.path)
                 if not _leads_back(target, way):
@@ -249,13 +260,16 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
     """Return what a file says: its mode and content, and for a link also where it points."""
     if status is None:
         return "missing"
-    if stat.S_ISREG(status.st_mode):
-        try:
+    try:
+        if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
-        except OSError:
-            return "unreadable"
-    if not stat.S_ISLNK(status.st_mode):
-        return "special"
+        return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
+    except OSError:
+        return "unreadable"
+
+
+def _target(path: str, table: FileTable) -> str:
+    """Return where a link points, and what stands there."""
     target = os.readlink(path)  # noqa: PTH115
     real = _status(path, follow=True)
     if real is None or not stat.S_ISREG(real.st_mode):

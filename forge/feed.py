@@ -12,7 +12,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from forge.errors import EXIT_INTERRUPTED
+from forge.excerpts import split_lines
 from forge.graph import reduced
+from forge.interrupts import heard_by_somebody
 from forge.model import (
     Aborted,
     Finished,
@@ -80,10 +82,8 @@ class Feed:
                 self._say("StepStarted", name, **_step(step))
             case StepFinished(name, step, code):
                 self._say("StepFinished", name, step=step.label, code=code)
-            case Output(name, line, stderr):
-                # The log has it in files of its own.
-                if self._printed and self._output:
-                    self._print(self._line("Output", name, line=line.decode(errors="replace"), stderr=stderr))
+            case Output(name, lines, stderr):
+                self._pass_on(name, lines, stderr=stderr)
             case Finished():
                 self._finish(event, report, why)
             case Aborted(name, seconds):
@@ -116,6 +116,12 @@ class Feed:
             code = report.exit_code
         self._say("Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally))
 
+    def _pass_on(self, name: str, lines: bytes, *, stderr: bool) -> None:
+        """Tell what a program printed, where that was asked for; the log has it in files of its own."""
+        for line in split_lines(lines) if self._printed and self._output else ():
+            said = line.decode(errors="replace")
+            self._print(self._line("Output", name, line=said, stderr=stderr))
+
     def _finish(self, event: Finished, report: Report, why: Problem | None) -> None:
         name, fault = event.task, report.fault(event.task)
         said: dict[str, object] = {
@@ -147,9 +153,10 @@ class Feed:
         return json.dumps({**whole, **said}).encode() + b"\n"
 
     def _print(self, line: bytes) -> None:
-        sys.stdout.write(line.decode())
-        # Whoever reads a pipe wants to see it now.
-        sys.stdout.flush()
+        with heard_by_somebody(1):
+            sys.stdout.write(line.decode())
+            # Whoever reads a pipe wants to see it now.
+            sys.stdout.flush()
 
 
 def _step(step: Step) -> dict[str, object]:

@@ -7,10 +7,21 @@ import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 
 _DRAFT = ".forge-draft"
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let an OSError say which file it is about: the system names none where a file is open already."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
 
 
 def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None:
@@ -27,7 +38,7 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(temporary, flags, 0o666)
     try:
-        with os.fdopen(descriptor, "wb") as stream:
+        with naming(path), os.fdopen(descriptor, "wb") as stream:
             stream.write(content)
             if mode is not None:
                 os.fchmod(descriptor, mode)

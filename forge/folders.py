@@ -127,9 +127,10 @@ def _wake(source: Path, note: Mapping[str, Any]) -> dict[str, int]:
     for path, status in own_files(str(source)):
         if status.st_ctime_ns <= since - RACY_NANOSECONDS:
             continue
-        if status.st_ctime_ns != known.get(path):
-            os.utime(path, follow_symlinks=False)
-        woken[path] = os.lstat(path).st_ctime_ns
+        with contextlib.suppress(FileNotFoundError):  # it has vanished since we looked
+            if status.st_ctime_ns != known.get(path):
+                os.utime(path, follow_symlinks=False)
+            woken[path] = os.lstat(path).st_ctime_ns
     return woken
 
 

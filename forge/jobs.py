@@ -72,7 +72,12 @@ class Jobs:
         return record
 
     def _undo(self, task: Task) -> None:
-        fallback.restore(task.name, self.layout)
+        try:
+            fallback.restore(task.name, self.layout)
+        except OSError:
+            # What was kept is kept still; until a build puts it back, nothing looks installed.
+            installation.uninstall_markers(task.name, self.layout)
+            raise
 
 
 def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:

@@ -15,6 +15,8 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.excerpts import split_lines
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -130,9 +132,11 @@ def common_style(spoken_by: Mapping[str, frozenset[str]]) -> str | None:
     return FIFO if all(FIFO in styles for styles in speakers) else PIPE
 
 
-def is_blurb(line: bytes) -> bool:
-    """Tell if a line of output only says that ninja has joined, or that it would have liked a fifo more."""
-    return line.startswith(_BLURB)
+def without_blurbs(lines: bytes) -> bytes:
+    """Return output without lines that only say that ninja has joined, or would have liked a fifo more."""
+    if not any(blurb in lines for blurb in _BLURB):
+        return lines
+    return b"".join(line for line in split_lines(lines) if not line.startswith(_BLURB))
 
 
 def _speaks(name: str, program: Path, style: str, variables: Mapping[str, str]) -> bool:

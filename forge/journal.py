@@ -16,13 +16,14 @@ import time
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-from forge.files import replace_file
+from forge.files import naming, replace_file
 from forge.model import Aborted, Finished, Mark, Parts, Record, Started
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from io import FileIO
     from pathlib import Path
-    from typing import Any, TextIO
+    from typing import Any
 
     from forge.model import BuildPlan, Event
 
@@ -46,7 +47,7 @@ class Journal:
         """The stamp of all external files when every record agreed with them, else empty."""
         self._externals: dict[str, int] = {}
         self._lines = 0
-        self._stream: TextIO | None = None
+        self._stream: FileIO | None = None
 
     def record(self, event: Event, plan: BuildPlan) -> None:
         """Note that a package began, which makes its last record incomplete, or how it ended."""
@@ -149,14 +150,21 @@ class Journal:
         return {"package": name, **said}
 
     def _append(self, line: Mapping[str, object]) -> None:
-        if self._stream is None:
-            new = not self._lines
-            self._stream = self.path.open("w" if new else "a", encoding="utf-8")
-            # A torn last line must not swallow the next one.
-            self._stream.write(json.dumps(_HEADER) + "\n" if new else "\n")
-        self._stream.write(json.dumps(line) + "\n")
-        self._stream.flush()
+        with naming(self.path):
+            if self._stream is None:
+                new = not self._lines
+                self._stream = self.path.open("wb" if new else "ab", buffering=0)
+                # A torn last line must not swallow the next one.
+                self._write(_HEADER if new else None)
+            self._write(line)
         self._lines += 1
+
+    def _write(self, line: Mapping[str, object] | None) -> None:
+        """Write a line, or an empty one, at once; raises OSError when only a part of it found room."""
+        assert self._stream is not None  # noqa: S101  (opened above)
+        content = b"\n" if line is None else json.dumps(line).encode() + b"\n"
+        while content:
+            content = content[self._stream.write(content) or 0 :]
 
 
 def open_journal(build: Path) -> Journal:
@@ -223,4 +231,4 @@ def _write_result(plan: BuildPlan, name: str, result: str) -> None:
     """Leave colcon's own note of how a package ended, which its selection options read."""
     folder = plan.tasks[name].build_dir
     if folder.is_dir():
-        (folder / "colcon_build.rc").write_text(result + "\n", encoding="utf-8")
+        replace_file(folder / "colcon_build.rc", f"{result}\n".encode())

@@ -363,10 +363,10 @@ class StepFinished:
 
 @frozen
 class Output:
-    """A line that a task's program printed, with its line end."""
+    """Lines that a task's program printed, with their ends; of a very long line a piece, without one."""
 
     task: str
-    line: bytes
+    lines: bytes
     stderr: bool
 
 

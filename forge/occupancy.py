@@ -15,6 +15,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.errors import ForgeError, Problem, WorkspaceError
+from forge.files import naming
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -23,40 +26,62 @@ VARIABLE = "FORGE_BUILD_FOLDER"
 """What the programs of a build have in their environment: the folder, by its absolute path."""
 
 _PATIENCE_SECONDS = 5.0
+_GENTLE_SECONDS = 1.0
 _PROCESSES = Path("/proc")
 
 
 @contextlib.contextmanager
-def occupied(build: Path) -> Iterator[None]:
+def occupied(build: Path, *, wait: bool = True) -> Iterator[None]:
     """Hold a build folder, waiting for another forge that does; the lock goes with the process.
 
-    Raises OSError when the folder cannot be written to.
+    What is left by an interrupt, or by an error of ours, ends what was started there and changed its group.
+    Raises WorkspaceError when another one holds it and nobody wants to wait, OSError when the folder cannot
+    be written to.
     """
     descriptor = os.open(build / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     with os.fdopen(descriptor, "r+", encoding="utf-8") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            sys.stderr.write(f"waiting for process {lock.read() or '?'}, which builds in '{build}'\n")
+            holder = f"process {lock.read() or '?'}, which builds in '{build}'"
+            if not wait:
+                hint = "try again later, leave out '--no-wait', or choose another '--build-base'"
+                raise WorkspaceError(Problem(f"this is held by {holder}", hint=hint)) from None
+            sys.stderr.write(f"waiting for {holder}\n")
             fcntl.flock(lock, fcntl.LOCK_EX)
         lock.seek(0)
         if lock.read():
             end_leftovers(build)
-        _say(lock.fileno(), str(os.getpid()))
+        with naming(build / LOCK):
+            _say(lock.fileno(), str(os.getpid()))
         try:
             yield
+        except ForgeError:
+            raise
+        except BaseException:
+            end_leftovers(build, gently=True)
+            raise
         finally:
-            _say(lock.fileno(), "")
+            with contextlib.suppress(OSError):
+                _say(lock.fileno(), "")
 
 
-def end_leftovers(build: Path) -> None:
-    """End the programs that an earlier forge started for a build folder; where /proc is, else nothing."""
+def end_leftovers(build: Path, *, gently: bool = False) -> None:
+    """End the programs that were started for a build folder; where /proc is, else nothing.
+
+    `gently` they are asked first, and killed after a while.
+    """
     mark = f"{VARIABLE}={build}".encode(errors="surrogateescape")
-    deadline = time.monotonic() + _PATIENCE_SECONDS
-    while (found := _processes_with(mark)) and time.monotonic() < deadline:
+    begun = time.monotonic()
+    asked: set[int] = set()
+    while (found := _processes_with(mark)) and time.monotonic() < begun + _PATIENCE_SECONDS:
         for process in found:
             with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.kill(process, signal.SIGKILL)
+                if not gently or time.monotonic() > begun + _GENTLE_SECONDS:
+                    os.kill(process, signal.SIGKILL)
+                elif process not in asked:
+                    asked.add(process)
+                    os.kill(process, signal.SIGTERM)
         time.sleep(0.01)
 
 

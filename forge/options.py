@@ -44,6 +44,9 @@ def add_layout(parser: Parser) -> None:
         metavar="DIR",
         help="where logs go; /dev/null for none (default: log)",
     )
+    group.add_argument(
+        "--no-wait", action="store_true", help="where another forge is at work: refuse, instead of waiting"
+    )
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 
 

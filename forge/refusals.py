@@ -7,6 +7,7 @@ import errno
 from forge.errors import Problem
 
 _FULL = "free some space, or choose other folders with '--build-base', '--install-base' and '--log-base'"
+_VANISHED = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ESTALE})
 _HINTS = {
     errno.EACCES: "was it made by another user, as with sudo? make it yours, or remove it",
     errno.EPERM: "was it made by another user, as with sudo? make it yours, or remove it",
@@ -17,7 +18,6 @@ _HINTS = {
     errno.EMFILE: "a limit on open files is set: 'ulimit -n 4096' raises it",
     errno.ENFILE: "the whole system has too many files open",
     errno.EIO: "the disk, or what stands for it, has a fault: the system's log may say more",
-    errno.ESTALE: "a network file system has lost it: mount it again",
     errno.ENAMETOOLONG: "let the workspace have a shorter path",
     errno.ELOOP: "links lead in a circle: remove one",
 }
@@ -25,6 +25,9 @@ _HINTS = {
 
 def refusal(error: OSError) -> Problem | None:
     """Return what to tell the user, or None for an error that is a fault of ours."""
+    if error.errno in _VANISHED and error.filename:
+        message = f"'{error.filename}' vanished while it was needed"
+        return Problem(message, hint="was it removed or moved meanwhile? try again when nobody does that")
     if error.errno not in _HINTS:
         return None
     reason = (error.strerror or str(error)).lower()

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from forge.durations import duration
 from forge.errors import Problem, SelectionError, raise_if_any
+from forge.excerpts import Excerpt
 from forge.frozen import frozen
+from forge.interrupts import heard_by_somebody
 from forge.model import (
     CONFIGURE,
     TEST_FAILURES,
@@ -57,9 +59,6 @@ HANDLERS = {
 _PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
 """The event handlers that print for people on stdout."""
 
-_LONGEST_TAIL = 20_000
-"""How many lines of a package's output are kept to be shown when it fails."""
-
 
 def handlers_of(words: Sequence[str]) -> dict[str, bool]:
     """Return which event handlers are on; raises SelectionError for one that nobody knows."""
@@ -98,13 +97,15 @@ class _Plain:
 
     def write(self, content: bytes, *, stderr: bool = False) -> None:
         stream = sys.stderr if stderr else sys.stdout
-        sys.stdout.flush()
-        binary = getattr(stream, "buffer", None)
-        if binary is None:
-            stream.write(content.decode(errors="replace"))
-        else:
-            binary.write(content)
-        stream.flush()
+        with heard_by_somebody(1):
+            sys.stdout.flush()
+        with heard_by_somebody(2 if stderr else 1):
+            binary = getattr(stream, "buffer", None)
+            if binary is None:
+                stream.write(content.decode(errors="replace"))
+            else:
+                binary.write(content)
+            stream.flush()
 
 
 PLAIN: Screen = _Plain()
@@ -162,7 +163,7 @@ class Report:
         self._tasks = plan.tasks
         self._on = handlers
         self.logs = logs
-        self._output: dict[str, list[tuple[bytes, bool]]] = {}
+        self._output: dict[str, Excerpt] = {}
         self._unused = UnusedVariables(shared)
         self._configured: set[str] = set()
         self._stderr: set[str] = set()
@@ -211,8 +212,8 @@ class Report:
             case Started(task):
                 self._list()
                 self._start(task)
-            case Output(task, line, stderr):
-                self._take(task, line, stderr=stderr)
+            case Output(task, lines, stderr):
+                self._take(task, lines, stderr=stderr)
             case Finished():
                 self._finish(event)
             case Aborted(task, seconds):
@@ -278,28 +279,21 @@ class Report:
     def _embedded(self, name: str) -> bool:
         return self.packages[name].embedded
 
-    def _take(self, task: str, line: bytes, *, stderr: bool) -> None:
-        kept = self._output.setdefault(task, [])
-        kept.append((line, stderr))
-        if len(kept) > 2 * _LONGEST_TAIL:
-            # The beginning holds the first error, the end the last words: the middle may go.
-            del kept[_LONGEST_TAIL // 2 : -_LONGEST_TAIL // 2]
+    def _take(self, task: str, lines: bytes, *, stderr: bool) -> None:
+        self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
         if self._on["console_direct"] and not self._embedded(task):
-            self.screen.write(line, stderr=stderr)
+            self.screen.write(lines, stderr=stderr)
 
     def _close(self, task: str) -> None:
         """Show a task's output as one piece where that was asked for."""
-        lines = self._output.get(task, [])
-        errors = b"".join(line for line, stderr in lines if stderr)
+        said = self._output.get(task, Excerpt())
+        errors = said.errors
         if task in self._configured:
             errors = self._unused.take(errors)
         if errors:
             self._stderr.add(task)
-        if self._on["console_cohesion"] and lines and not self._on["console_direct"]:
-            self.screen.write(f"--- output: {task}\n".encode())
-            for line, _ in lines:
-                self.screen.write(line)
-            self.screen.write(b"---\n")
+        if self._on["console_cohesion"] and said.everything and not self._on["console_direct"]:
+            self.screen.write(f"--- output: {task}\n".encode() + said.everything + b"---\n")
         elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
             self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
             self.screen.write(errors, stderr=True)
@@ -312,6 +306,7 @@ class Report:
             self._fail(event)
             return
         self._finished.append(task)
+        self._output.pop(task, None)
         remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
         self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
@@ -320,8 +315,8 @@ class Report:
         from forge.diagnosis import first_error  # noqa: PLC0415  (only a failure pays for it)
 
         task = event.task
-        text = [line.decode(errors="replace") for line, _ in self._output.get(task, [])]
-        error = first_error(text)
+        text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
+        error = first_error(text.split("\n"))
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = self._hint(task, text)
         self._failed[task] = Fault(error, repeat, hint)
@@ -339,12 +334,12 @@ class Report:
             lines.append(f"  repeat: {repeat}")
         self.screen.write(("\n".join(lines) + "\n").encode(), stderr=True)
 
-    def _hint(self, task: str, text: Sequence[str]) -> str | None:
+    def _hint(self, task: str, text: str) -> str | None:
         """Return what to do about a failure whose cause is known."""
         from forge.hints import hint_of  # noqa: PLC0415  (only a failure pays for it)
         from forge.scenes import scene_of  # noqa: PLC0415
 
-        return hint_of("".join(text), scene_of(self.packages[task], self.packages, self.python))
+        return hint_of(text, scene_of(self.packages[task], self.packages, self.python))
 
 
 def _count(names: Sequence[str]) -> str:

@@ -16,18 +16,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from forge.files import write_if_changed
-from forge.jobserver import is_blurb
+from forge.jobserver import without_blurbs
 from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Output, StepFinished, StepStarted
 from forge.steps import LAST_COMMAND, environment_file, step_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from forge.budget import Budget
     from forge.model import Event, Record, Step, Task
 
-GRACE_SECONDS = 5.0
+GRACE_SECONDS = 3.0
 """How long an interrupted program may take to end before it is told again, and harder."""
+
+_LINGER_SECONDS = 1.0
+"""How long forge listens to a pipe that is silent and held open, after the program that it was for ended."""
+
+_LONGEST_LINE = 65536
+"""Bytes after which a line is handed over though it has no end."""
 
 _NOT_STARTED = 127
 
@@ -70,6 +76,7 @@ class ProcessRunner:
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
+        self._said_last: signal.Signals | None = None
 
     def run(self, task: Task, put: Callable[[Event], None]) -> None:
         """Run the steps of `task` in order, until one fails or the build is stopped."""
@@ -80,6 +87,15 @@ class ProcessRunner:
                 put(Aborted(task.name, 0.0))
 
     def _run(self, task: Task, put: Callable[[Event], None]) -> None:
+        try:
+            put(self._carry_out(task, put))
+        except BaseException:
+            # A full disk, say: what was installed half-way must not look whole. The first cause is told.
+            with contextlib.suppress(OSError):
+                self._undo(task)
+            raise
+
+    def _carry_out(self, task: Task, put: Callable[[Event], None]) -> Event:
         started = time.monotonic()
         self._begin(task)
         task.build_dir.mkdir(parents=True, exist_ok=True)
@@ -91,11 +107,10 @@ class ProcessRunner:
         failure = self._run_steps(task, environment, put, started)
         if failure is not None:
             self._undo(task)
-            put(failure)
-            return
+            return failure
         record = self._install(task)
         seconds = time.monotonic() - started
-        put(Finished(task.name, 0, seconds, record=replace(record, seconds=seconds)))
+        return Finished(task.name, 0, seconds, record=replace(record, seconds=seconds))
 
     def _run_steps(
         self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float
@@ -135,9 +150,16 @@ class ProcessRunner:
 
     def _signal(self, number: signal.Signals) -> None:
         with self._lock:
+            self._said_last = number
             for group in self._groups:
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(group, number)
+                _tell(group, number)
+
+    def _know(self, group: int) -> None:
+        """Take note of a process group; one that began in the moment of an interrupt hears of it now."""
+        with self._lock:
+            self._groups.add(group)
+            if self._said_last is not None:
+                _tell(group, self._said_last)
 
     def _run_step(
         self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
@@ -177,39 +199,80 @@ class ProcessRunner:
                 start_new_session=True,
             )
         except OSError as error:
-            message = f"forge: cannot start '{step.argv[0]}': {error.strerror}\n"
+            missing = "its folder is gone" if not step.cwd.is_dir() else error.strerror
+            message = f"forge: cannot start '{step.argv[0]}': {missing}\n"
             put(Output(task.name, message.encode(), stderr=True))
             return _NOT_STARTED
-        with self._lock:
-            self._groups.add(process.pid)
+        self._know(process.pid)
         try:
             with process:  # which closes both pipes in the end
-                _read_lines(process, lambda line, stderr: put(Output(task.name, line, stderr=stderr)))
+                _read_lines(process, lambda lines, stderr: put(Output(task.name, lines, stderr=stderr)))
             return process.returncode
         finally:
             with self._lock:
                 self._groups.discard(process.pid)
 
 
+def _tell(group: int, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(group, number)
+
+
 def _read_lines(process: subprocess.Popen[bytes], put: Callable[[bytes, bool], None]) -> None:
-    """Hand over each line of both pipes as it comes, until both are closed."""
-    with selectors.DefaultSelector() as selector:
+    """Hand over the lines of both pipes as they come, until both are closed.
+
+    A program may leave another one behind that holds them open, as a daemon does: nobody waits for that.
+    """
+    with selectors.DefaultSelector() as selector, _end_of(process) as end:
         for pipe, stderr in ((process.stdout, False), (process.stderr, True)):
             assert pipe is not None  # noqa: S101  (asked for above)
             selector.register(pipe, selectors.EVENT_READ, stderr)
+        if end is not None:
+            selector.register(end, selectors.EVENT_READ)
         rests = {False: b"", True: b""}
-        while selector.get_map():
-            for key, _ in selector.select():
-                chunk = os.read(key.fd, 65536)
+        patience = None
+        while any(key.data is not None for key in selector.get_map().values()):
+            ready = selector.select(patience)
+            if not ready:
+                break
+            for key, _ in ready:
+                if key.data is None:
+                    selector.unregister(key.fileobj)
+                    patience = _LINGER_SECONDS
+                    continue
+                chunk = os.read(key.fd, _LONGEST_LINE)
                 if not chunk:
                     selector.unregister(key.fileobj)
-                *lines, rests[key.data] = (rests[key.data] + chunk).split(b"\n")
-                for line in lines:
-                    if not is_blurb(line):
-                        put(line + b"\n", key.data)
+                rests[key.data] = _hand_over(rests[key.data] + chunk, key.data, put)
         for stderr, rest in rests.items():
             if rest:
                 put(rest + b"\n", stderr)
+
+
+def _hand_over(said: bytes, stderr: bool, put: Callable[[bytes, bool], None]) -> bytes:  # noqa: FBT001  (as `put` has it)
+    """Put the whole lines, and return what may go on."""
+    lines, end, rest = said.rpartition(b"\n")
+    lines = without_blurbs(lines + end)
+    if lines:
+        put(lines, stderr)
+    if len(rest) >= _LONGEST_LINE:
+        put(rest, stderr)
+        return b""
+    return rest
+
+
+@contextlib.contextmanager
+def _end_of(process: subprocess.Popen[bytes]) -> Iterator[int | None]:
+    """Yield a descriptor that becomes readable when the process ends, or None where there is none."""
+    try:
+        descriptor = os.pidfd_open(process.pid)
+    except (AttributeError, OSError):
+        yield None
+        return
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
 
 
 def _changed(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:

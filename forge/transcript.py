@@ -15,6 +15,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Place, Problem
+from forge.excerpts import split_lines
+from forge.files import naming
 from forge.model import Output, StepFinished, StepStarted
 
 if TYPE_CHECKING:
@@ -46,11 +48,13 @@ class Transcript:
         if self.folder is None:
             return
         match event:
-            case Output(task, line, stderr):
+            case Output(task, lines, stderr):
                 own = "stderr" if stderr else "stdout"
                 for name in (own, "stdout_stderr"):
-                    self._append(f"{task}/{name}.log", line)
-                self._append(f"{task}/streams.log", self._stamp() + line)
+                    self._append(f"{task}/{name}.log", lines)
+                stamp = self._stamp()
+                stamped = b"".join(stamp + line for line in split_lines(lines))
+                self._append(f"{task}/streams.log", stamped)
             case StepStarted() | StepFinished():
                 text = _command_line(event)
                 self._append(f"{event.task}/command.log", text)
@@ -73,7 +77,8 @@ class Transcript:
         if stream is None:
             path.parent.mkdir(parents=True, exist_ok=True)
             stream = self._files[path] = path.open("ab", buffering=0)
-        stream.write(content)
+        with naming(path):
+            stream.write(content)
 
 
 def open_transcript(logs: Path | None, verb: str, argv: list[str]) -> Transcript:

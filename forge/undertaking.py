@@ -99,12 +99,13 @@ def carry_out(
         board = _board(plan, options, budget.jobs, seconds)
         feed.announce(seconds=seconds)
         try:
-            for event in execute(plan, jobs.runner(budget, toolchain), board, records.settle):
-                records.take(event, plan)
-                transcript.write(event)
-                view.show(event)
-                report.show(event)
-                feed.write(event, report)
+            with closing(execute(plan, jobs.runner(budget, toolchain), board, records.settle)) as events:
+                for event in events:
+                    records.take(event, plan)
+                    transcript.write(event)
+                    view.show(event)
+                    report.show(event)
+                    feed.write(event, report)
         finally:
             records.finish(plan, variables)
             if handlers["compile_commands"]:

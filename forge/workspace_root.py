@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import stat
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,7 +65,13 @@ def typed_elsewhere(arguments: Sequence[str], origin: Path, root: Path) -> list[
 @contextmanager
 def standing_in(folder: Path) -> Iterator[None]:
     """Change the working folder for a while; raises EnvironmentFault when that cannot be."""
-    before = Path.cwd()
+    try:
+        before = Path.cwd()
+    except FileNotFoundError:
+        from forge.errors import EnvironmentFault, Problem  # noqa: PLC0415
+
+        hint = "go to one that exists: cd"
+        raise EnvironmentFault(Problem("the folder that you are in was removed", hint=hint)) from None
     try:
         os.chdir(folder)
     except OSError as error:
@@ -76,7 +82,8 @@ def standing_in(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        os.chdir(before)
+        with suppress(FileNotFoundError):  # it was removed meanwhile
+            os.chdir(before)
 
 
 def _marked(folder: Path) -> bool:

@@ -85,7 +85,10 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
     begin_workspace(layout)
     keep_compiled(layout.build / ".forge_templates")
-    with occupied(layout.build), closing(open_records(root, layout, interpreter)) as records:
+    with (
+        occupied(layout.build, wait=not options.no_wait),
+        closing(open_records(root, layout, interpreter)) as records,
+    ):
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
         plan, outlook = make_plan(
             names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)

@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     """Show what would go, ask, and remove it; returns 0, also when the answer is no."""
     root = Path.cwd()
     layout = _as_installed(shared.layout_of(options, root))
-    with _held(layout), closing(open_journal(layout.build)) as journal:
+    with _held(layout, wait=not options.no_wait), closing(open_journal(layout.build)) as journal:
         names = _names(options, root, layout, journal)
         if options.what == "workspace":
             litters = list(litter_of_workspace(layout, journal.records, options.base_select))
@@ -118,9 +118,9 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> Loaded:
     return loaded
 
 
-def _held(layout: Layout) -> AbstractContextManager[None]:
+def _held(layout: Layout, *, wait: bool) -> AbstractContextManager[None]:
     """Return what keeps builds away meanwhile; a folder that is none of ours is not even written to."""
-    return occupied(layout.build) if (layout.build / ".built_by").is_file() else nullcontext()
+    return occupied(layout.build, wait=wait) if (layout.build / ".built_by").is_file() else nullcontext()
 
 
 def _as_installed(layout: Layout) -> Layout:

@@ -16,6 +16,7 @@ from forge.execution import execute
 from forge.feed import Feed
 from forge.live import is_wanted, live_view
 from forge.model import Finished
+from forge.occupancy import occupied
 from forge.preparation import build_variables
 from forge.reporting import Report, handlers_of, without_prose
 from forge.results import begin_workspace
@@ -71,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
     bench = prepare_bench(options, loaded, names, layout)
     plan = make_test_plan([name for name in names if name not in absent], loaded, bench)
     with (
+        occupied(layout.build, wait=not options.no_wait),
         closing(open_transcript(layout.logs, "test", sys.argv)) as transcript,
         closing(open_test_budget(options, variables)) as budget,
         live_view(plan, {}, wanted=not options.json and is_wanted(handlers)) as view,
@@ -85,12 +87,13 @@ def run(options: argparse.Namespace) -> int:
         runner = TestJobs(bench, needs, variables).runner(budget)
         board = _board(plan, options, budget.jobs)
         try:
-            for event in execute(plan, runner, board, lambda task: task):
-                transcript.write(event)
-                view.show(event)
-                report.show(event)
-                feed.write(event, report)
-                note_result(event, plan.tasks[event.task], report.failed_tests)
+            with closing(execute(plan, runner, board, lambda task: task)) as events:
+                for event in events:
+                    transcript.write(event)
+                    view.show(event)
+                    report.show(event)
+                    feed.write(event, report)
+                    note_result(event, plan.tasks[event.task], report.failed_tests)
         finally:
             seconds = time.monotonic() - begun
             report.summarise(seconds)

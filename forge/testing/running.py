@@ -7,9 +7,11 @@ import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from forge.files import replace_file
 from forge.folders import clear
 from forge.frozen import frozen
 from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
+from forge.occupancy import VARIABLE
 from forge.runner import ProcessRunner
 from forge.sourcing import build_environment
 from forge.steps import environment_file, step_line
@@ -47,7 +49,7 @@ class TestJobs:
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
         found = build_environment(below, self.variables)
         # Tests run in the source folder, where nobody wants __pycache__.
-        return {"PYTHONDONTWRITEBYTECODE": "1", **found}
+        return {"PYTHONDONTWRITEBYTECODE": "1", **found, VARIABLE: str(layout.build)}
 
     def _finish(self, task: Task) -> Record:
         if self.bench.results is not None:
@@ -65,7 +67,7 @@ def note_result(event: Event, task: Task, failed_tests: frozenset[str]) -> None:
         case _:
             return
     if task.build_dir.is_dir():
-        (task.build_dir / RESULT).write_text(f"{result}\n", encoding="utf-8")
+        replace_file(task.build_dir / RESULT, f"{result}\n".encode())
 
 
 def failures_of(task: Task, bench: Bench) -> Iterator[Failure]:

@@ -235,6 +235,32 @@ def test_a_second_interrupt_kills_what_ignores_the_first(tmp_path: Path) -> None
     assert ends(events) == {"a": "Aborted"}
 
 
+def test_a_daemon_that_a_step_leaves_behind_is_not_waited_for(tmp_path: Path) -> None:
+    program = "import subprocess; print(subprocess.Popen(['sleep', '30']).pid, flush=True)"
+    begun = time.monotonic()
+    events = run(plan_of(task(tmp_path, "a", program)))
+    assert time.monotonic() - begun < 10
+    (said,) = (event for event in events if isinstance(event, Output))
+    os.kill(int(said.lines), signal.SIGKILL)
+    assert ends(events) == {"a": 0}
+
+
+def test_who_leaves_the_loop_early_ends_the_programs(tmp_path: Path) -> None:
+    flag = tmp_path / "flag"
+    program = f"open({str(flag)!r}, 'w').close(); import time; time.sleep(60)"
+    tasks = task(tmp_path, "a", program), task(tmp_path, "b", program)
+    events = execute(plan_of(*tasks), real_runner(), Board(plan_of(*tasks), 2), lambda one: one)
+    for event in events:
+        if isinstance(event, StepStarted):
+            break
+    while not flag.exists():
+        time.sleep(0.01)
+    begun = time.monotonic()
+    events.close()
+    assert time.monotonic() - begun < 10
+    assert threading.active_count() == 1 or not [t for t in threading.enumerate() if t.name in {"a", "b"}]
+
+
 def test_signal_handlers_are_as_before_afterwards(tmp_path: Path) -> None:
     before = signal.getsignal(signal.SIGINT)
     run(plan_of(task(tmp_path, "a", "print()")))

@@ -16,7 +16,7 @@ import pytest
 
 from forge.budget import BUILD, Budget
 from forge.execution import execute
-from forge.jobserver import FIFO, PIPE, TOKEN, common_style, is_blurb, joined_pool, own_pool, spoken
+from forge.jobserver import FIFO, PIPE, TOKEN, common_style, joined_pool, own_pool, spoken, without_blurbs
 from forge.makeflags import MakeFlags, read_make_flags
 from forge.model import BuildPlan, Parts, Record, Step, Task
 from forge.runner import ProcessRunner
@@ -114,9 +114,12 @@ def test_ninjas_speak_as_their_version_lets_expect() -> None:
 
 
 def test_ninjas_remarks_about_the_jobserver_are_no_output() -> None:
-    assert is_blurb(b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n")
-    assert is_blurb(b"ninja: warning: Jobserver 'pipe' mode detected, a pool that")
-    assert not is_blurb(b"ninja: error: loading 'build.ninja'")
+    blurb = b"ninja: Jobserver mode detected:  -j2 --jobserver-auth=3,4\n"
+    warning = b"ninja: warning: Jobserver 'pipe' mode detected, a pool that"
+    error = b"ninja: error: loading 'build.ninja'\n"
+    assert without_blurbs(error + blurb + error + warning) == error + error
+    assert without_blurbs(blurb) == b""
+    assert without_blurbs(error) == error
 
 
 def test_tokens_that_no_package_has_are_the_tools(tmp_path: Path) -> None:

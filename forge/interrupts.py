@@ -1,0 +1,84 @@
+"""What ends forge from outside: Ctrl-C, a plain kill, a terminal that was closed, a reader that has left."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import threading
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+_NOBODY_LISTENS = frozenset({errno.EPIPE, errno.EIO, errno.ENXIO, errno.EBADF})
+
+
+@contextmanager
+def caught(handle: Callable[[int], object]) -> Iterator[None]:
+    """Call `handle` with the number of each such signal, in the main thread.
+
+    What is ignored stays ignored: who typed nohup, or a shell that put us into the background, wants that.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def take(number: int, _frame: object) -> None:
+        if number == signal.SIGHUP:
+            _leave_closed_terminals()
+        handle(number)
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    heard = [number for number in SIGNALS if before[number] is not signal.SIG_IGN]
+    for number in heard:
+        signal.signal(number, take)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, before[number])
+
+
+def interrupt(_number: int) -> NoReturn:
+    """Raise what Python itself raises for Ctrl-C alone."""
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def heard_by_somebody(descriptor: int) -> Iterator[None]:
+    """Let something be written; when nobody can read it any more, go on as if the terminal had been closed.
+
+    Everything that is written there later is lost, without an error.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _NOBODY_LISTENS or signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+            raise
+        _leave(descriptor)
+        signal.raise_signal(signal.SIGHUP)
+
+
+def _leave_closed_terminals() -> None:
+    for descriptor in filter(_is_closed, (1, 2)):
+        _leave(descriptor)
+
+
+def _is_closed(descriptor: int) -> bool:
+    try:
+        # A write of nothing tells of a terminal that is gone, and does nothing to any other file.
+        os.write(descriptor, b"")
+    except OSError as error:
+        return error.errno in _NOBODY_LISTENS
+    return False
+
+
+def _leave(descriptor: int) -> None:
+    with suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, descriptor)
+        os.close(nowhere)
