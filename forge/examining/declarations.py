@@ -88,7 +88,7 @@ def undeclared_in_python(package: Package, texts: Iterable[tuple[Path, str]], ar
     told: set[str] = set()
     for path, text in texts:
         # Reading a file as Python does is slow; most files need not be.
-        if declared.issuperset(filter(None, map(around.owner, mentioned_modules(text)))):
+        if (declared | told).issuperset(filter(None, map(around.owner, mentioned_modules(text)))):
             continue
         for module, line in _imports(text):
             name = around.owner(module)
