@@ -61,14 +61,21 @@ def for_building(path: str) -> bool:
     return (parts[:1] in {("lib",), ("share",)} and "cmake" in parts[1:3]) or path.endswith(".cmake")
 
 
-def _walk(root: Path, below: str) -> Iterator[str]:
-    """Yield the files below a folder in order, relative to the root; folders that are links are entered."""
+def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
+    """Yield the files below a folder in order, relative to the root; folders that are links are entered.
+
+    Raises WorkspaceError for a link that leads back to a folder around it.
+    """
+    real = os.path.realpath(root / below)
+    if real in above:
+        hint = "remove the link, or let it lead to what is needed of that"
+        raise WorkspaceError(Problem(f"'{root / below}' leads to a folder around itself", hint=hint))
     for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
         path = f"{below}/{entry.name}" if below else entry.name
         if entry.name in _LEFT_OUT:
             continue
         if entry.is_dir() and not (entry.is_symlink() and _inside(root, path)):
-            yield from _walk(root, path)
+            yield from _walk(root, path, (*above, real))
         else:
             yield path
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
@@ -23,6 +24,8 @@ LEGEND = (
 )
 _COLOURS = {"build": "#0000ff", "run": "#ff0000", "test": "#d2b48c"}
 _KINDS = {"build": BUILD_KINDS, "run": RUN_KINDS, "test": TEST_KINDS}
+_ESCAPED = re.compile(r'["\\]')
+"""What ends a text of Graphviz, or means something in one; a name may be anything, a folder's too."""
 _GREY = '[color = "gray" fontcolor = "gray"]'
 
 
@@ -143,7 +146,7 @@ def _edges(chart: Chart, nodes: frozenset[str], *, skipped: bool) -> Iterator[_E
         for need in sorted(chart.needs[node] & nodes)
     ]
     yield from direct
-    if skipped:
+    if skipped or len(nodes) == len(chart.ordered):
         return
     known = {(edge.start, edge.end) for edge in direct}
     below = closures(chart.needs, chart.ordered)
@@ -200,7 +203,8 @@ def _clusters(nodes: Iterable[str], labels: Mapping[str, tuple[str, str]], chart
         frame = folder != common
         if frame:
             yield f"  subgraph cluster_{number} {{"
-            yield f'    label = "{folder.relative_to(common).as_posix()}";'
+            label = _ESCAPED.sub(r"\\\g<0>", folder.relative_to(common).as_posix())
+            yield f'    label = "{label}";'
         indent = "    " if frame else "  "
         yield from (f"{indent}{_id(labels[node])};" for node in members)
         if frame:

@@ -179,6 +179,12 @@ class Parser(argparse.ArgumentParser):
             shielded.append(argument)
         return shielded
 
+    def convert_arg_line_to_args(self, arg_line: str) -> list[str]:
+        """Return the word on a line of an @FILE; one that names another such file might name itself."""
+        if arg_line.startswith("@"):
+            self.error(f"a file of words cannot name another: '{arg_line}'")
+        return [arg_line]
+
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the command line, and what was meant or where help is."""
         from forge.mistyped import meant  # noqa: PLC0415  (most command lines are right)

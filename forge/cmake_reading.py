@@ -129,4 +129,6 @@ def _words(content: str, start: int) -> tuple[str, ...]:
 
 
 def _without_comments(text: str) -> str:
-    return _COMMENT.sub(lambda match: match[1] or "", text)
+    """Return the text up to its last ')': where one is still to come, no pattern looks for it in vain."""
+    plain = _COMMENT.sub(lambda match: match[1] or "", text)
+    return plain[: plain.rfind(")") + 1]

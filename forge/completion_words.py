@@ -28,6 +28,7 @@ _KINDS = ("package.xml", "CMakeLists.txt", "pyproject.toml", "setup.py")
 _NAME = re.compile(
     rb"<name>\s*([^<\s]+)\s*</name>|^\s*project\s*\(\s*\"?([\w-]+)", re.MULTILINE | re.IGNORECASE
 )
+_TYPED = re.compile(r"\w[\w.+-]*")
 _INDEX = "share/ament_index/resource_index/packages"
 
 
@@ -43,7 +44,8 @@ def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
             names = (name for prefix in _prefixes(variables) for name in _programs(f"{prefix}/lib/{package}"))
         case _:
             names = iter(())
-    for name in sorted(set(names)):
+    # A shell puts them into the command line as they are.
+    for name in sorted(name for name in set(names) if _TYPED.fullmatch(name)):
         sys.stdout.write(f"{name}\n")
     return 0
 

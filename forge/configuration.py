@@ -73,7 +73,7 @@ def _sources(
     defaults = Path(setting("DEFAULTS_FILE", variables) or home(variables) / "defaults.yaml")
     for path in (defaults, root / _LOCAL_DEFAULTS):
         if path.is_file():
-            said = read_yaml(path.read_text(encoding="utf-8"), path)
+            said = read_yaml(path.read_bytes(), path)
             general = {
                 key: value
                 for key, value in _table(said, "", path).items()
@@ -94,7 +94,7 @@ def _sources(
 
 def _forge_toml(root: Path) -> dict[str, Any]:
     path = root / FORGE_TOML
-    return read_toml(path.read_text(encoding="utf-8"), path) if path.is_file() else {}
+    return read_toml(path.read_bytes(), path) if path.is_file() else {}
 
 
 def _table(said: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:
@@ -144,6 +144,8 @@ def _single(action: argparse.Action, value: object) -> object:
         return value
     if not isinstance(value, str) and (action.type is None or not isinstance(value, int | float)):
         raise TypeError("a text")
+    if isinstance(value, str) and "\0" in value:
+        raise TypeError("a text without NUL")
     if action.choices is not None and value not in action.choices:
         raise ValueError(f"one of {', '.join(map(str, action.choices))}")
     return action.type(str(value)) if callable(action.type) else value

@@ -22,7 +22,7 @@ _WORDS = {
     "gt": "later than {}",
 }
 _KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
-_PLAIN = re.compile(r"\d+(\.\d+)*")
+_PLAIN = re.compile(r"\d{1,18}(\.\d{1,18})*", re.ASCII)
 
 
 def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:

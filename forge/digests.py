@@ -92,7 +92,7 @@ class FileTable:
                 said = json.loads(self._path.read_bytes())
                 valid = said["version"] == VERSION
                 self._known = {p: (s, d) for p, (s, d) in said["files"].items()} if valid else {}
-            except (OSError, ValueError, LookupError, TypeError, AttributeError):
+            except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
                 self._known = {}
         return self._known
 

@@ -91,9 +91,9 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]
             continue
         operation, separator, rest = line.partition(";")
         variable, has_value, values = rest.partition(";")
-        if operation == "source" and separator:
+        if operation == "source" and separator and _may_be_sourced(rest):
             sources.append(rest)
-        elif operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
+        elif "\0" not in line and operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
             several = operation not in {"set", "set-if-unset"}
             parts = values.split(";") if several else [values]
             changes += (Change(operation, variable, value) for value in parts)
@@ -108,6 +108,12 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]
     if problems:
         raise WorkspaceError(*problems)
     return tuple(changes), tuple(sources)
+
+
+def _may_be_sourced(path: str) -> bool:
+    """Tell if a path names a file, of the package or an absolute one: '..' would leave the package."""
+    parts = PurePosixPath(path)
+    return bool(parts.name) and ".." not in parts.parts and "\0" not in path
 
 
 def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:

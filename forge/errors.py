@@ -21,6 +21,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+_UNSEEN = {
+    code: "\N{REPLACEMENT CHARACTER}"
+    for codes in ((0, 9), (11, 32), (127, 160), (0x200E, 0x2010), (0x202A, 0x202F), (0x2066, 0x206A))
+    for code in range(*codes)
+}
+"""What moves the cursor of a terminal, or turns the direction of text: files that are quoted may have it."""
+
+_WIDEST = 200
+"""How many characters of a line are quoted."""
+
 EXIT_INTERRUPTED = 130
 """The exit code after Ctrl-C; the others are of forge.cli alone."""
 
@@ -56,12 +66,13 @@ class Problem:
         where = f"{self.place}: " if self.place else ""
         lines = [f"{where}{severity}: {self.message}"]
         if self.place and self.place.source is not None:
-            lines.append(f"    {self.place.source}")
-            if self.place.column is not None:
-                lines.append("    " + _caret_indent(self.place.source, self.place.column) + "^")
+            source, column = _window(self.place.source, self.place.column)
+            lines.append(f"    {source}")
+            if column is not None:
+                lines.append("    " + _caret_indent(source, column) + "^")
         if self.hint:
             lines.append(f"hint: {self.hint}")
-        return "\n".join(lines)
+        return "\n".join(lines).translate(_UNSEEN)
 
 
 class ForgeError(Exception):
@@ -103,6 +114,15 @@ def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeErr
     found = tuple(problems)
     if found:
         raise error(*found)
+
+
+def _window(source: str, column: int | None) -> tuple[str, int | None]:
+    """Return what is shown of a line, and the column in that: of a very long one the part that matters."""
+    if len(source) <= _WIDEST:
+        return source, column
+    start = max(0, (column or 1) - _WIDEST // 2)
+    shown = f"{'...' if start else ''}{source[start : start + _WIDEST]}..."
+    return shown, None if column is None else column - start + (3 if start else 0)
 
 
 def _caret_indent(source: str, column: int) -> str:

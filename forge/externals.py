@@ -72,8 +72,9 @@ def _ninja_inputs(log: bytes) -> Iterator[str]:
         if len(body) < size:
             break
         if head & 0x80000000:
-            words = struct.unpack(f"<{size // 4}I", body)
-            inputs[words[0]] = words[stamp_words:]
+            words = struct.unpack(f"<{size // 4}I", body[: size // 4 * 4])
+            if words:
+                inputs[words[0]] = words[stamp_words:]
         else:
             paths.append(body[:-4].rstrip(b"\0").decode(errors="surrogateescape"))
     for identifier in {i for words in inputs.values() for i in words}:

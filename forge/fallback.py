@@ -48,7 +48,7 @@ def restore(name: str, layout: Layout) -> None:
     folder = _folder(name, layout)
     try:
         kept = json.loads((folder / _LIST).read_bytes())
-    except OSError:
+    except (OSError, ValueError, RecursionError):
         return
     marks = frozenset(map(str, markers(name, layout)))
     whole = True

@@ -58,8 +58,11 @@ def remove_drafts(root: Path) -> None:
 
 
 def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
-    """Write UTF-8 `text`, unless the file already says so; tell if it was written."""
-    content = text.encode()
+    """Write UTF-8 `text`, unless the file already says so; tell if it was written.
+
+    Names of files that are no UTF-8, which Python reads as surrogates, become what they were.
+    """
+    content = text.encode(errors="surrogateescape")
     try:
         same = not path.is_symlink() and path.read_bytes() == content
         if same and (mode is None or path.stat().st_mode & 0o777 == mode):

@@ -80,7 +80,10 @@ def begin(task: Task, source: Path) -> None:
 def began(build: Path) -> float:
     """Return when the last build in a folder began, in seconds since the epoch; 0 when nobody knows."""
     said = _note(build).get("began")
-    return said / 1e9 if isinstance(said, int) else 0.0
+    try:
+        return said / 1e9 if isinstance(said, int) else 0.0
+    except OverflowError:
+        return 0.0
 
 
 def clear(task: Task) -> None:
@@ -135,7 +138,7 @@ def _note(build: Path) -> Mapping[str, Any]:
     """Return what a folder's note says; nothing, when there is none that can be read."""
     try:
         said = json.loads((build / DESK / NOTE).read_bytes().decode(errors="surrogateescape"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return said if isinstance(said, dict) else {}
 

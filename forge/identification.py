@@ -14,6 +14,7 @@ from forge.errors import Place, Problem, WorkspaceError
 from forge.identity import HIDDEN, NOTHING, Folder, Identity
 from forge.manifest import parse_manifest
 from forge.model import Package
+from forge.names import is_word
 from forge.overrides import COLCON_PKG, read_colcon_pkg, with_overrides
 
 if TYPE_CHECKING:
@@ -46,15 +47,17 @@ def identify(
         said = overrides.placed(folder.place)
         conflicts = _claim(folder, own, said, overrides)
         identity = _identify(folder, variables)
+        package = identity.package
+        if package is not None:
+            _check_name(package)
+            sources = (own, overrides.named(package.name), said)
+            identity = replace(identity, package=with_overrides(package, sources))
     except WorkspaceError as error:
         return Identity(problems=_relative(error.problems, folder))
     except OSError as error:
         problem = Problem(f"cannot read the manifest: {error.strerror}", Place(path / "package.xml"))
         return Identity(problems=(problem,))
-    if identity.package is None:
-        return replace(identity, notes=(*conflicts, *identity.notes))
-    package = with_overrides(identity.package, (own, overrides.named(identity.package.name), said))
-    return replace(identity, package=package, notes=(*conflicts, *identity.notes))
+    return replace(identity, notes=(*conflicts, *identity.notes))
 
 
 def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Package:
@@ -68,6 +71,16 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
     actions = root / folder / "action"
     has_actions = actions.is_dir() and next(actions.glob("*.action"), None) is not None
     return Package(folder, manifest, has_actions=has_actions)
+
+
+def _check_name(package: Package) -> None:
+    """Raise WorkspaceError for a name that folders, scripts or CMake would take for something else."""
+    if not is_word(package.name):
+        message = f"'{package.name}' cannot be the name of a package"
+        hint = (
+            f"write 'name: NAME' into '{package.path / COLCON_PKG}', with letters, digits, '_', '-' and '.'"
+        )
+        raise WorkspaceError(Problem(message, Place(package.manifest.path), hint))
 
 
 def _claim(
@@ -84,7 +97,8 @@ def _claim(
                 message = f"the {key} '{known}' in {COLCON_PKG} wins over '{value}' in a *.meta file"
                 conflicts.append(Problem(message, Place(folder.path)))
     if folder.name and folder.type is None:
-        folder.type = overrides.named(folder.name).get("type")
+        said_type = overrides.named(folder.name).get("type")
+        folder.type = str(said_type) if said_type else None
     return tuple(conflicts)
 
 

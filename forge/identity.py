@@ -43,6 +43,10 @@ class Folder:
         """Tell if files of all these names are there."""
         return all(name in self.entries and (self.place / name).is_file() for name in names)
 
+    def content(self, name: str) -> bytes:
+        """Return a file's bytes."""
+        return (self.place / name).read_bytes()
+
     def text(self, name: str) -> str:
         """Return a file's text; bytes that are no UTF-8 are replaced."""
         return (self.place / name).read_text(encoding="utf-8", errors="replace")

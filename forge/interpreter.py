@@ -156,7 +156,10 @@ def _ask(path: Path, program: str, *arguments: str) -> str:
     import subprocess  # noqa: PLC0415  (our own interpreter need not be asked)
 
     try:
-        done = subprocess.run([path, "-c", program, *arguments], capture_output=True, text=True, check=True)
+        # Not where we are: it would import modules from there.
+        done = subprocess.run(
+            [path, "-c", program, *arguments], cwd="/", capture_output=True, text=True, check=True
+        )
     except OSError as error:
         raise EnvironmentFault(Problem(f"the python '{path}' does not run: {error.strerror}")) from error
     except subprocess.CalledProcessError as error:

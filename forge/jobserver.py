@@ -110,7 +110,7 @@ def joined_pool(auth: str) -> Pool | None:
             style = PIPE
         if all(stat.S_ISFIFO(os.fstat(end).st_mode) for end in (reader, writer)):
             return Pool(reader, writer, style, auth)
-    except (OSError, ValueError):
+    except (OSError, ValueError, OverflowError):
         pass
     return None
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 FILE = "forge_journal.jsonl"
 _HEADER = {"forge_journal": 2}
+_NONSENSE = (ArithmeticError, LookupError, TypeError, ValueError)
+"""What a line that was not written by forge, or not wholly, may raise."""
 
 
 class Journal:
@@ -127,14 +129,14 @@ class Journal:
                 if "ended" in entry:
                     self.ended = entry["ended"] is True
                 elif "stamp" in entry:
-                    self.stamp = entry["stamp"]
+                    self.stamp = _text(entry["stamp"])
                 elif "externals" in entry and "package" not in entry:
-                    table += entry["externals"]
+                    table += _texts(entry["externals"])
                 elif "parts" in entry:
-                    self.records[entry["package"]] = _record(entry, table)
+                    self.records[_text(entry["package"])] = _record(entry, table)
                 else:
                     self.records.pop(entry["package"], None)
-            except (LookupError, TypeError, ValueError):
+            except _NONSENSE:
                 self.damaged = True
         self._number(table)
 
@@ -174,37 +176,53 @@ def open_journal(build: Path) -> Journal:
 
 
 def _record(entry: Mapping[str, Any], table: list[str]) -> Record:
-    """Return the record that a line holds; raises LookupError, TypeError or ValueError for nonsense."""
+    """Return the record that a line holds; raises one of _NONSENSE for anything else."""
     parts = entry["parts"]
     return Record(
         parts=Parts(
-            forge=parts["forge"],
-            options=tuple(parts["options"]),
+            forge=_text(parts["forge"]),
+            options=_texts(parts["options"]),
             tools=_pairs(parts["tools"]),
             environment=_pairs(parts["environment"]),
-            sources=parts["sources"],
+            sources=_text(parts["sources"]),
             needs=_pairs(parts["needs"]),
         ),
         complete=entry["complete"] is True,
-        sources=Mark(**entry["sources"]),
-        installed=Mark(**entry["installed"]),
-        files=tuple(entry["files"]),
+        sources=_mark(entry["sources"]),
+        installed=_mark(entry["installed"]),
+        files=_texts(entry["files"]),
         externals=tuple(table[number] for number in entry["externals"]),
-        external=entry["external"],
+        external=_text(entry["external"]),
         seconds=float(entry["seconds"]),
         began=float(entry["began"]),
     )
 
 
 def _pairs(said: list[list[str]]) -> tuple[tuple[str, str], ...]:
-    return tuple((name, value) for name, value in said)
+    return tuple((_text(name), _text(value)) for name, value in said)
+
+
+def _mark(said: Mapping[str, object]) -> Mark:
+    return Mark(**{name: _text(value) for name, value in said.items()})
+
+
+def _texts(said: object) -> tuple[str, ...]:
+    if not isinstance(said, list):
+        raise TypeError("this is no list")
+    return tuple(map(_text, said))
+
+
+def _text(said: object) -> str:
+    if not isinstance(said, str):
+        raise TypeError("this is no text")
+    return said
 
 
 def _parsed(line: str) -> dict[str, Any]:
     """Return the object on a line; a blank, torn or foreign line is one about no package."""
     try:
         value = json.loads(line) if line else {}
-    except ValueError:
+    except (ValueError, RecursionError):
         value = None
     return value if isinstance(value, dict) and value else {"package": None}
 

@@ -21,6 +21,10 @@ TEST_RESULT = "colcon_test.rc"
 """Files in a package's build folder, shared with colcon: an exit code, SIGINT, or 'test failures'."""
 
 
+_RUN_NOTHING = ("-c", "core.fsmonitor=false")
+"""A repository's own settings may name a program that tells what has changed."""
+
+
 def limits_of(
     options: argparse.Namespace, root: Path, packages: Mapping[str, Package], needs: Graph
 ) -> tuple[Limit, ...]:
@@ -94,7 +98,7 @@ def _changes(repository: Path, revision: str) -> Iterator[Path]:
     for words in (diff, new):
         try:
             done = subprocess.run(
-                ("git", "-C", str(repository), *words),
+                ("git", "-C", str(repository), *_RUN_NOTHING, *words),
                 capture_output=True,
                 check=True,
                 stdin=subprocess.DEVNULL,

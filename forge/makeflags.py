@@ -10,6 +10,7 @@ AUTH = "--jobserver-auth="
 _FORMER_AUTH = "--jobserver-fds="
 _LETTERS = re.compile(r"[A-Za-z]+(\d+(\.\d+)?)?")
 _VALUE = {"--jobs": "j", "--load-average": "l", "--max-load": "l"}
+_WHOLE = re.compile(r"[0-9]{1,9}")
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
@@ -79,7 +80,7 @@ def _next_number(words: list[str]) -> str:
 
 def _whole(text: str | None) -> int | None:
     """Return a number of jobs; '-j' alone means any number, which is none that we could keep to."""
-    return int(text) if text and text.isdigit() and int(text) else None
+    return int(text) if text and _WHOLE.fullmatch(text) and int(text) else None
 
 
 def _number(text: str | None) -> float | None:

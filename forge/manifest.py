@@ -12,7 +12,7 @@ from forge.conditions import ConditionError, holds
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.frozen import frozen
 from forge.model import Dependency, Export, Kind, Manifest, Person
-from forge.names import did_you_mean
+from forge.names import did_you_mean, is_word
 from forge.xml_tree import Element, parse_xml
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ class _Reader:
         self.path = path
         self.variables = variables
         self.format = 1
+        self.lines: list[str] = []
         self.problems: list[Problem] = []
         self.warnings: list[Problem] = []
 
@@ -225,15 +226,19 @@ class _Reader:
             # Conditions of <conflict> and <replace> are held to be right, too.
             if child.tag not in _CONDITIONAL or not self.active(child) or kinds is None:
                 continue
-            if not child.text.strip():
+            name = child.text.strip()
+            if not name:
                 self.warn(child, f"element '{child.tag}' is empty")
+                continue
+            if not is_word(name):
+                self.fault(child, f"'{name}' is no name of a package", "a name has no blanks and no quotes")
                 continue
             versions = tuple(
                 (word, child.attributes[f"version_{word}"])
                 for word in VERSION_WORDS
                 if f"version_{word}" in child.attributes
             )
-            yield Dependency(child.text.strip(), kinds, versions)
+            yield Dependency(name, kinds, versions)
 
     def exports(self) -> Iterator[Export]:
         for export in self.root.all("export"):
@@ -296,8 +301,9 @@ class _Reader:
         self.warnings.append(Problem(message, self.place(element)))
 
     def place(self, element: Element) -> Place:
-        source = self.content.decode(errors="replace").split("\n")[element.line - 1].rstrip("\r")
-        return Place(self.path, element.line, element.column, source)
+        if not self.lines:
+            self.lines = self.content.decode(errors="replace").split("\n")
+        return Place(self.path, element.line, element.column, self.lines[element.line - 1].rstrip("\r"))
 
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:

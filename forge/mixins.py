@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,11 @@ _OURS: dict[str, list[str]] = {
     "rel-with-deb-info": ["-DCMAKE_BUILD_TYPE=RelWithDebInfo"],
     "release": ["-DCMAKE_BUILD_TYPE=Release"],
 }
+
+
+_DEEPEST = 50
+_MOST = 1000
+"""How many mixins may be inside each other, and how many come to one: two of two each have no end."""
 
 
 @frozen
@@ -56,27 +62,41 @@ def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
     What a mixin is composed of comes before it. Raises SelectionError for names that nobody knows and for
     mixins that are composed of each other.
     """
-    options: dict[str, Any] = {}
+    mixture = _Mixture(verb, mixins)
     for name in names:
-        _add(name, verb, mixins, options, ())
-    return options
+        mixture.add(name, ())
+    return mixture.options
 
 
-def _add(name: str, verb: str, mixins: Mixins, options: dict[str, Any], above: tuple[str, ...]) -> None:
-    if name in above:
-        circle = " -> ".join((*above[above.index(name) :], name))
-        raise SelectionError(Problem(f"mixins are composed of each other: {circle}"))
-    mixin = mixins.get((verb, name))
-    if mixin is None:
-        known = [other for of, other in mixins if of == verb]
-        hint = did_you_mean(name, known) or f"'forge mixin list' shows those of 'forge {verb}'"
-        raise SelectionError(Problem(f"there is no mixin '{name}' for 'forge {verb}'", hint=hint))
-    for other in mixin.options.get("mixin", ()):
-        _add(other, verb, mixins, options, (*above, name))
-    for key, value in mixin.options.items():
-        if key != "mixin":
-            old = options.get(key)
-            options[key] = [*old, *value] if isinstance(old, list) and isinstance(value, list) else value
+@dataclass(slots=True)
+class _Mixture:
+    """What mixins come to, put together one by one."""
+
+    verb: str
+    mixins: Mixins
+    options: dict[str, Any] = field(default_factory=dict)
+    count: int = 0
+
+    def add(self, name: str, above: tuple[str, ...]) -> None:
+        """Add a mixin, after what it is composed of; `above` are those that it is a part of."""
+        if name in above:
+            circle = " -> ".join((*above[above.index(name) :], name))
+            raise SelectionError(Problem(f"mixins are composed of each other: {circle}"))
+        mixin = self.mixins.get((self.verb, name))
+        if mixin is None:
+            known = [other for of, other in self.mixins if of == self.verb]
+            hint = did_you_mean(name, known) or f"'forge mixin list' shows those of 'forge {self.verb}'"
+            raise SelectionError(Problem(f"there is no mixin '{name}' for 'forge {self.verb}'", hint=hint))
+        self.count += 1
+        if len(above) > _DEEPEST or self.count > _MOST:
+            raise SelectionError(Problem(f"mixin '{(*above, name)[0]}' is composed of too many others"))
+        for other in mixin.options.get("mixin", ()):
+            self.add(other, (*above, name))
+        for key, value in mixin.options.items():
+            if key != "mixin":
+                old = self.options.get(key)
+                joined = isinstance(old, list) and isinstance(value, list)
+                self.options[key] = old + value if joined else value
 
 
 def _user_files(folder: Path) -> Iterator[Path]:
@@ -87,11 +107,15 @@ def _user_files(folder: Path) -> Iterator[Path]:
 
 def _read(path: Path) -> Iterator[Mixin]:
     try:
-        said = read_yaml(path.read_text(encoding="utf-8"), path)
+        said = read_yaml(path.read_bytes(), path)
     except OSError as error:
         raise SelectionError(Problem(f"cannot read it: {error.strerror}", Place(path))) from None
     for verb, mixins in said.items():
         if not isinstance(mixins, dict) or not all(isinstance(value, dict) for value in mixins.values()):
             hint = f"write '{verb}:', below it a name, and below that 'option: value'"
             raise WorkspaceError(Problem(f"'{verb}' holds no mapping of options", Place(path), hint))
+        for name, options in mixins.items():
+            others = options.get("mixin", [])
+            if not isinstance(others, list) or not all(isinstance(other, str) for other in others):
+                raise WorkspaceError(Problem(f"'mixin' of '{name}' is no list of names", Place(path)))
         yield from (Mixin(verb, str(name), options, path) for name, options in mixins.items())

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _PACKAGE = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]*")
+_WORD = re.compile(r"\w[\w.+-]{0,199}")
 _EMAIL = re.compile(r"[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{2,}")
 _LOWER_THEN_WORD = re.compile(r"(.)([A-Z][a-z]+)")
 _LOWER_THEN_UPPER = re.compile(r"([a-z0-9])([A-Z])")
@@ -17,6 +18,19 @@ _LOWER_THEN_UPPER = re.compile(r"([a-z0-9])([A-Z])")
 def is_package_name(text: str) -> bool:
     """Tell if a package may be called so (workspace spec 1.2)."""
     return _PACKAGE.fullmatch(text) is not None
+
+
+def is_word(text: str) -> bool:
+    """Tell if a name is fit for folders, scripts and CMake, whatever it names and whoever gave it.
+
+    Every name of a package is, and those of Python projects and of other folders mostly are.
+    """
+    return _WORD.fullmatch(text) is not None
+
+
+def is_below(path: str) -> bool:
+    """Tell if a path stays in the folder that it is relative to, as far as its text says, and on one line."""
+    return bool(path) and path.isprintable() and not path.startswith("/") and ".." not in path.split("/")
 
 
 def is_email(text: str) -> bool:

@@ -15,6 +15,7 @@ from forge.errors import Place, Problem, WorkspaceError
 from forge.formats import read_yaml
 from forge.frozen import frozen
 from forge.model import Dependency, Kind
+from forge.names import is_below, is_word
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -57,10 +58,10 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
     by_name: dict[str, dict[str, Any]] = {}
     by_path: dict[str, dict[str, Any]] = {}
     for path in (*_user_files(home), *_files(root, metas)):
-        said = read_yaml(path.read_text(encoding="utf-8"), path)
+        said = read_yaml(path.read_bytes(), path)
         for key, target in (("names", by_name), ("paths", by_path)):
             for name, values in _section(said, key, path).items():
-                merged = target.setdefault(name if key == "names" else _real(path, name), {})
+                merged = target.setdefault(str(name) if key == "names" else _real(path, str(name)), {})
                 merge(merged, values)
     for name, values in package_options(root).items():
         merge(by_name.setdefault(name, {}), values)
@@ -70,7 +71,7 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
 def read_colcon_pkg(folder: Path) -> dict[str, Any]:
     """Return what the colcon.pkg in a folder says; raises WorkspaceError when it is malformed."""
     path = folder / COLCON_PKG
-    return read_yaml(path.read_text(encoding="utf-8"), path)
+    return read_yaml(path.read_bytes(), path)
 
 
 def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:
@@ -86,14 +87,18 @@ def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Package:
-    """Return the package with the dependencies, hooks and settings that the sources add, in their order."""
+    """Return the package with the dependencies, hooks and settings that the sources add, in their order.
+
+    Raises WorkspaceError for dependencies that are no names and hooks that are no paths in the prefix.
+    """
     dependencies: list[Dependency] = []
     settings: dict[str, Any] = {}
     hooks: list[str] = []
     for said in sources:
         for key, kinds in _CATEGORIES.items():
-            dependencies += (Dependency(name, kinds) for name in said.get(key) or () if name != package.name)
-        hooks += (hook if isinstance(hook, str) else str(hook[0]) for hook in said.get("hooks") or ())
+            names = _names(said, key, package)
+            dependencies += (Dependency(name, kinds) for name in names if name != package.name)
+        hooks += _hooks(said, package)
         merge(settings, {key: value for key, value in said.items() if key not in NO_SETTINGS})
     if not (dependencies or settings or hooks):
         return package
@@ -101,6 +106,27 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
         package.manifest, dependencies=(*package.manifest.dependencies, *dict.fromkeys(dependencies))
     )
     return replace(package, manifest=manifest, settings=settings, hooks=tuple(hooks))
+
+
+def _names(said: Mapping[str, Any], key: str, package: Package) -> list[str]:
+    names = said.get(key) or []
+    if not isinstance(names, list) or not all(isinstance(name, str) and is_word(name) for name in names):
+        raise WorkspaceError(
+            Problem(f"'{key}' of '{package.name}' is no list of names", Place(package.path / COLCON_PKG))
+        )
+    return names
+
+
+def _hooks(said: Mapping[str, Any], package: Package) -> list[str]:
+    """Return the scripts; colcon has them alone, or with arguments behind them in a list."""
+    hooks = said.get("hooks") or []
+    listed = hooks if isinstance(hooks, list) else [None]
+    firsts = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
+    paths = [path for path in firsts if isinstance(path, str) and is_below(path)]
+    if len(paths) < len(listed):
+        message = f"'hooks' of '{package.name}' is no list of paths below its prefix"
+        raise WorkspaceError(Problem(message, Place(package.path / COLCON_PKG), "as 'share/NAME/hook.sh'"))
+    return paths
 
 
 def _user_files(home: Path | None) -> Iterator[Path]:
@@ -130,4 +156,4 @@ def _section(said: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Mapp
 
 def _real(path: Path, name: str) -> str:
     """Return the folder that a path in a file means, which is relative to the file."""
-    return os.path.realpath(path.parent / name)
+    return os.path.realpath(path.parent / name.replace("\0", ""))

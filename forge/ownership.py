@@ -52,7 +52,7 @@ def _note(build: Path) -> Mapping[str, str]:
     """Return what a package has installed; nothing when nobody knows."""
     try:
         said = json.loads((build / NOTE).read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return said if isinstance(said, dict) else {}
 

@@ -80,12 +80,21 @@ def _python_package(folder: Folder) -> Identity | None:
     path = folder.path / "setup.py"
     try:
         facts = read_setup_py(folder.text("setup.py"))
-    except (SyntaxError, ValueError, RecursionError) as error:
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None)
-        return Identity(notes=(Problem(f"cannot read it: {error.args[0]}", Place(path, line)),), descend=True)
+        return Identity(
+            notes=(Problem(f"cannot read it: {_reason(error)}", Place(path, line)),), descend=True
+        )
     if facts is None:
         return None
     return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonFacts()), path)
+
+
+def _reason(error: Exception) -> str:
+    """Return what Python has against a text; of what is too deep or too large it says little."""
+    if isinstance(error, RecursionError | MemoryError):
+        return "it nests too deep"
+    return str(error.args[0]) if error.args else "it is no Python"
 
 
 def _project(folder: Folder) -> Identity | None:
@@ -117,7 +126,7 @@ def _cfg_facts(folder: Folder) -> PythonFacts:
 def _toml_facts(folder: Folder) -> PythonFacts | None:
     if not folder.has("pyproject.toml"):
         return None
-    return read_pyproject(read_toml(folder.text("pyproject.toml"), folder.place / "pyproject.toml"))
+    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.place / "pyproject.toml"))
 
 
 def _plain(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.freshness import Outlook, must_begin_anew, traces_of, why_at_all, why_different
 from forge.frozen import frozen
-from forge.graph import closures, ordered_names
+from forge.graph import closure, closures, ordered_names
 from forge.model import BuildPlan, Folder, Parts, Task, Traces
 from forge.names import did_you_mean
 from forge.recipes import RECIPES
@@ -27,9 +27,8 @@ def wanted_names(
 ) -> tuple[str, ...]:
     """Return the selected packages and the embedded ones below them, in topological order."""
     ordered = ordered_names(needs)
-    below = closures(needs, ordered)
     selected = frozenset(selection.names)
-    reached = selected.union(*(below[name] for name in selected))
+    reached = closure(needs, selected)
     return tuple(
         name
         for name in ordered

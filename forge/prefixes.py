@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
 from forge.frozen import frozen
+from forge.names import is_word
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -74,7 +75,7 @@ def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
     colcon's index is read, else ament's, which distributions have.
     """
     if _layout(root) == "isolated":
-        names = sorted(entry.name for entry in root.iterdir() if not entry.name.startswith("."))
+        names = sorted(entry.name for entry in root.iterdir() if is_word(entry.name))
         candidates = [(name, root / name) for name in names]
     else:
         candidates = [(name, root) for name in _names(root / PACKAGES)]
@@ -138,9 +139,7 @@ def _names(folder: Path) -> list[str]:
     """Return the visible files of an index folder, sorted; none where there is no folder."""
     if not folder.is_dir():
         return []
-    return sorted(
-        entry.name for entry in folder.iterdir() if not entry.name.startswith(".") and entry.is_file()
-    )
+    return sorted(entry.name for entry in folder.iterdir() if is_word(entry.name) and entry.is_file())
 
 
 def _run_dependencies(root: Path, name: str) -> frozenset[str]:

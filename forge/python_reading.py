@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 _REQUIREMENT = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
-_ASKED = re.compile(r"(~=(?=\s*\d+\.)|==|!=|<=|>=|<|>)\s*(\d+(?:\.\d+)*)(?![\w.*+!-])")
+_ASKED = re.compile(r"(~=(?=\s*\d+\.)|==|!=|<=|>=|<|>)\s*(\d{1,18}(?:\.\d{1,18})*)(?![\w.*+!-])")
 _SYMBOLS = {"==": "eq", "!=": "neq", "<=": "lte", ">=": "gte", "<": "lt", ">": "gt"}
 _IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([^#\n]+))", re.MULTILINE)
 _TEST_EXTRAS = ("test", "tests", "testing")
@@ -47,9 +47,18 @@ class PythonFacts:
         )
 
 
+class _Parser(configparser.RawConfigParser):
+    """Gives up at the first line that is wrong: to list them all takes the square of their number."""
+
+    def _handle_error(self, _: object, fpname: str, lineno: int, line: str) -> None:
+        error = configparser.ParsingError(fpname)
+        error.append(lineno, line)
+        raise error
+
+
 def read_setup_cfg(text: str) -> PythonFacts:
     """Return what the sections metadata and options say; nothing when the file is malformed."""
-    parser = configparser.RawConfigParser()
+    parser = _Parser()
     try:
         parser.read_string(text)
     except configparser.Error:
@@ -92,24 +101,30 @@ def read_pyproject(table: Mapping[str, Any]) -> PythonFacts | None:
     """Return what a pyproject.toml says of a project, or None when it only configures tools (PEP 621)."""
     project = table.get("project")
     if not isinstance(project, dict):
-        poetry = table.get("tool", {}).get("poetry")
-        if isinstance(poetry, dict) and isinstance(poetry.get("name"), str):
+        poetry = _below(_below(table, "tool"), "poetry")
+        if isinstance(poetry.get("name"), str):
             return PythonFacts(poetry["name"], str(poetry.get("version", "")))
         return None
     values: dict[str, Any] = {
         "name": project.get("name"),
         "version": project.get("version", ""),
-        "setup_requires": table.get("build-system", {}).get("requires", []),
+        "setup_requires": _below(table, "build-system").get("requires", []),
         "install_requires": project.get("dependencies", []),
         "extras_require": project.get("optional-dependencies", {}),
     }
     people = project.get("maintainers") or project.get("authors") or []
     persons = tuple(
-        Person(person.get("name", ""), person["email"])
-        for person in people
-        if isinstance(person, dict) and person.get("email")
+        Person(str(person.get("name", "")), person["email"])
+        for person in (people if isinstance(people, list) else ())
+        if isinstance(person, dict) and person.get("email") and isinstance(person["email"], str)
     )
     return PythonFacts(maintainers=persons).over(_facts(values))
+
+
+def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return a table inside another, an empty one where something else stands."""
+    found = table.get(key)
+    return found if isinstance(found, dict) else {}
 
 
 def mentioned_modules(text: str) -> frozenset[str]:
@@ -126,7 +141,10 @@ def imported_modules(text: str) -> Iterator[tuple[str, int]]:
     What stands in a `try` or below TYPE_CHECKING may be left out by who runs the file. Raises SyntaxError
     as Python would.
     """
-    yield from _imported(ast.parse(text))
+    try:
+        yield from list(_imported(ast.parse(text)))
+    except (MemoryError, RecursionError, ValueError):
+        raise SyntaxError("it nests too deep, or has a NUL in it") from None
 
 
 def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:

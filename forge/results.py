@@ -83,7 +83,7 @@ def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
         return str(state["python"]), tuple(map(Path, state["underlays"]))
     except OSError:  # what cannot be read cannot be written either: begin_workspace tells
         return None, ()
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         problem = Problem(
             "this is no state of forge", Place(root / STATE), hint="remove the file and build again"
         )

@@ -31,10 +31,7 @@ class Board:
         in_order: bool = False,
     ) -> None:
         """Put every task of the plan on the board, waiting."""
-        self._needs = {
-            name: frozenset(need for need in task.needs if need in plan.tasks)
-            for name, task in plan.tasks.items()
-        }
+        self._needs = _direct(plan)
         self._limit = limit or len(plan.tasks) + 1
         self._continue = continue_on_error
         self._done: set[str] = set()
@@ -43,7 +40,7 @@ class Board:
         self._stopped_by: str | None = None
         self._waiting = list(self._needs)
         if not in_order:
-            weights = _weights(self._needs, seconds or {})
+            weights = _weights(plan, seconds or {})
             # Sorting is stable: ties keep the plan's topological order.
             self._waiting.sort(key=weights.__getitem__, reverse=True)
 
@@ -61,10 +58,10 @@ class Board:
         """Return what happens now: tasks that start, and tasks that never will."""
         events: list[Started | Skipped] = []
         left: list[str] = []
+        if self._idle():
+            return events
         for name in self._waiting:
-            because = self._stopped_by or next(
-                (n for n in sorted(self._needs[name]) if n in self._failed), None
-            )
+            because = self._stopped_by or self._blocker(name)
             if because is not None:
                 self._failed[name] = because
                 events.append(Skipped(name, because))
@@ -97,18 +94,43 @@ class Board:
         """Start nothing any more; the first reason counts."""
         self._stopped_by = self._stopped_by or because
 
+    def _idle(self) -> bool:
+        """Tell if nothing can happen: all that may run does, and nothing went wrong."""
+        return not self._failed and self._stopped_by is None and len(self._running) >= self._limit
+
+    def _blocker(self, name: str) -> str | None:
+        """Return the package whose failure keeps a task from ever starting, if there is one."""
+        blockers = self._needs[name].intersection(self._failed) if self._failed else ()
+        return min((self._failed[need] for need in blockers), default=None)
+
     def _may_start(self, name: str) -> bool:
         return len(self._running) < self._limit and self._needs[name] <= self._done
 
 
-def _weights(
-    needs: Mapping[str, frozenset[str]], seconds: Mapping[str, float]
-) -> dict[str, tuple[float, int]]:
+def _direct(plan: BuildPlan) -> dict[str, frozenset[str]]:
+    """Return the tasks that each one waits for, without those that another of them waits for already.
+
+    A task has all that it needs, however deep: a chain of thousands would be millions of entries to look at
+    whenever anything ends.
+    """
+    found = {}
+    for name, task in plan.tasks.items():
+        direct, covered = [], set[str]()
+        for need in reversed(task.needs):
+            if need in plan.tasks and need not in covered:
+                direct.append(need)
+                covered.update(plan.tasks[need].needs)
+        found[name] = frozenset(direct)
+    return found
+
+
+def _weights(plan: BuildPlan, seconds: Mapping[str, float]) -> dict[str, tuple[float, int]]:
     """Return for each task how long the longest chain from it to the end takes, and how many wait for it.
 
-    `needs` has all that a task needs, however deep, in topological order. A task of which nothing is known
-    takes as long as the usual one; where nothing is known of any, chains count nothing.
+    A task of which nothing is known takes as long as the usual one; where nothing is known of any, chains
+    count nothing.
     """
+    needs = {name: task.needs for name, task in plan.tasks.items()}
     known = sorted(seconds[name] for name in needs if name in seconds)
     usual = known[len(known) // 2] if known else 0.0
     chain = dict.fromkeys(needs, 0.0)
@@ -116,6 +138,7 @@ def _weights(
     for name in reversed(list(needs)):
         chain[name] += seconds.get(name, usual)
         for need in needs[name]:
-            chain[need] = max(chain[need], chain[name])
-            waiting[need] += 1
+            if need in chain:
+                chain[need] = max(chain[need], chain[name])
+                waiting[need] += 1
     return {name: (chain[name], waiting[name]) for name in needs}

@@ -240,7 +240,7 @@ def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:
     """Return the statement that sources a script, which may ask for its prefix."""
     return {
         "template": f"scripts/{shell.family}/{'borrow' if shell.borrows(path) else 'source'}.j2",
-        "comment": comment,
+        "comment": "".join(sign if sign.isprintable() else "?" for sign in comment),
         "prefix": prefix,
         "file": path if path.startswith("/") else f"{prefix}/{path}",
         "prefix_variables": ("COLCON_CURRENT_PREFIX",),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import tempfile
 from functools import lru_cache
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
+_NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
 _SHELL_S_OWN = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
 
 
@@ -96,10 +99,13 @@ def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[
     def read(path: str) -> str | None:
         try:
             return (prefix / path).read_text(encoding="utf-8", errors="surrogateescape")
-        except (FileNotFoundError, NotADirectoryError):
-            return None
+        except OSError as error:
+            if error.errno in _NOT_THERE:
+                return None
+            raise
 
-    return settle(read_hooks(name, read), lambda path: (prefix / path).exists())
+    # Unlike Path.exists, os.path.exists says no to a name that no file can have.
+    return settle(read_hooks(name, read), lambda path: os.path.exists(prefix / path))  # noqa: PTH110
 
 
 def _apply(

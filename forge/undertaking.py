@@ -195,7 +195,7 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
     """Return the styles that each tool speaks: as tried by an earlier build with the same, else tried now."""
     file = kitchen.layout.build / STYLES
     told = "\n".join(f"{name} {identity}" for name, identity in kitchen.tools if name in {"ninja", "make"})
-    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         said = json.loads(file.read_bytes())
         if said["tools"] == told:
             return {name: frozenset(styles) for name, styles in said["styles"].items()}

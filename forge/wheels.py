@@ -29,13 +29,18 @@ import pyproject_hooks
 from installer.destinations import SchemeDictionaryDestination
 from installer.sources import WheelFile
 
-from forge.errors import EnvironmentFault, ForgeError, Problem
+from forge.errors import EnvironmentFault, ForgeError, Place, Problem, WorkspaceError
 from forge.files import replace_file
+from forge.formats import read_toml
 from forge.lending import lent_setuptools
 from forge.pitfalls import doubts, refuse_what_no_backend_reads
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from typing import BinaryIO
+
+    from installer.records import RecordEntry
+    from installer.utils import Scheme
 
 MANIFEST = "install_manifest.txt"
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
@@ -159,12 +164,13 @@ def _build_system(source: Path) -> dict[str, Any]:
     path = source / "pyproject.toml"
     if not path.is_file():
         return dict(_SETUPTOOLS)
-    if sys.version_info >= (3, 11):
-        import tomllib  # noqa: PLC0415
-    else:
-        import tomli as tomllib  # noqa: PLC0415
-    table = tomllib.loads(path.read_text(encoding="utf-8")).get("build-system", {})
-    return {**_SETUPTOOLS, **table}
+    table = read_toml(path.read_bytes(), path).get("build-system", {})
+    system = {**_SETUPTOOLS, **(table if isinstance(table, dict) else {"build-backend": None})}
+    folders = system.get("backend-path", [])
+    if not isinstance(system["build-backend"], str) or not isinstance(folders, list):
+        hint = "write 'build-backend' as a text, and 'backend-path' as a list, if at all"
+        raise WorkspaceError(Problem("'build-system' names no backend", Place(path), hint))
+    return system
 
 
 def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
@@ -179,13 +185,24 @@ def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
     }
     with WheelFile.open(wheel) as source:
         _remove_links(options.build / MANIFEST)
-        destination = SchemeDictionaryDestination(
+        destination = _Prefix(
             schemes, interpreter=options.python, script_kind="posix", overwrite_existing=True
         )
         installer.install(source, destination, additional_metadata={"INSTALLER": b"forge\n"})
         record = site / source.dist_info_dir / "RECORD"
     lines = record.read_text(encoding="utf-8").splitlines()
     return tuple(Path(os.path.normpath(site / _path_of(line))) for line in lines)
+
+
+class _Prefix(SchemeDictionaryDestination):
+    """Writes nothing outside of its folders, whatever paths and names of programs a wheel has."""
+
+    def write_to_fs(self, scheme: Scheme, path: str, stream: BinaryIO, is_executable: bool) -> RecordEntry:  # noqa: FBT001  (installer's own signature)
+        """Write a file of the wheel; raises WorkspaceError for one that would leave its folder."""
+        if Path(path).is_absolute() or ".." in Path(path).parts:
+            message = f"the package would install '{path}', which is outside of its prefix"
+            raise WorkspaceError(Problem(message, hint="look at data_files and entry points in its setup"))
+        return super().write_to_fs(scheme, path, stream, is_executable)
 
 
 def _scripts_folder(options: argparse.Namespace) -> str:
@@ -204,11 +221,18 @@ def _scripts_folder(options: argparse.Namespace) -> str:
 def _install_scripts(path: Path) -> str | None:
     """Return the folder below the prefix that a setup.cfg names for programs, if it names one."""
     parser = configparser.RawConfigParser()
-    with contextlib.suppress(configparser.Error):
-        parser.read(path, encoding="utf-8")
+    with contextlib.suppress(configparser.Error, OSError):
+        parser.read_string(path.read_text(encoding="utf-8", errors="replace"))
     section = dict(parser["install"]) if parser.has_section("install") else {}
-    base, _, folder = (section.get("install_scripts") or section.get("install-scripts") or "").partition("/")
-    return folder if base in {"$base", "$platbase"} else None
+    # In a file with a mistake, values may be lists of lines still.
+    said = str(section.get("install_scripts") or section.get("install-scripts") or "")
+    base, _, folder = said.partition("/")
+    if base not in {"$base", "$platbase"}:
+        return None
+    if ".." in Path(folder).parts or "\0" in folder:
+        message = f"programs cannot go to '{folder}', which is outside of the prefix"
+        raise WorkspaceError(Problem(message, Place(path), "name a folder below it, as '$base/lib/PACKAGE'"))
+    return folder
 
 
 def _remove_links(manifest: Path) -> None:

@@ -1,6 +1,7 @@
 """XML text to a small tree that knows its places: elements with line, column and inner text, pure.
 
 Document type declarations are refused: nobody here needs one, and entities are how XML is made to explode.
+So is what nests deeper than any manifest or test result does.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+DEEPEST = 100
+"""How many elements may stand inside each other."""
+
 _START_TAG = re.compile(rb"""(?:[^"'>]|"[^"]*"|'[^']*')*>""")
 """Up to its end: a '>' inside a quoted attribute does not end it."""
 
@@ -28,16 +32,24 @@ _LEFT_OPEN = frozenset(
 
 @dataclass(slots=True)
 class Element:
-    """An element as written. `text` is what stands directly inside; `inner` all of it, tags included."""
+    """An element as written: the bytes `start` to `end` of `content`; `text` stands directly inside."""
 
     tag: str
     attributes: dict[str, str]
     line: int
     column: int
     start: int
+    content: bytes = field(repr=False)
+    end: int = 0
     text: str = ""
-    inner: str = ""
     children: list[Element] = field(default_factory=list)
+
+    @property
+    def inner(self) -> str:
+        """What stands between start and end tag, as written."""
+        written = self.content[self.start : self.end]
+        tag = _START_TAG.match(written)
+        return written[tag.end() if tag else len(written) :].decode(errors="replace")
 
     def all(self, tag: str) -> Iterator[Element]:
         """Yield the direct children of that tag."""
@@ -52,16 +64,17 @@ def parse_xml(content: bytes, path: Path) -> Element:
     except expat.ExpatError as error:
         problem = _problem(expat.ErrorString(error.code), content, path, error.lineno, error.offset + 1)
         raise WorkspaceError(replace(problem, hint=builder.remedy(error.code))) from None
-    except _DeclarationError as error:
-        message = "document type declarations are not allowed"
-        raise WorkspaceError(_problem(message, content, path, error.line, None)) from None
+    except _RefusedError as error:
+        raise WorkspaceError(_problem(str(error), content, path, error.line, None)) from None
     assert builder.root is not None  # noqa: S101  (expat refuses a document without a root)
     return builder.root
 
 
-class _DeclarationError(Exception):
-    def __init__(self, line: int) -> None:
-        super().__init__(line)
+class _RefusedError(Exception):
+    """XML that is well-formed, and of no use here."""
+
+    def __init__(self, message: str, line: int) -> None:
+        super().__init__(message)
         self.line = line
 
 
@@ -72,7 +85,7 @@ class _Builder:
         self.content = content
         self.root: Element | None = None
         self.open: list[Element] = []
-        self.inner_starts: list[int] = []
+        self.texts: list[list[str]] = []
         self.parser = expat.ParserCreate("utf-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self.start
@@ -82,24 +95,27 @@ class _Builder:
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         parser = self.parser
+        if len(self.open) >= DEEPEST:
+            raise _RefusedError(f"elements nest more than {DEEPEST} deep", parser.CurrentLineNumber)
         element = Element(
             tag,
             attributes,
             parser.CurrentLineNumber,
             parser.CurrentColumnNumber + 1,
             parser.CurrentByteIndex,
+            self.content,
         )
         if self.open:
             self.open[-1].children.append(element)
         else:
             self.root = element
         self.open.append(element)
+        self.texts.append([])
 
     def end(self, _tag: str) -> None:
         element = self.open.pop()
-        written = self.content[element.start : self.parser.CurrentByteIndex]
-        tag = _START_TAG.match(written)
-        element.inner = written[tag.end() if tag else len(written) :].decode(errors="replace")
+        element.end = self.parser.CurrentByteIndex
+        element.text = "".join(self.texts.pop())
 
     def remedy(self, code: int) -> str | None:
         """Return what to mend, as far as expat's fault tells."""
@@ -113,10 +129,10 @@ class _Builder:
         return None
 
     def characters(self, text: str) -> None:
-        self.open[-1].text += text
+        self.texts[-1].append(text)
 
     def doctype(self, *_: object) -> None:
-        raise _DeclarationError(self.parser.CurrentLineNumber)
+        raise _RefusedError("document type declarations are not allowed", self.parser.CurrentLineNumber)
 
 
 def _problem(message: str, content: bytes, path: Path, line: int, column: int | None) -> Problem:

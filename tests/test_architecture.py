@@ -31,7 +31,8 @@ FLOORS = {
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
         bundling fallback ownership underlays saves interrupts pages sampling
-        examining.machine examining.packages examining.programs examining.subject examining.surroundings
+        examining.machine examining.naming examining.packages examining.programs
+        examining.subject examining.surroundings
         rosdep_files system_packages scenes unfound pitfalls
     """,
     2: """

@@ -108,6 +108,8 @@ def test_a_translation_has_the_same_commands_and_parts(translation: Path, origin
     assert translated == typed
     headings = [[len(marks) for marks in _HEADING.findall(_without_blocks(text))] for text in texts]
     assert headings[0] == headings[1]
+    guides = [set(re.findall(r"\]\(([^)]*how-to/[^)]*)\)", text)) for text in texts]
+    assert guides[0] == guides[1]
     assert f"]({translation.name})" in texts[0]
     assert f"]({original.name})" in texts[1]
 

@@ -139,7 +139,7 @@ def _add_what_to_build(parser: Parser) -> None:
     group.add_argument(
         "--test-result-base",
         metavar="DIR",
-        help="where tests of ament leave their results (default: the build folders); as for forge test",
+        help="where tests of ament leave their results (default: the build folders); tell forge test, too",
     )
 
 
@@ -178,7 +178,9 @@ def _add_cmake(parser: Parser) -> None:
         "--cmake-clean-first", action="store_true", help="remove what was compiled before, and compile again"
     )
     group.add_argument(
-        "--cmake-target", metavar="TARGET", help="build this target, too, before everything else"
+        "--cmake-target",
+        metavar="TARGET",
+        help="build this target, too, before everything else; a package that has none of that name fails",
     )
     group.add_argument(
         "--cmake-target-skip-unavailable",

@@ -28,7 +28,7 @@ def register(parser: Parser) -> None:
     form.add_argument(
         "--dot",
         action="store_true",
-        help="for Graphviz, as 'forge graph --dot | dot -Tsvg'; dashed over packages left out",
+        help="for Graphviz, as 'forge graph --dot | dot -Tsvg'",
     )
     form.add_argument("--density", action="store_true", help="begin with how dense the graph is")
     parser.add_argument("-o", "--output", metavar="FILE", help="write to a file instead of printing")

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-_UNIT = re.compile(r"\s*\[([^,\]]+)\]")
+_BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
+"""From a '[' to what ends it; all up to there has no unit in it unless that is a ']'."""
+
+
+TURNING = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""What turns the direction of text: code and comments would look like what they are not (CVE-2021-42574)."""
 
 
 def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
@@ -27,8 +32,10 @@ def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
 
 
 def _without_unit(texts: list[str]) -> tuple[list[str], str | None]:
-    found = list(_UNIT.finditer("\n".join(texts)))
+    whole = "\n".join(texts)
+    found = [bracket for bracket in _BRACKET.finditer(whole) if bracket[1] and bracket[2] == "]"]
     if len(found) != 1:
         return texts, None
     # Where the blanks before the bracket span lines, no line holds the whole, and the text stays.
-    return [text.replace(found[0].group(), "").rstrip() for text in texts], found[0][1]
+    written = whole[len(whole[: found[0].start()].rstrip()) : found[0].end()]
+    return [text.replace(written, "").rstrip() for text in texts], found[0][1]

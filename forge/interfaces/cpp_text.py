@@ -7,6 +7,7 @@ import re
 import struct
 from typing import TYPE_CHECKING
 
+from forge.interfaces.comments import TURNING
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ _INTEGER_SUFFIXES = {"uint8": "u", "uint16": "u", "uint32": "u", "int64": "ll", 
 _REAL_SUFFIXES = {"float": "f", "double": "", "long double": "l"}
 _LOWEST = {"int32": -(1 << 31), "int64": -(1 << 63)}
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
-_UNPRINTABLE = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_UNPRINTABLE = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]|{TURNING.pattern}")
 _SURROGATES = range(0xD800, 0xE000)
 _FIRST_UNIVERSAL = 0xA0
 _FIRST_ASTRAL = 0x10000

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
+from forge.interfaces.comments import TURNING
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Action, Array, File, Message, Named, Primitive, Sequence, Service, Text
 from forge.templating import render
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Type, Value
 
 _MARKUP = re.compile(r"([\\`*_<>\[\]|#])")
+_UNSEEN = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029]|{TURNING.pattern}")
 _IN_FILES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 
 
@@ -85,9 +87,12 @@ def _spell(type_: Type) -> str:
 
 def _shown(value: Value | None) -> str:
     """Return a value much as definitions have it; nothing for none."""
-    return "" if value is None else _escaped(json.dumps(value, ensure_ascii=False))
+    if value is None:
+        return ""
+    text = json.dumps(value, ensure_ascii=False)
+    return _escaped(TURNING.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text))
 
 
 def _escaped(text: str) -> str:
-    """Return text that Markdown shows as it is, on one line."""
-    return _MARKUP.sub(r"\\\1", text)
+    """Return text that Markdown shows as it is, on one line and in one direction."""
+    return _MARKUP.sub(r"\\\1", _UNSEEN.sub(" ", text))

@@ -86,14 +86,20 @@ class Hasher:
         return self._texts[name]
 
     def _closure(self, name: TypeName) -> frozenset[TypeName]:
-        if name not in self._closures:
-            below: set[TypeName] = set()
-            for member in self._structures[name]:
-                element = element_of(member.type)
-                if isinstance(element, Named):
-                    below |= {element.name, *self._closure(element.name)}
-            self._closures[name] = frozenset(below)
+        waiting = [name]
+        while waiting:
+            inner = self._inner(waiting[-1])
+            if unknown := [each for each in inner if each not in self._closures]:
+                waiting += unknown
+            else:
+                below = frozenset(inner).union(*(self._closures[each] for each in inner))
+                self._closures[waiting.pop()] = below
         return self._closures[name]
+
+    def _inner(self, name: TypeName) -> list[TypeName]:
+        """Return the types of a structure's own members."""
+        elements = (element_of(member.type) for member in self._structures[name])
+        return [element.name for element in elements if isinstance(element, Named)]
 
 
 def hashes(catalog: Catalog) -> dict[TypeName, str]:

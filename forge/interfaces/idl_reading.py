@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from forge.errors import InterfaceError, Place, Problem, raise_if_any
 from forge.interfaces.declarations import check_keyword
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 _SECTIONS = {2: ("_Request", "_Response"), 3: ("_Goal", "_Result", "_Feedback")}
 _DEPTH = 2
 """How many modules stand around a struct: the package's and, in it, the namespace."""
+
+_DEEPEST = 60
+"""How deep the syntax may nest; no type of ROS comes near."""
 
 _UNUSED = """
     abstract any bitfield bitmask bitset exception fixed import interface local map native switch
@@ -77,6 +81,9 @@ def read_idl(source: Source) -> FileReader:
         tree = _grammar().parse(text)
     except UnexpectedInput as error:
         raise InterfaceError(reader.problem(_explained(error, text))) from None
+    deep = _too_deep(tree)
+    if deep is not None:
+        raise InterfaceError(reader.problem(Fault("this nests too deep", offset=deep.start_pos or 0)))
     reader.read(tree)
     return reader
 
@@ -86,6 +93,24 @@ def _grammar() -> Lark:
     from lark import Lark  # noqa: PLC0415  (as above)
 
     return Lark.open("idl.lark", rel_to=__file__, parser="lalr")
+
+
+def _too_deep(tree: Tree[Token]) -> Token | None:
+    """Return a word that is nested too deep, if there is one; modules are counted where they are read."""
+    layer: list[Any] = []
+    waiting: list[Any] = [tree]
+    while waiting:
+        node = waiting.pop()
+        inside = waiting if getattr(node, "data", "") in {"start", "definition", "module"} else layer
+        inside += node.children if inside is waiting else [node]
+    depth = 0
+    while layer:
+        words = (node for node in layer if not hasattr(node, "children"))
+        if depth > _DEEPEST and (word := next(words, None)):
+            return cast("Token", word)
+        layer = [child for node in layer for child in getattr(node, "children", ())]
+        depth += 1
+    return None
 
 
 def _explained(error: UnexpectedInput, text: str) -> Fault:
@@ -126,6 +151,8 @@ class FileReader:
     problems: list[Problem] = field(default_factory=list)
     doubts: list[Problem] = field(default_factory=list)
     _messages: list[Message] = field(default_factory=list)
+    _starts: list[int] = field(default_factory=list)
+    """Where each line begins, once anybody has asked for a place."""
 
     def read(self, tree: Tree[Token]) -> None:
         """Take in every struct, and the constants and types that belong to it."""
@@ -161,9 +188,12 @@ class FileReader:
 
     def place(self, offset: int) -> Place:
         """Return line and column of an offset in the text."""
-        start = self.text.rfind("\n", 0, offset) + 1
-        line = self.text[start:].partition("\n")[0].rstrip("\r")
-        number = self.text.count("\n", 0, offset) + 1
+        if not self._starts:
+            self._starts = [0, *(match.end() for match in re.finditer("\n", self.text))]
+        number = bisect_right(self._starts, offset)
+        start = self._starts[number - 1]
+        end = self.text.find("\n", start)
+        line = self.text[start : None if end < 0 else end].rstrip("\r")
         return Place(str(self.source.path), number, offset - start + 1, line)
 
     def problem(self, fault: Fault) -> Problem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, cast
 
 from forge.interfaces.declarations import check_keyword
@@ -41,6 +42,8 @@ _ALIASES = {
     "unsigned long long": "uint64",
 }
 _NAME_PARTS = 3
+_CANDIDATES = 100
+"""How many types are looked at for each one that is unknown."""
 
 Annotations = dict[str, list[dict[str, Expression]]]
 """Parameters by annotation; the one of '@name(value)' is called ''."""
@@ -129,7 +132,7 @@ class StructureReader:
         for declarator in declarators:
             name = _token(declarator)
             with self._reporting():
-                _check_name(name, "field", {**fields, **constants})
+                _check_name(name, "field", fields, constants)
                 type_ = self._declared(base, declarator)
                 default = self._default(annotations, type_)
                 doc, unit = _documentation(annotations), _unit(annotations)
@@ -171,7 +174,10 @@ class StructureReader:
             hint = "a type of ROS is named 'package::msg::Name'"
             raise Fault(f"'{written}' does not have three parts", offset=offset, hint=hint)
         if written not in self._types:
-            hint = did_you_mean(written, self._types) or "messages are named in full: 'package::msg::Name'"
+            hint = (
+                did_you_mean(written, islice(self._types, _CANDIDATES))
+                or "messages are named in full: 'package::msg::Name'"
+            )
             raise Fault(f"unknown type '{written}'", offset=offset, hint=hint)
         return self._types[written]
 
@@ -236,10 +242,10 @@ def _unit(annotations: Annotations) -> str | None:
     return str(values[0]) if len(values) == 1 else None
 
 
-def _check_name(name: Token, what: str, taken: Mapping[str, object]) -> None:
+def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
     """Raise Fault for a name that generated code cannot have, or has already."""
     check_keyword(str(name), _start(name), what)
-    if str(name) in taken:
+    if any(str(name) in names for names in taken):
         raise Fault(f"'{name}' is already declared", offset=_start(name))
 
 

@@ -203,7 +203,7 @@ def _element(node: ast.expr) -> Expression:
     import ast  # noqa: PLC0415  (as above)
 
     match node:
-        case ast.UnaryOp(ast.USub(), operand):
+        case ast.UnaryOp(ast.USub(), ast.Constant() | ast.Name() as operand):
             return _signed("-", _element(operand))
         case ast.Constant(bool(truth)):
             return Expression("truth", truth, 0)

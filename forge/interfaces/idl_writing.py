@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
+from forge.interfaces.comments import TURNING
 from forge.interfaces.model import (
     Action,
     Array,
@@ -129,7 +130,7 @@ def _member(member: Field) -> _Line:
 
 def _comment(lines: tuple[str, ...], indent: int) -> str:
     """Return quoted lines that IDL joins again, the later ones indented."""
-    return (' "\\n"\n' + " " * indent).join(map(_quoted, lines))
+    return (' "\\n"\n' + " " * indent).join(_quoted(TURNING.sub(" ", line)) for line in lines)
 
 
 def _type(type_: Type) -> str:

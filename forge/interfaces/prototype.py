@@ -6,6 +6,7 @@ import struct
 import sys
 from typing import TYPE_CHECKING
 
+from forge.errors import InterfaceError, Problem
 from forge.interfaces.model import (
     Action,
     Array,
@@ -15,6 +16,7 @@ from forge.interfaces.model import (
     Sequence,
     Service,
     Text,
+    element_of,
 )
 
 if TYPE_CHECKING:
@@ -22,17 +24,36 @@ if TYPE_CHECKING:
 
     from forge.interfaces.model import Element, Field, Interface, TypeName
 
+LARGEST = 1_000_000
+"""How many values are printed: an array may have any number of them, and of arrays in arrays."""
+
 Prototype = bool | int | float | str | list["Prototype"] | dict[str, "Prototype"]
 """What YAML knows of a value."""
 
 
 def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
-    """Return the YAML of a default message, request or goal."""
+    """Return the YAML of a default message, request or goal; raises InterfaceError where that has no end."""
     import yaml  # noqa: PLC0415  (only this needs it)
 
-    default = prototype(_first_message(interface), known)
+    message = _first_message(interface)
+    if _count(message, known, {}) > LARGEST:
+        raise InterfaceError(Problem(f"'{message.name}' has more than {LARGEST} values"))
+    default = prototype(message, known)
     text: str = yaml.safe_dump(default, allow_unicode=True, width=sys.maxsize, sort_keys=False)
     return text
+
+
+def _count(message: Message, known: Mapping[TypeName, Message], counts: dict[TypeName, int]) -> int:
+    """Return how many values a message has, however deep; each message is counted once."""
+    if message.name not in counts:
+        counts[message.name] = sum(_values(member, known, counts) for member in message.fields)
+    return counts[message.name]
+
+
+def _values(member: Field, known: Mapping[TypeName, Message], counts: dict[TypeName, int]) -> int:
+    element = element_of(member.type)
+    each = _count(known[element.name], known, counts) if isinstance(element, Named) else 1
+    return 1 + each * (member.type.size if isinstance(member.type, Array) else 1)
 
 
 def prototype(message: Message, known: Mapping[TypeName, Message]) -> dict[str, Prototype]:

@@ -111,5 +111,5 @@ def _read(path: Path) -> Record:
             tuple(TypeName(*name.split("/")) for name in written["needs"]),
             {name: Path(folder) for name, folder in written["folders"].items()},
         )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return Record()

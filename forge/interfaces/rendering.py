@@ -6,9 +6,11 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from forge.errors import InterfaceError, raise_if_any
 from forge.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
+from forge.interfaces.resolution import too_deep
 from forge.interfaces.targets import find_target
 
 if TYPE_CHECKING:
@@ -29,6 +31,10 @@ TARGETS = {
 Where it has `package_files(catalog)` and `interface_files(catalog) -> Callable[[Interface], Iterator[File]]`
 as well, an interface is rendered only if its text, or that of one below it, has changed.
 """
+
+
+_NESTING = frozenset({"python", "cpp", "c"})
+"""The targets whose files import or include those of the messages inside."""
 
 
 @frozen
@@ -66,8 +72,10 @@ def render(catalog: Catalog, target: str) -> tuple[File, ...]:
 def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Iterator[Part]:
     """Yield the parts of what a target makes of a catalog; `digests` are those of its interfaces, if known.
 
-    Raises ForgeError as `render` does.
+    Raises ForgeError as `render` does, and where messages stand too deep inside each other.
     """
+    if target in _NESTING:
+        raise_if_any(too_deep(catalog.known), InterfaceError)
     # A target is imported by name, so that one that is not asked for costs nothing.
     view = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
     # What another distribution's target is made of nobody knows.

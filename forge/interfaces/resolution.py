@@ -26,6 +26,13 @@ ACTION_PARTS = (
 """What the code of an action refers to beyond the members of its messages (interface spec 5.3)."""
 
 
+DEEPEST = 100
+"""How many messages may stand inside each other: importing one imports all of them."""
+
+_MANY = 20
+"""How many mistakes of a kind are told, or explained, of one package."""
+
+
 class Known(Protocol):
     """The interfaces of other packages, parsed when they are asked for."""
 
@@ -107,6 +114,23 @@ def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
     messages = {**own, **search.found}
     raise_if_any([*search.problems, *_cycles(messages)], InterfaceError)
     return messages
+
+
+def too_deep(messages: Mapping[TypeName, Message]) -> list[Problem]:
+    """Return a problem where messages stand too deep inside each other for code that includes code."""
+    below = {
+        name: {e.name for member in message.fields if isinstance(e := element_of(member.type), Named)}
+        for name, message in messages.items()
+    }
+    depth: dict[TypeName, int] = {}
+    for name in TopologicalSorter(below).static_order():
+        depth[name] = 1 + max((depth[inner] for inner in below.get(name, ())), default=0)
+        if depth[name] > DEEPEST:
+            message = f"in '{name}' more than {DEEPEST} messages stand inside each other"
+            place = next((member.place for member in messages[name].fields), None)
+            hint = "Python could not import it, nor C++ include it; keep parts of it in messages of their own"
+            return [Problem(message, place, hint)]
+    return []
 
 
 def demand(name: TypeName, known: Known) -> Parsed:
@@ -222,6 +246,8 @@ class _Search:
         if name.package == self.package and name.name in self.forgotten:
             hint = f'add "{self.forgotten[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
             return Problem(f"unknown type '{written}'", member.place, hint)
+        if len(self.problems) >= _MANY:
+            return Problem(f"unknown type '{written}'", member.place)
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
         candidates = {f"{n.package}/{n.name}": n for n in names if n.kind not in {"srv", "action"}}
         return Problem(f"unknown type '{written}'", member.place, _hint(name, self.package, candidates))
@@ -250,8 +276,8 @@ def _cycles(messages: Mapping[TypeName, Message]) -> list[Problem]:
             element = element_of(member.type)
             if isinstance(element, Named) and element.name in messages:
                 needs[name].setdefault(element.name, member)
-    problems = []
-    while cycle := _cycle(needs):
+    problems: list[Problem] = []
+    while len(problems) < _MANY and (cycle := _cycle(needs)):
         path = " -> ".join(f"{name.package}/{name.name}" for name in cycle)
         place = needs[cycle[0]][cycle[1]].place
         problems.append(Problem(f"a message cannot contain itself: {path}", place))

@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
+LONGEST = 1_000_000
+"""How many lines are printed: a message of two, of two each, and so on, has any number of them."""
+
+_DEEPEST = 100
+
+
 class Comments(Enum):
     """Which levels keep their comments and blank lines."""
 
@@ -38,9 +44,12 @@ def show(name: TypeName, comments: Comments, text_of: Callable[[TypeName], str])
     """Yield the lines of an interface and of the messages in it, a tab deeper for each level.
 
     `text_of` returns a definition. Where a comment goes, all of it goes: upstream leaves its '#'.
-    Raises InterfaceError when a message contains itself, and whatever `text_of` raises.
+    Raises InterfaceError when a message contains itself or comes to too much, and whatever `text_of` raises.
     """
-    yield from _show(name, comments, text_of, ())
+    for number, line in enumerate(_show(name, comments, text_of, ())):
+        if number >= LONGEST:
+            raise InterfaceError(Problem(f"'{name}' has more than {LONGEST} lines with what is inside it"))
+        yield line
 
 
 def _show(
@@ -49,6 +58,10 @@ def _show(
     if name in above:
         path = " -> ".join(f"{each.package}/{each.name}" for each in (*above[above.index(name) :], name))
         raise InterfaceError(Problem(f"a message cannot contain itself: {path}"))
+    if len(above) > _DEEPEST:
+        raise InterfaceError(
+            Problem(f"more than {_DEEPEST} messages stand inside each other in '{above[0]}'")
+        )
     keep = comments is Comments.ALL or (comments is Comments.TOP and not above)
     for written in text_of(name).removeprefix("\ufeff").splitlines():
         line = written.rstrip() if keep else written.partition("#")[0].rstrip()

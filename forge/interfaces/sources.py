@@ -45,6 +45,11 @@ def read_source(package: str, base: Path, relative: str) -> Source:
     if PurePosixPath(relative).suffix.removeprefix(".") not in ENDINGS:
         hint = "definitions end in .msg, .srv, .action or .idl"
         raise InterfaceError(Problem("not an interface definition", Place(path), hint))
+    if PurePosixPath(relative).is_absolute() or ".." in PurePosixPath(relative).parts:
+        hint = f"name it by its path below '{base}', as 'msg/Name.msg'"
+        raise InterfaceError(
+            Problem("a definition lies below the folder that it is told of", Place(path), hint)
+        )
     try:
         content = path.read_bytes()
     except OSError as error:

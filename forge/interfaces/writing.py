@@ -114,8 +114,16 @@ def _unwritable(error: OSError, out: Path) -> EnvironmentFault:
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
-    """Say, in make's words, which files `target` was made from."""
-    names = " \\\n  ".join(map(_for_make, sources))
+    """Say, in make's words, which files `target` was made from.
+
+    Raises EnvironmentFault for a path that make has no word for.
+    """
+    listed = tuple(sources)
+    unfit = [each for each in (target, *listed) if not _fits_a_rule(str(each))]
+    if unfit:
+        hint = "move it to a folder without ';' and line breaks in its name"
+        raise EnvironmentFault(Problem(f"{str(unfit[0])!r} cannot stand in a make rule", hint=hint))
+    names = " \\\n  ".join(map(_for_make, listed))
     write_if_changed(path, f"{_for_make(target)}: {names}\n" if names else f"{_for_make(target)}:\n")
 
 
@@ -127,6 +135,10 @@ def write_stamp(path: Path) -> None:
 
 def _language(key: str) -> str:
     return key.partition(" ")[0]
+
+
+def _fits_a_rule(path: str) -> bool:
+    return not any(sign in path for sign in "\n\r\0;")
 
 
 def _for_make(path: Path) -> str:

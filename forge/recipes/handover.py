@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.frozen import frozen
 from forge.model import Kind
+from forge.names import is_word
 from forge.templating import render
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:
     yield "EXPORT_TAGS", tuple(_xml(export).replace("${prefix}/", "") for export in manifest.exports)
     for name, kind in _LISTS.items():
         for dependency in manifest.dependencies:
-            if kind in dependency.kinds:
+            if kind in dependency.kinds and is_word(dependency.name):
                 for comparison, version in dependency.versions:
                     yield f"{name}_{dependency.name}_VERSION_{comparison.upper()}", (version,)
 

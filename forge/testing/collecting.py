@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError
 from forge.frozen import frozen
+from forge.names import is_word
 from forge.testing.outcomes import NotAResultError, Outcome, read_ctest, read_junit
 from forge.xml_tree import parse_xml
 
@@ -83,7 +84,11 @@ def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  
 def _last_run(tag: str) -> str | None:
     """Return the folder of CTest's last run, if it got as far as a result."""
     lines = Path(tag).read_text(encoding="utf-8", errors="replace").splitlines()
-    return lines[0] if lines and (Path(tag).parent / lines[0] / "Test.xml").is_file() else None
+    # A folder beside the file; unlike Path.is_file, os.path.isfile says no to a name that none can have.
+    if not lines or not is_word(lines[0]):
+        return None
+    there = os.path.isfile(f"{Path(tag).parent}/{lines[0]}/Test.xml")  # noqa: PTH113
+    return lines[0] if there else None
 
 
 def _read(path: str, home: str, read: Read) -> Outcome:

@@ -1,0 +1,300 @@
+"""Shapes that grow without end, by harness: many things, deep things, long things.
+
+Each is a beginning, a middle that is repeated, another that closes it as often, and an end. '%d' in a
+middle is replaced by a number of its own, so that nothing is a duplicate, and '%e' by that of the one before.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from forge.frozen import frozen
+
+
+@frozen
+class Shape:
+    """Bytes of any size, all of one kind."""
+
+    name: str
+    middle: bytes
+    before: bytes = b""
+    closing: bytes = b""
+    after: bytes = b""
+
+    def of(self, size: int) -> bytes:
+        """Return about so many bytes."""
+        count = max(1, size // (len(self.middle) + len(self.closing)))
+        if b"%d" in self.middle:
+            middle = b"".join(
+                self.middle.replace(b"%d", b"%d" % number).replace(b"%e", b"%d" % (number - 1))
+                for number in range(count)
+            )
+        else:
+            middle = self.middle * count
+        return self.before + middle + self.closing * count + self.after
+
+
+_HEAD: Final = b"""<package format="3"><name>p</name><version>1.0.0</version><description>d</description>
+<maintainer email="a@b.cc">A</maintainer><license>L</license>"""
+_TAIL: Final = b"</package>"
+_IDL: Final = b"module fuzzed { module msg { "
+_STRUCT: Final = _IDL + b"struct X { "
+_END: Final = b" }; }; };"
+
+_DOCUMENT: Final = (
+    Shape("elements", b"<depend>p%d</depend>", _HEAD, after=_TAIL),
+    Shape("twins", b"<depend>p</depend>", _HEAD, after=_TAIL),
+    Shape("unknown elements", b"<x%d/>", _HEAD, after=_TAIL),
+    Shape("unknown attributes", b' a%d="1"', _HEAD + b"<depend", after=b">p</depend>" + _TAIL),
+    Shape("lines", b"<x%d/>\n", _HEAD, after=_TAIL),
+    Shape("nested", b"<b>", _HEAD + b"<export>", b"</b>", b"</export>" + _TAIL),
+    Shape("unclosed", b"<b>", _HEAD),
+    Shape("mixed text", b"a<b/>", _HEAD + b"<export><x>", after=b"</x></export>" + _TAIL),
+    Shape("entities", b"&amp;", _HEAD + b"<author>", after=b"</author>" + _TAIL),
+    Shape("comments", b"<!-- -->a", _HEAD + b"<author>", after=b"</author>" + _TAIL),
+    Shape("digits", b"1", _HEAD + b'<depend version_gte="1', after=b'">q</depend>' + _TAIL),
+    Shape("mail", b"a.", _HEAD + b'<author email="', after=b'">A</author>' + _TAIL),
+    Shape("conditions", b"a == b and ", _HEAD + b'<depend condition="', after=b'c == d">q</depend>' + _TAIL),
+    Shape("parentheses", b"(", _HEAD + b'<depend condition="', after=b'">q</depend>' + _TAIL),
+    Shape("namespaces", b"a:", _HEAD + b"<", after=b"/>" + _TAIL),
+    Shape("blanks", b" ", _HEAD + b"<author>a", after=b"b</author>" + _TAIL),
+)
+_DECLARATIONS: Final = (
+    Shape("fields", b"int8 a%d 5\n"),
+    Shape("constants", b'string A%d = "x"\n'),
+    Shape("headers", b"std_msgs/Header a%d\n"),
+    Shape("unknown types", b"nobody/X a%d\n"),
+    Shape("faults", b"!%d\n"),
+    Shape("twins", b"int8 a\n"),
+    Shape("comments", b"# a\n", after=b"int8 a\n"),
+    Shape("comment behind", b"  # a\n", b"int8 a\n"),
+    Shape("brackets in comments", b"[", b"int8 a  # ", after=b"\n"),
+    Shape("blanks in comments", b" ", b"int8 a  # ", after=b"x\n"),
+    Shape("units", b" [a]", b"int8 a  # ", after=b"\n"),
+    Shape("many comments of blanks", b"#    \n", b"int8 b\n", after=b"int8 a\n"),
+    Shape("a long name", b"a", b"int8 ", after=b"\n"),
+    Shape("a long type", b"A", after=b" a\n"),
+    Shape("a long number", b"1", b"int8 a ", after=b"\n"),
+    Shape("dimensions", b"[]", b"int8", after=b" a\n"),
+    Shape("slashes", b"a/", after=b"A a\n"),
+    Shape("numbers", b"1, ", b"int8[] a [", after=b"1]\n"),
+    Shape("bare texts", b"a, ", b"string[] a [", after=b"b]\n"),
+    Shape("quoted texts", b'"a", ', b"string[] a [", after=b'"b"]\n'),
+    Shape("open quotes", b'"', b"string[] a [", after=b"]\n"),
+    Shape("backslashes", b"\\", b'string a "', after=b'"\n'),
+    Shape("escaped quotes", b'\\"', b'string a "', after=b'"\n'),
+    Shape("lone quotes", b"'\"", b"string[] a [", after=b"]\n"),
+    Shape("blanks in texts", b"   ", b"string[] a [x", after=b"y]\n"),
+    Shape("separators", b"---\n"),
+    Shape("carriage returns", b"\r"),
+)
+_STRUCTURES: Final = (
+    Shape("members", b"double a%d; ", _STRUCT, after=_END),
+    Shape("declarators", b"a%d, ", _STRUCT + b"double ", after=b"z;" + _END),
+    Shape("structs", b"struct X%d { double a; }; ", _IDL, after=b" }; };"),
+    Shape(
+        "constants",
+        b"const short A%d = 1; ",
+        _IDL + b"module X_Constants { ",
+        after=b"}; struct X { double a; }; }; };",
+    ),
+    Shape("typedefs", b"typedef double d%d; ", _IDL, after=b"struct X { double a; }; }; };"),
+    Shape("unknown types", b"d%d a%d;\n", _STRUCT, after=_END),
+    Shape("modules", b"module a { ", closing=b"}; "),
+    Shape("signs", b"-(", _STRUCT + b"@default (value=", b")", b"1) double a;" + _END),
+    Shape("sequences", b"sequence<", _STRUCT, b">", b"a;" + _END),
+    Shape("closed sequences", b"sequence<", _STRUCT + b"", b""),
+    Shape("parentheses", b"(", _STRUCT + b"@default (value="),
+    Shape("texts", b'"a" ', _STRUCT + b'@verbatim (language="comment", text=', after=b") double a;" + _END),
+    Shape("annotations", b"@key ", _STRUCT, after=b"double a;" + _END),
+    Shape("parameters", b"a%d=1, ", _STRUCT + b"@key (", after=b"z=1) double a;" + _END),
+    Shape("sizes", b"[2]", _STRUCT + b"double a", after=b";" + _END),
+    Shape("comments", b"/* */ ", _STRUCT, after=b"double a;" + _END),
+    Shape("a long comment", b"*", b"/*", after=b"/"),
+    Shape("an open comment", b"/*", b""),
+    Shape("a tuple", b"(", _STRUCT + b'@default (value="', b",)", b'") double a[2];' + _END),
+    Shape("a long tuple", b"1, ", _STRUCT + b'@default (value="(', after=b'1)") double a[2];' + _END),
+    Shape(
+        "minus signs in a tuple", b"-", _STRUCT + b'@default (value="(', after=b'1,)") double a[1];' + _END
+    ),
+    Shape("digits", b"1", _STRUCT + b"double a[", after=b"];" + _END),
+)
+_YAML: Final = (
+    Shape("keys", b"k%d: 1\n"),
+    Shape("lists", b"- a\n", b"build:\n"),
+    Shape("nested in line", b"[", b"build: ", b"]"),
+    Shape("nested mappings", b"{a: ", b"build: ", b"}"),
+    Shape("dashes", b"- ", b"build:\n  "),
+    Shape("open quote", b"a ", b'build: "'),
+    Shape("laughs", b"a%d: &x%d [*x%e, *x%e]\n", b"a: &x-1 [1]\n"),
+    Shape("merges", b"a%d: &x%d {<<: [*x%e, *x%e]}\n", b"a: &x-1 {b: 1}\n"),
+    Shape("digits", b"1", b"build: {jobs: ", after=b"}"),
+    Shape("sexagesimal", b":59", b"build: {jobs: 1", after=b"}"),
+    Shape("explicit keys", b"? ", b""),
+    Shape("unknown options", b"  k%d: 1\n", b"build:\n"),
+)
+_TOML: Final = (
+    Shape("keys", b"k%d = 1\n"),
+    Shape("tables", b"[k%d]\n"),
+    Shape("deep tables", b"a.", b"[", after=b"a]\n"),
+    Shape("deep keys", b"a.", after=b"a = 1\n"),
+    Shape("arrays", b"[", b"a = ", b"]"),
+    Shape("inline tables", b"{a = ", b"a = ", b"}"),
+    Shape("arrays of tables", b"[[a]]\n"),
+    Shape("digits", b"1", b"a = "),
+    Shape("unknown options", b"k%d = 1\n", b"[build]\n"),
+    Shape("quotes", b'"', b"a = "),
+)
+_JSON: Final = (
+    Shape("nested", b"[", b"", b"]"),
+    Shape("nested objects", b'{"a":', b"", b"}"),
+    Shape("digits", b"1"),
+    Shape("lines", b'{"a": 1}\n'),
+)
+
+SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
+    "manifest": _DOCUMENT,
+    "condition": (
+        Shape("and", b"a == b and ", after=b"c == d"),
+        Shape("open", b"("),
+        Shape("blanks", b" "),
+        Shape("closed", b"(", b"", b")"),
+        Shape("quotes", b"'"),
+    ),
+    "message": _DECLARATIONS,
+    "service": _DECLARATIONS[:3],
+    "action": _DECLARATIONS[:3],
+    "idl": _STRUCTURES,
+    "schema": (
+        Shape("sections", b"=" * 80 + b"\nMSG: a/X%d\nint8 a\n"),
+        Shape("headings", b"=" * 80 + b"\n"),
+    ),
+    "defaults": _YAML,
+    "forge-toml": _TOML,
+    "metas": (*_YAML, Shape("names", b"  n%d: {a: 1}\n", b"names:\n")),
+    "colcon-pkg": _YAML,
+    "mixin": (
+        *_YAML,
+        Shape("a chain", b"  m%d: {mixin: [m%e]}\n", b"build:\n  m-1: {}\n"),
+        Shape("doubling", b"  m%d: {mixin: [m%e, m%e]}\n", b"build:\n  m-1: {}\n"),
+    ),
+    "cmake-lists": (
+        Shape("open projects", b"project(a "),
+        Shape("projects", b"project(a)\n"),
+        Shape("open searches", b"find_package(a "),
+        Shape("searches", b"find_package(a%d)\n"),
+        Shape("open modules", b"pkg_check_modules(A B "),
+        Shape("modules", b"pkg_check_modules(A b%d)\n"),
+        Shape("required", b" REQUIRED", b"pkg_check_modules(A"),
+        Shape("comments", b"# a\n"),
+        Shape("quotes", b'"', b"#"),
+        Shape("blanks", b" ", b"project", after=b"x"),
+        Shape("blanks everywhere", b"project   "),
+        Shape("names", b"a", b"project("),
+        Shape("blank names", b"project( "),
+    ),
+    "setup-py": (
+        Shape("parentheses", b"("),
+        Shape("lists", b"[", b"setup(name=", b"]", b")"),
+        Shape("signs", b"-"),
+        Shape("not", b"not "),
+        Shape("sums", b"1+", b"x = ", after=b"1"),
+        Shape("calls", b"setup()\n"),
+        Shape("names", b"a%d = 1\n"),
+        Shape("attributes", b"a.", after=b"a"),
+        Shape("lambdas", b"lambda: "),
+        Shape("calls of calls", b"f(", b"", b")"),
+        Shape("digits", b"1"),
+        Shape("ifs", b"if 1: "),
+        Shape("blocks", b"if 1:\n ", b""),
+        Shape("escapes", b"\\d", b'x = "', after=b'"'),
+        Shape("requirements", b'"a%d", ', b"setup(name='a', install_requires=[", after=b"])"),
+        Shape("subscripts", b"[0]", b"a"),
+        Shape("f-strings", b"{x}", b'f"', after=b'"'),
+        Shape("dictionaries", b"{1: ", b"setup(name=", b"}", b")"),
+        Shape("blank lines", b"\n"),
+    ),
+    "setup-cfg": (
+        Shape("bad lines", b"x%d\n", b"[metadata]\n"),
+        Shape("sections", b"[s%d]\n"),
+        Shape("blanks", b" "),
+        Shape("options", b"k%d = 1\n", b"[metadata]\n"),
+        Shape("values", b" v\n", b"[metadata]\nname =\n"),
+        Shape("percent", b"%%(x)s", b"[metadata]\nname = "),
+        Shape("brackets", b"["),
+        Shape("requirements", b" a%d>=1\n", b"[options]\ninstall_requires =\n"),
+        Shape("versions", b">=1", b"[options]\ninstall_requires = a"),
+        Shape("dots", b".1", b"[options]\ninstall_requires = a>=1"),
+        Shape("digits", b"1", b"[options]\ninstall_requires = a~=1."),
+    ),
+    "pyproject": (
+        *_TOML,
+        Shape("requirements", b'"a%d", ', b'[project]\nname = "a"\ndependencies = [', after=b"]"),
+    ),
+    "journal": (
+        *_JSON,
+        *(
+            Shape(
+                f"{shape.name} in a line",
+                shape.middle,
+                b'{"forge_journal": 2}\n' + shape.before,
+                shape.closing,
+            )
+            for shape in _JSON
+        ),
+        Shape("packages", b'{"package": "p%d"}\n', b'{"forge_journal": 2}\n'),
+        Shape("externals", b'"/a%d", ', b'{"forge_journal": 2}\n{"externals": [', after=b'""]}\n'),
+    ),
+    "tables": _JSON,
+    "dsv": (
+        Shape("values", b";a%d", b"prepend-non-duplicate;PATH"),
+        Shape("lines", b"set;A%d;b\n"),
+        Shape("twins", b"prepend-non-duplicate;PATH;bin\n"),
+        Shape("semicolons", b";", b"source"),
+        Shape("sources", b"source;share/p/a%d.sh\n"),
+        Shape("faults", b"x%d\n"),
+        Shape("itself", b"source;share/p/package.dsv\n"),
+        Shape("quotes", b"'\"", b"set;A;"),
+        Shape("dollars", b"$(", b"set;A;"),
+        Shape("appends", b"append-non-duplicate;A;b%d\n"),
+    ),
+    "install-index": (Shape("names", b"a%d:"),),
+    "build-logs": (
+        Shape("edges", b"build a: X /b%d\n"),
+        Shape("open edges", b"build a"),
+        Shape("dollars", b"$"),
+        Shape("colons", b"build a: X"),
+        Shape("paths", b" /a%d", b"build a: X"),
+        Shape("records", b"\4\0\0\0a\0\0\0"),
+        Shape("empty records", b"\0\0\0\0"),
+        Shape("words", b"a \\\n"),
+        Shape("quotes", b'  "/a'),
+        Shape("backslashes", b"\\"),
+        Shape("targets", b"a: /b%d\n"),
+        Shape("open targets", b"a "),
+    ),
+    "test-results": (
+        *(
+            Shape(shape.name, shape.middle, b"<testsuite>" + shape.before, shape.closing, shape.after)
+            for shape in _DOCUMENT
+            if shape.name in {"nested", "unclosed", "lines"}
+        ),
+        Shape(
+            "cases",
+            b'<testcase name="a%d"><failure message="m"/></testcase>',
+            b'<testsuite tests="1" failures="1">',
+            after=b"</testsuite>",
+        ),
+        Shape("deep cases", b"<testsuite>", b"", b"</testsuite>"),
+    ),
+    "make-flags": (
+        Shape("words", b" -k"),
+        Shape("letters", b"k"),
+        Shape("jobs", b" -j1"),
+        Shape("digits", b"1", b"-j"),
+        Shape("descriptors", b"1", b"--jobserver-auth="),
+        Shape("dashes", b"-- "),
+        Shape("letters j", b"j"),
+    ),
+    "generator-arguments": (Shape("words", b"--include\na=/b\n"), Shape("a long word", b"a", b"--package\n")),
+}

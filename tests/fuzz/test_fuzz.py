@@ -1,0 +1,41 @@
+"""No bytes get more out of a parser than a sentence; FORGE_FUZZ_EXAMPLES says how many are tried of each."""
+
+from __future__ import annotations
+
+import os
+import random
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from tests.fuzz.food import SEEDS, spoilt
+from tests.fuzz.harnesses import HARNESSES
+
+EXAMPLES = int(os.environ.get("FORGE_FUZZ_EXAMPLES", "12"))
+SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
+
+
+@pytest.mark.parametrize("name", HARNESSES)
+def test_good_bytes_with_accidents_give_a_value_or_a_sentence(name: str) -> None:
+    chance = random.Random(f"{name} {SEED}")  # noqa: S311  (a reproducible fuzzer)
+    for seed in SEEDS[name]:
+        HARNESSES[name](seed)
+    for _ in range(EXAMPLES):
+        data = spoilt(name, chance)
+        try:
+            HARNESSES[name](data)
+        except BaseException as error:
+            error.args = (*error.args, f"given {data!r}")
+            raise
+
+
+@pytest.mark.parametrize("name", HARNESSES)
+def test_any_bytes_give_a_value_or_a_sentence(name: str) -> None:
+    @settings(max_examples=EXAMPLES, database=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
+    @example(b"")
+    def check(data: bytes) -> None:
+        HARNESSES[name](data)
+
+    check()

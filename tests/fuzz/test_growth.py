@@ -1,0 +1,70 @@
+"""Twice the bytes take about twice the time and twice the memory; what is too deep is refused, not tried.
+
+FORGE_FUZZ_SIZE says how large the largest are, in bytes. Time is that of the processor; the bounds are
+wide, for what they must tell apart is wide apart: for four times the bytes a quadratic reader takes sixteen
+times as long.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+import tracemalloc
+
+import pytest
+
+from tests.fuzz.growth import SHAPES, Shape
+from tests.fuzz.harnesses import HARNESSES
+
+SIZE = int(os.environ.get("FORGE_FUZZ_SIZE", "8000"))
+PATIENCE = 5 + SIZE / 20_000
+"""Seconds of the processor: twenty times what the slowest reader takes."""
+
+CASES = [
+    pytest.param(name, shape, id=f"{name}-{shape.name}")
+    for name, shapes in SHAPES.items()
+    for shape in shapes
+]
+
+
+def seconds(name: str, data: bytes) -> float:
+    """Return the processor time that a harness takes; what takes far too long is stopped."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"{len(data)} bytes take more than {PATIENCE} s")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    begun = time.process_time()
+    try:
+        HARNESSES[name](data)
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+    return time.process_time() - begun
+
+
+@pytest.mark.parametrize(("name", "shape"), CASES)
+def test_time_grows_as_the_bytes_do(name: str, shape: Shape) -> None:
+    for _ in range(3):
+        short, long = (seconds(name, shape.of(size)) for size in (SIZE // 4, SIZE))
+        if long <= 8 * short + 0.15:
+            return
+    pytest.fail(f"{long:.2f} s for {SIZE} bytes, {short:.2f} s for a quarter of them")
+
+
+@pytest.mark.parametrize(("name", "shape"), CASES if "FORGE_FUZZ_SIZE" in os.environ else CASES[::12])
+def test_memory_grows_as_the_bytes_do(name: str, shape: Shape) -> None:
+    data = shape.of(SIZE // 8)
+    HARNESSES[name](data[: len(data) // 2])  # what is kept from then on counts once
+    tracemalloc.start()
+    try:
+        HARNESSES[name](data)
+        assert tracemalloc.get_traced_memory()[1] < 4_000_000 + 1000 * len(data)
+    finally:
+        tracemalloc.stop()
+
+
+def test_every_harness_has_its_shapes() -> None:
+    assert SHAPES.keys() == HARNESSES.keys()

@@ -1,0 +1,497 @@
+"""What packages say never becomes code: each language's own reader finds what it would find without it."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from forge.creation import BUILD_TYPES, Blueprint, draw
+from forge.environment import Edit, Installed, apply, parse_dsv, settle
+from forge.errors import EnvironmentFault, ForgeError, WorkspaceError
+from forge.identification import identify
+from forge.interfaces.model import (
+    Array,
+    Constant,
+    Field,
+    Message,
+    Primitive,
+    Sequence,
+    Source,
+    Text,
+    TypeName,
+)
+from forge.interfaces.parsing import Parsed, parse
+from forge.interfaces.rendering import render
+from forge.interfaces.resolution import resolve
+from forge.interfaces.sources import Library, read_source
+from forge.interfaces.writing import write_depfile
+from forge.manifest import parse_manifest
+from forge.model import Change, Dependency, Export, Kind, Manifest, Person
+from forge.overrides import Overrides
+from forge.recipes.handover import manifest_variables
+from forge.scripts import local_setup, package_setup, setup
+from forge.templating import render as render_template
+from forge.xml_tree import parse_xml
+from tests.hostile import CANARY, FRAGMENTS, hostile
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+EXAMPLES = int(os.environ.get("FORGE_FUZZ_EXAMPLES", "40"))
+quick = settings(
+    max_examples=EXAMPLES, database=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+_BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_WORDS = ("x", "plain words", "x.")
+
+
+# --- Interfaces ---------------------------------------------------------------------------------------------
+
+
+def definition(doc: Iterable[str], unit: str, value: str, name: str = "Hostile") -> Message:
+    """Return a message that says the same wherever an author may say anything."""
+    lines, text = tuple(line for each in doc for line in each.split("\n")), Text()
+    return Message(
+        TypeName("pkg", "msg", name),
+        (
+            Field("number", Primitive("int8"), 5, lines, unit),
+            Field("text", text, value, lines, unit),
+            Field("wide", Text(wide=True), value, lines),
+            Field("texts", Sequence(text), (value, value), lines),
+            Field("fixed", Array(text, 2), ("", value), lines),
+        ),
+        (Constant("TEXT", text, value, lines), Constant("ONE", Primitive("int8"), 1, lines)),
+        lines,
+    )
+
+
+def generated(message: Message, *targets: str) -> dict[str, str]:
+    """Return the texts of all generated files by their paths."""
+    source = Source("pkg", f"msg/{message.name.name}.msg", Path("x.msg"), "")
+    catalog = resolve("pkg", [Parsed(source, message)], Library())
+    return {file.path: file.text for target in targets for file in render(catalog, target)}
+
+
+messages = st.builds(definition, st.lists(hostile(), max_size=3), hostile(), hostile())
+NEUTRAL = definition(["x"], "x", "x")
+everywhere = pytest.mark.parametrize("fragment", FRAGMENTS)
+
+
+def skeleton(text: str) -> str:
+    """Return a Python module with every text in it the same, so that only code can differ."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            node.value = ""
+    return ast.dump(tree)
+
+
+@quick
+@given(messages)
+def test_python_is_the_same_module_whatever_authors_say(message: Message) -> None:
+    found = generated(message, "python")
+    plain = generated(NEUTRAL, "python")
+    for path, text in found.items():
+        if path.endswith(".py"):
+            assert skeleton(text) == skeleton(plain[path])
+        elif path.endswith(".pyi"):
+            # A comment of nothing but blanks leaves no docstring.
+            assert _without_docs(text) == _without_docs(plain[path])
+        assert not _BIDI.search(text), path
+
+
+def _without_docs(text: str) -> str:
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.Module):
+            node.body = [
+                line
+                for line in node.body
+                if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
+            ]
+    return ast.dump(tree)
+
+
+def code_of(text: str, language: str) -> str:
+    """Return C or C++ as the compiler's own first phases leave it: no comments, no literals, no blanks."""
+    words = ["g++", "-x", language, "-fpreprocessed", "-dD", "-E", "-P", "-trigraphs", "-"]
+    done = subprocess.run(words, input=text.encode(), capture_output=True, check=True)
+    assert b"warning" not in done.stderr, done.stderr
+    bare = re.sub(r'(u8|u|U|L)?"(\\.|[^"\\\n])*"|(u|U|L)?\'(\\.|[^\'\\\n])*\'', "T", done.stdout.decode())
+    bare = re.sub(r"\{(?:[T0-9a-fx]+, )*0\}|T(?:\s*T)+", "T", bare)
+    return re.sub(r"\(T, \d+\)|\s+", " ", bare)
+
+
+@pytest.mark.needs("g++")
+@pytest.mark.parametrize("target", ["cpp", "c"])
+def test_what_the_preprocessor_leaves_is_the_same_whatever_authors_say(target: str) -> None:
+    plain = generated(NEUTRAL, target)
+    struct = next(
+        path for path in plain if path.endswith(f"detail/hostile__struct.h{'pp' * (target == 'cpp')}")
+    )
+
+    @settings(quick, max_examples=max(EXAMPLES // 2, 10))
+    @given(messages)
+    def check(message: Message) -> None:
+        found = generated(message, target)
+        language = "c++" if target == "cpp" else "c"
+        assert CANARY not in code_of(found[struct], language)
+        for path, text in found.items():
+            assert not _BIDI.search(text), path
+            text.encode("ascii") if path != struct else None
+            assert not re.search("[\0-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029]", text), path
+
+    check()
+
+
+@pytest.mark.needs("g++", "gcc")
+@pytest.mark.parametrize(("target", "compiler"), [("cpp", "g++ -std=c++17"), ("c", "gcc -std=c99")])
+def test_compilers_take_all_fragments_at_once(target: str, compiler: str, tmp_path: Path) -> None:
+    """Comments of each fragment, alone and at the end of a line; values of each as well."""
+    lines = []
+    for number, fragment in enumerate(FRAGMENTS):
+        message = definition(
+            [fragment, f"x{fragment}", fragment * 2], f"u{fragment}", f"v{fragment}", f"H{number}"
+        )
+        for path, text in generated(message, target).items():
+            (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / path).write_text(text, encoding="utf-8")
+            if f"/detail/h{number}__struct." in path:
+                lines.append(f'#include "{path.removeprefix(f"{target}/")}"\n')
+    language = "c++" if target == "cpp" else "c"
+    (tmp_path / "all").write_text("".join(lines))
+    runtime = Path(__file__).parents[2] / "forge" / "embedded" / "rosidl_default_runtime" / "include"
+    words = [
+        *compiler.split(),
+        "-fsyntax-only",
+        "-x",
+        language,
+        "-trigraphs",
+        "-Wall",
+        "-Wextra",
+        "-Wcomment",
+    ]
+    folders = [f"-I{tmp_path / target}", f"-I{runtime}"]
+    done = subprocess.run(
+        [*words, "-Werror", *folders, tmp_path / "all"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[:4000]
+
+
+@quick
+@given(messages)
+def test_idl_says_the_same_when_it_is_read_again(message: Message) -> None:
+    (text,) = generated(message, "idl").values()
+    again = parse(Source("pkg", "msg/Hostile.idl", Path("Hostile.idl"), text))
+    assert isinstance(again, Message)
+    assert [(f.name, f.type, f.default) for f in again.fields] == [
+        (f.name, f.type, f.default) for f in message.fields
+    ]
+    assert [(c.name, c.value) for c in again.constants] == [(c.name, c.value) for c in message.constants]
+
+
+@quick
+@given(messages)
+def test_json_descriptions_are_json(message: Message) -> None:
+    for text in generated(message, "json").values():
+        json.loads(text)
+
+
+class _Tags(HTMLParser):
+    """Notes every tag."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(f"{tag} {[name for name, _ in attrs]}")
+
+
+@quick
+@given(messages)
+def test_pages_of_documentation_have_no_tag_of_their_subjects(message: Message) -> None:
+    markdown_it = pytest.importorskip("markdown_it")
+    tags = []
+    for each in (message, NEUTRAL):
+        (text,) = generated(each, "docs").values()
+        assert not _BIDI.search(text)
+        parser = _Tags()
+        parser.feed(markdown_it.MarkdownIt("commonmark", {"html": True}).enable("table").render(text))
+        tags.append(parser.tags)
+    assert tags[0] <= tags[1] | {"p []", "ul []", "ol []", "li []", "ol ['start']", "hr []"}
+
+
+@pytest.mark.parametrize("name", [".X", "X\n", "X;Y", "X Y", "X$(a)", "\u202eX", "x"])
+def test_an_interface_cannot_be_called_so(name: str) -> None:
+    with pytest.raises(ForgeError):
+        parse(Source("pkg", f"msg/{name}.msg", Path("x.msg"), "int8 a\n"))
+
+
+@pytest.mark.parametrize(
+    "line", ["int8 ../a", "int8 a;b", "../x/Y a", "a/../Y a", "int8 a$(b)", "int8 a\u202e", "pkg/X\u202eY a"]
+)
+def test_a_member_cannot_be_called_so(line: str) -> None:
+    with pytest.raises(ForgeError):
+        parse(Source("pkg", "msg/X.msg", Path("x.msg"), f"{line}\n"))
+
+
+# --- Packages -----------------------------------------------------------------------------------------------
+
+
+def manifest_of(text: str) -> Manifest:
+    """Return a manifest that says the same in every place that takes any text."""
+    return Manifest(
+        name="pkg", version=text, description=text, build_type="ament_cmake", path=Path("package.xml"),
+        dependencies=(Dependency("other", frozenset({Kind.BUILD}), (("gte", text),)),),
+        maintainers=(Person(text, text),), licenses=(text,), groups=(text, text), group_dependencies=(text,),
+        exports=(Export("deprecated", (("a", text),), text), Export("x", (), text)),
+    )  # fmt: skip
+
+
+@pytest.mark.needs("cmake")
+def test_cmake_reads_what_manifests_say_and_carries_nothing_out(tmp_path: Path) -> None:
+    script = ["cmake_minimum_required(VERSION 3.18)\n"]
+    texts = [fragment.replace("\0", "") for fragment in FRAGMENTS]
+    texts += [f"{text}\\" for text in texts[:40]] + ["".join(texts[at : at + 3]) for at in range(len(texts))]
+    for number, text in enumerate(texts):
+        (tmp_path / f"{number}.cmake").write_text(
+            manifest_variables(manifest_of(text)), encoding="utf-8", newline=""
+        )
+        script.append(f'include({number}.cmake)\nfile(WRITE "{number}.txt" "${{pkg_VERSION}}")\n')
+    (tmp_path / "all.cmake").write_text("".join(script))
+    done = subprocess.run(
+        ["cmake", "-P", "all.cmake"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / CANARY).exists()
+    for number, text in enumerate(texts):
+        read = (tmp_path / f"{number}.txt").read_bytes().decode()
+        assert read == text.replace(";", "\\;").replace("\r\n", "\n"), text
+
+
+@quick
+@given(hostile("\0"), st.sampled_from(["name", "depend", "version", "build_type"]))
+@example(f"x) execute_process(COMMAND touch {CANARY}", "depend")
+@example("../../x", "name")
+def test_a_manifest_with_such_names_is_refused_or_harmless(text: str, tag: str) -> None:
+    from xml.sax.saxutils import escape  # noqa: PLC0415  (an escape that is not ours)
+
+    content = manifest_text(
+        "pkg", f'<depend version_gte="1">{escape(text)}</depend>' if tag == "depend" else ""
+    )
+    if tag != "depend":
+        content = re.sub(f"<{tag}>.*</{tag}>", lambda _: f"<{tag}>{escape(text)}</{tag}>", content)
+    try:
+        manifest = parse_manifest(content.encode(), Path("package.xml"), {})
+    except WorkspaceError:
+        return
+    for line in manifest_variables(manifest).splitlines():
+        assert re.match(r'(#.*|set\([\w.+-]+ ".*"\)|)$', line), line
+    assert "/" not in manifest.name
+    assert manifest.name != ".."
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../x", "/x", "a/b", "..", ".", ".git", "-rf", "a b", "a\nb", "$(x)", "a'b", 'a"b', "x" * 300],
+)
+@pytest.mark.parametrize("where", ["colcon.pkg", "setup.py", "pyproject.toml", "setup.cfg"])
+def test_a_package_cannot_be_called_so(name: str, where: str, tmp_path: Path) -> None:
+    texts = {
+        "colcon.pkg": json.dumps({"name": name, "type": "cmake"}),
+        "setup.py": f"from setuptools import setup\nsetup(name={name!r})\n",
+        "pyproject.toml": f"[project]\nname = {json.dumps(name)}\n",
+        "setup.cfg": "[metadata]\nname = " + name.replace("\n", "\n ") + "\n",
+    }
+    (tmp_path / where).write_text(texts[where])
+    if where == "colcon.pkg":
+        (tmp_path / "CMakeLists.txt").write_text("project(x)\n")
+    elif where == "setup.cfg":
+        (tmp_path / "pyproject.toml").write_text("")
+    names = [path.name for path in tmp_path.iterdir()]
+    found = identify(tmp_path, Path(), names, {}, Overrides())
+    assert found.package is None
+    assert "cannot be the name of a package" in found.problems[0].message
+
+
+@pytest.mark.parametrize("hook", ["../x.sh", "/x.sh", "a/../../x.sh", "a\nset;PATH;x", "", 5, {}])
+def test_a_hook_cannot_be_there(hook: object, tmp_path: Path) -> None:
+    (tmp_path / "package.xml").write_text(manifest_text("pkg"))
+    (tmp_path / "colcon.pkg").write_text(json.dumps({"hooks": [hook]}))
+    found = identify(tmp_path, Path(), ["package.xml", "colcon.pkg"], {}, Overrides())
+    assert "'hooks' of 'pkg'" in found.problems[0].message
+
+
+@quick
+@given(hostile(), hostile(), hostile(), st.sampled_from(BUILD_TYPES))
+def test_a_new_package_says_what_it_was_told(
+    description: str, license_: str, name: str, build_type: str
+) -> None:
+    try:
+        blueprint = Blueprint(
+            "pkg", Person(name, "a@b.cc"), build_type, description=description, license=license_
+        )
+    except ForgeError:
+        return
+    files = {item.path: item.text or "" for item in draw(blueprint)}
+    manifest = parse_manifest(files["package.xml"].encode(), Path("package.xml"), {})
+    assert manifest.maintainers == (Person(" ".join(name.split(" ")).strip(), "a@b.cc"),)
+    if build_type == "ament_python":
+        call = next(
+            node
+            for node in ast.walk(ast.parse(files["setup.py"]))
+            if isinstance(node, ast.Call) and node.keywords
+        )
+        said = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}
+        assert (said["maintainer"], said["description"], said["license"]) == (name, description, license_)
+
+
+# --- Shells -------------------------------------------------------------------------------------------------
+
+_SHELLS = {
+    "sh": ("dash", "-eu", "-c", ". ./setup.sh; env -0"),
+    "bash": ("bash", "--norc", "-eu", "-c", ". ./setup.bash; env -0"),
+    "zsh": ("zsh", "-f", "-c", ". ./setup.zsh; env -0"),
+    "fish": ("fish", "--no-config", "-c", "source ./setup.fish; env -0"),
+}
+
+
+def values() -> list[str]:
+    """Return hostile values, as far as an environment can hold them."""
+    texts = [fragment.replace("\0", "") for fragment in FRAGMENTS]
+    return [text for text in (*texts, *(f"{text}\\" for text in texts[:20]), "".join(texts)) if text]
+
+
+@pytest.mark.parametrize(
+    "shell", [pytest.param(s, marks=pytest.mark.needs(w[0], "env")) for s, w in _SHELLS.items()]
+)
+def test_shells_set_what_packages_say_and_carry_nothing_out(shell: str, tmp_path: Path) -> None:
+    root = tmp_path / 'it\'s a $(touch x) "root"; `touch x` #\\'
+    root.mkdir()
+    edits = [Edit("set", f"SET_{n}", value, below=False) for n, value in enumerate(values())]
+    edits += [Edit("default", f"DEFAULT_{n}", value, below=False) for n, value in enumerate(values())]
+    listed = [(n, value) for n, value in enumerate(values()) if not {":", "\n"} & {*value}]
+    edits += [Edit("prepend", f"LIST_{n}", value, below=not value.startswith("/")) for n, value in listed]
+    underlay = tmp_path / f"gone\n touch {CANARY}\n'\" $(touch {CANARY})"
+    package = Installed("pkg", "pkg", tuple(edits))
+    (root / f"local_setup.{shell}").write_text(local_setup(shell, root, [package]), newline="")
+    (root / f"setup.{shell}").write_text(setup(shell, root, [underlay / f"local_setup.{shell}"]), newline="")
+    (root / f"package.{shell}").write_text(package_setup(shell, root, package), newline="")
+    marker = root / "pkg" / "share" / "colcon-core" / "packages" / "pkg"
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    variables = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "COLCON_CURRENT_PREFIX": str(root)}
+    done = subprocess.run(_SHELLS[shell], cwd=root, env=variables, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    found = dict(
+        entry.decode(errors="surrogateescape").split("=", 1)
+        for entry in done.stdout.split(b"\0")
+        if b"=" in entry
+    )
+    wanted = apply({}, [(f"{root}/pkg", edit) for edit in edits])
+    assert {name: found.get(name) for name in wanted} == wanted
+    assert not list(tmp_path.rglob(CANARY))
+    assert not list(tmp_path.rglob("x"))
+
+
+@quick
+@given(hostile("\0"), st.sampled_from(["PATH", "set", "source", "append"]))
+def test_powershell_finds_no_end_of_a_text_inside_it(text: str, word: str) -> None:
+    """Between double quotes PowerShell heeds '$', a backquote and four kinds of quotes."""
+    edit = Edit("append" if word == "append" else "set", "VALUE", text, below=False)
+    script = package_setup("ps1", Path("/ws"), Installed("pkg", "", (edit,)))
+    found = re.search(r'(?:\$env:VALUE = |VALUE )"((?:`[^\n]|`\n|[^"`$\u201c\u201d\u201e])*)"', script)
+    assert found
+    assert re.sub("`(.)", r"\1", found[1], flags=re.DOTALL) == text
+
+
+@pytest.mark.parametrize("relative", ["../X.msg", "/X.msg", "msg/../../X.msg", "msg/../X.msg"])
+def test_a_definition_cannot_lie_elsewhere(relative: str, tmp_path: Path) -> None:
+    (tmp_path / "msg").mkdir()
+    (tmp_path / "X.msg").write_text("int8 a\n")
+    with pytest.raises(ForgeError, match="below the folder"):
+        read_source("pkg", tmp_path, relative)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "source;../x.sh",
+        "source;a/../../x.sh",
+        "source;",
+        "source;/",
+        "source;..",
+        "set;A B;c",
+        "set;A;b\0",
+        "set;$A;b",
+    ],
+)
+def test_a_hook_file_with_such_a_line_is_refused(line: str) -> None:
+    with pytest.raises(WorkspaceError, match="no environment hook"):
+        parse_dsv(f"{line}\n", "package.dsv")
+
+
+@quick
+@given(hostile("\n", "\r", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029", "\0"))
+def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
+    changes, sources = parse_dsv(f"set;VALUE;{text}\n", "package.dsv")
+    assert (changes, sources) == ((Change("set", "VALUE", text),), ())
+    assert settle(changes, lambda _: False)
+
+
+# --- The rest -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.needs("make")
+def test_make_reads_the_paths_of_a_depfile(tmp_path: Path) -> None:
+    folders = [
+        tmp_path / name for name in ("a b", "a#b", "a$b", "a$(touch canary)b", "a'b", 'a"b', "a`b", "a\\b")
+    ]
+    for folder in folders:
+        folder.mkdir()
+        (folder / "X.msg").touch()
+    write_depfile(tmp_path / "deps", Path("target"), [folder / "X.msg" for folder in folders])
+    (tmp_path / "Makefile").write_text("include deps\ntarget: ; @echo made\n")
+    done = subprocess.run(
+        ["make", "-s", "-C", tmp_path, "target"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+    assert not (tmp_path / "canary").exists()
+
+
+@pytest.mark.parametrize("path", ["/a\n\ttouch b\n", "/a;touch b"])
+def test_a_path_that_make_has_no_word_for_is_refused(path: str, tmp_path: Path) -> None:
+    with pytest.raises(EnvironmentFault, match="cannot stand in a make rule"):
+        write_depfile(tmp_path / "deps", Path("x"), [Path(path)])
+
+
+def test_error_messages_move_no_cursor() -> None:
+    content = manifest_text("pkg", "<x\x85y>\u202e</x\x85y>", "<depend>a b\u202e\x9b31m</depend>").encode()
+    with pytest.raises(WorkspaceError) as caught:
+        parse_manifest(content, Path("package.xml"), {})
+    assert not re.search("[\x1b\x80-\x9f\u202e]", str(caught.value))
+
+
+def test_the_result_of_tests_that_left_none_is_xml() -> None:
+    text = render_template("testing/missing_result.xml.j2", package="a.b-c+d", program="pytest")
+    assert parse_xml(text.encode(), Path("pytest.xml")).attributes["name"] == "a.b-c+d"
+
+
+def test_every_shell_is_tried_but_one() -> None:
+    """PowerShell is not on the machines that test; what it is told is read by the rules of its manual."""
+    from forge.shells import SHELLS  # noqa: PLC0415
+
+    assert SHELLS.keys() == {*_SHELLS, "ps1"}
