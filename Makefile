@@ -13,7 +13,7 @@ help:
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
-	@echo "make peers   install colcon, which tests then compare forge with"
+	@echo "make peers   install colcon and rosdep, which tests then compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
 	@echo "make bench   measure, print JSON"
@@ -79,5 +79,5 @@ clean:
 # colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py.
 .venv-peers/.ready:
 	$(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions
+	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosdep
 	@touch $@
