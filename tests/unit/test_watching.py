@@ -91,8 +91,14 @@ def test_a_whole_watch(forge: Forge, tree: Tree) -> None:
         (root / "src/a/package.xml").write_text(PACKAGE["src/a/package.xml"])
         (root / "src/a/said.txt").write_text("two")
         wait_for(lambda: installed.exists() and installed.read_text() == "two")
-        tree({name.replace("/a/", "/b/"): text.replace("a", "b") for name, text in PACKAGE.items()})
-        time.sleep(1.5)
+        more = {
+            "package.xml": manifest_text("b", build_type="cmake"),
+            "CMakeLists.txt": CMAKE,
+            "said.txt": "",
+        }
+        tree({f"src/b/{name}": text for name, text in more.items()})
+        wait_for((root / "install/b/share/b/package.sh").exists)
+        time.sleep(0.5)
         os.kill(os.getpid(), signal.SIGINT)
 
     editor = threading.Thread(target=edit)
