@@ -34,7 +34,7 @@ FLOORS = {
         pictures.pages pictures.sampling
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
-        rosdep_files system_packages scenes unfound pitfalls
+        needs.rosdep_files needs.system_packages scenes unfound pitfalls
     """,
     2: """
         cmake_reading conditions constraints creation diagnosis environment formats freshness
@@ -42,7 +42,7 @@ FLOORS = {
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
         assignments lengths excerpts pictures pictures.*
-        examining examining.* rosdep common_keys outstanding mistyped
+        examining examining.* needs needs.* mistyped
     """,
     1: "model layout interfaces.model",
     0: ". durations errors refusals frozen names files templating ament_index",

@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import package_options
-from forge.common_keys import common_keys
 from forge.discovery import discover_embedded
 from forge.errors import EnvironmentFault, Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.interpreter import find_interpreter
 from forge.model import Kind
 from forge.names import did_you_mean
-from forge.outstanding import USUAL_KINDS, command_lines, needs_of
+from forge.needs.common_keys import common_keys
+from forge.needs.outstanding import USUAL_KINDS, command_lines, needs_of
+from forge.needs.rosdep import merged, system_of
+from forge.needs.rosdep_files import known_databases, os_release, read_databases
+from forge.needs.system_packages import installed_names
 from forge.prefixes import find_underlays, provider, system_prefixes
 from forge.provision import answered_names
-from forge.rosdep import merged, system_of
-from forge.rosdep_files import known_databases, os_release, read_databases
-from forge.system_packages import installed_names
 from forge.workspace import look_at_workspace, warn
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from forge.cli import Parser
-    from forge.outstanding import Need
-    from forge.rosdep import System
+    from forge.needs.outstanding import Need
+    from forge.needs.rosdep import System
     from forge.workspace import Loaded
 
 

@@ -133,8 +133,8 @@ def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
             "src/a/package.xml": manifest_text("a", "<depend>k</depend>"),
         }
     )
-    from forge.rosdep import system_of  # noqa: PLC0415
-    from forge.rosdep_files import os_release  # noqa: PLC0415
+    from forge.needs.rosdep import system_of  # noqa: PLC0415
+    from forge.needs.rosdep_files import os_release  # noqa: PLC0415
 
     text = (root / "keys.yaml").read_text().replace("any", system_of(os_release()).name)
     (root / "keys.yaml").write_text(text)

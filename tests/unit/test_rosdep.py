@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.common_keys import common_keys
-from forge.rosdep import Resolved, System, merged, resolve, system_of
-from forge.rosdep_files import known_databases, os_release
+from forge.needs.common_keys import common_keys
+from forge.needs.rosdep import Resolved, System, merged, resolve, system_of
+from forge.needs.rosdep_files import known_databases, os_release
 
 if TYPE_CHECKING:
     from pathlib import Path

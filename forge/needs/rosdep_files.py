@@ -17,7 +17,7 @@ from forge.formats import read_yaml
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from forge.rosdep import System
+    from forge.needs.rosdep import System
 
 SOURCES = Path("/etc/ros/rosdep/sources.list.d")
 OS_RELEASE = (Path("/etc/os-release"), Path("/usr/lib/os-release"))

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
 from forge.model import Kind
+from forge.needs.rosdep import resolve
 from forge.provision import is_ros_name
-from forge.rosdep import resolve
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from forge.model import Package
-    from forge.rosdep import Database, System
+    from forge.needs.rosdep import Database, System
 
 USUAL_KINDS = frozenset(Kind) - {Kind.DOC}
 """What counts where nobody says which dependencies are meant, as for rosdep."""

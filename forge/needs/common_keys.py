@@ -1,6 +1,6 @@
 """The keys that packages use most, and what they are called by apt, dnf and pip, for who has no rosdep; pure.
 
-A database as forge.rosdep reads them, written as a table: '-' says that there is no such package, several
+A database as forge.needs.rosdep reads them, written as a table: '-' says that there is none, several
 names are joined by ','. Names of apt are those of Debian 12 and Ubuntu 22.04 and later, names of dnf those
 of Fedora and openEuler.
 """
