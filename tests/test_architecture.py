@@ -39,7 +39,7 @@ FLOORS = {
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths excerpts layering pictures timings timing_views
+        assignments lengths places excerpts layering pictures timings timing_views
         examining examining.* rosdep common_keys outstanding mistyped
     """,
     1: "model layout interfaces.model",
