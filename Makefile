@@ -15,7 +15,7 @@ help:
 	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
 	@echo "make scale   list, order and plan 5,000 packages, chains of 3,000, and generate 20,000 interfaces"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
-	@echo "make peers   install colcon, which tests then compare forge with"
+	@echo "make peers   install colcon and rosdep, which tests then compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
 	@echo "make bench   measure, print JSON"
@@ -90,5 +90,5 @@ clean:
 # colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py.
 .venv-peers/.ready:
 	$(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions
+	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosdep
 	@touch $@

@@ -13,8 +13,11 @@ if TYPE_CHECKING:
 _INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
 _COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
 _CMAKE = re.compile(r"^CMake Error\b")
+_OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)")
 _LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
-_OTHER = re.compile(r"^(error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE)
+_OTHER = re.compile(
+    r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
+)
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 
@@ -26,13 +29,18 @@ class FirstError:
     interface: bool = False
 
 
-def first_error(output: Sequence[str]) -> FirstError | None:
-    """Return the first error that `output` shows, the surest kind first; None when none is known."""
+def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
+    """Return the first error that `output` shows, the surest kind first; None when none is known.
+
+    A CMakeLists.txt is named as it lies in `folder`, so that editors find it.
+    """
     plain = [_COLOUR.sub("", line.rstrip("\r\n")) for line in output]
     for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
         for index, line in enumerate(plain):
             if pattern.search(line):
-                return FirstError(_block(plain, index, extent), pattern is _INTERFACE)
+                first, *rest = _block(plain, index, extent)
+                first = _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), first)
+                return FirstError((first, *rest), pattern is _INTERFACE)
     return None
 
 

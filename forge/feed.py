@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
     from forge.errors import Problem
     from forge.model import BuildPlan, Event, Package, Step
+    from forge.pictures.sampling import Usage
     from forge.reporting import Report
-    from forge.sampling import Usage
     from forge.testing.showing import Failure
 
 

@@ -45,7 +45,9 @@ def add_layout(parser: Parser) -> None:
         help="where logs go; /dev/null for none (default: log)",
     )
     group.add_argument(
-        "--no-wait", action="store_true", help="where another forge is at work: refuse, instead of waiting"
+        "--no-wait",
+        action="store_true",
+        help="where another forge is at work there: say so and end with 2, instead of waiting",
     )
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 

@@ -83,8 +83,10 @@ def command_lines(needs: Iterable[Need], have: frozenset[tuple[str, str]], pytho
                 wanted.setdefault(need.manager, {})[name] = None
     for manager in sorted(wanted):
         command = COMMANDS.get(manager)
-        if command:
-            words = " ".join(map(shlex.quote, sorted(wanted[manager])))
-            yield f"{command.format(python=shlex.quote(python))} {words}"
-        else:
-            yield f"# by hand, as {manager}: {' '.join(sorted(wanted[manager]))}"
+        # What looks like an option is no name.
+        names = sorted(name for name in wanted[manager] if command and not name.startswith("-"))
+        others = sorted(wanted[manager].keys() - set(names))
+        if command and names:
+            yield f"{command.format(python=shlex.quote(python))} {' '.join(map(shlex.quote, names))}"
+        if others:
+            yield f"# by hand, as {manager}: {' '.join(others)}"

@@ -20,7 +20,7 @@ _OF_PYTHON = dict.fromkeys("$%{}", "setuptools puts something else in its place"
 
 
 def unfit_folders(folders: Iterable[Path], *, python: bool) -> Iterator[Problem]:
-    """Yield a problem for each folder that no build works in; `python`: there are Python packages to build."""
+    """Yield a problem for each folder that no build works in; `python`: with Python packages."""
     reasons = {**_SEPARATORS, **(_OF_PYTHON if python else {})}
     for folder in dict.fromkeys(folders):
         for sign in dict.fromkeys(str(folder)):

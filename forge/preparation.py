@@ -109,13 +109,16 @@ def prepare(
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
         require_modules(interpreter, ("numpy",))
+    through_worker = (sys.executable, "-S", "-E", str(Path(__file__).with_name("worker_client.py")))
+    # Only a watch has a worker that has loaded what Python packages take.
+    warm = through_worker if getattr(options, "again", False) else (sys.executable,)
     kitchen = Kitchen(
         root=loaded.workspace.root,
         layout=layout,
         python=interpreter.path,
         site_packages=interpreter.site_packages,
-        forge=(sys.executable, "-m", "forge"),
-        generator=(sys.executable, "-S", "-E", str(Path(__file__).with_name("worker_client.py"))),
+        wheels=(*warm, "-m", "forge.wheels"),
+        generator=through_worker,
         tools=identities(tools, interpreter.path, variables),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,

@@ -154,8 +154,8 @@ def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
                 yield from ((name.name.partition(".")[0], child.lineno) for name in names)
             case ast.ImportFrom(module=str(module), level=0):
                 yield module.partition(".")[0], child.lineno
-            case ast.Try():
-                pass
+            case ast.Try() | ast.expr():
+                pass  # the former may be meant to fail, the latter holds no statements
             case ast.If(test=test) if "TYPE_CHECKING" in ast.dump(test):
                 pass
             case _:

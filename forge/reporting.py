@@ -316,7 +316,7 @@ class Report:
 
         task = event.task
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
-        error = first_error(text.split("\n"))
+        error = first_error(text.split("\n"), self.packages[task].path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = self._hint(task, text)
         self._failed[task] = Fault(error, repeat, hint)

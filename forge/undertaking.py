@@ -25,10 +25,10 @@ from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
 from forge.options import spelled
+from forge.pictures.sampling import watched
 from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
-from forge.sampling import watched
 from forge.schedule import Board
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES, ninja_first
@@ -128,7 +128,7 @@ def carry_out(
 
 def _drawn_timings(folder: Path, options: argparse.Namespace) -> str:
     """Write the page about a run, and return where the latest one always is, as the user would type it."""
-    from forge.pages import PAGE, write_timings  # noqa: PLC0415  (asked for now and then)
+    from forge.pictures.pages import PAGE, write_timings  # noqa: PLC0415  (asked for now and then)
 
     write_timings(folder)
     return spelled(os.path.relpath(folder.parent / "latest_build" / PAGE), options)

@@ -31,10 +31,10 @@ from forge.workspace import begin_turn, packages_there, warn
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from contextlib import AbstractContextManager
 
-    from forge.model import BuildPlan
+    from forge.model import BuildPlan, Package
     from forge.reporting import Report, Tally
     from forge.saves import Interest
 
@@ -123,8 +123,7 @@ class _Turns(Manner):
 
     def worker(self, plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
         """Return what leads to the one worker of all turns."""
-        if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
-            self._warm()
+        self._warm(task.package for task in plan.tasks.values())
         return nullcontext(self._worker or {})
 
     def conclude(self, plan: BuildPlan, report: Report, seconds: float) -> None:
@@ -164,8 +163,7 @@ class _Turns(Manner):
 
         def folders() -> Mapping[str, Interest]:
             workspace = packages_there(root, options, os.environ)
-            if any(INTERFACE_GROUP in one.manifest.groups for one in workspace.packages.values()):
-                self._warm()
+            self._warm(workspace.packages.values())
             bases = package_options.base_paths_of(options)
             return interests(workspace, bases, (FORGE_TOML, *options.metas), self._saves.blind)
 
@@ -173,11 +171,12 @@ class _Turns(Manner):
         self._saves.watch(folders)
         self._must_look = False
 
-    def _warm(self) -> None:
-        if self._worker is None:
-            from forge.worker import worker  # noqa: PLC0415  (only with interface packages)
+    def _warm(self, packages: Iterable[Package]) -> None:
+        """Start the worker, once there are packages for it."""
+        if self._worker is None and any(_has_use_for_a_worker(package) for package in packages):
+            from forge.worker import worker  # noqa: PLC0415  (a workspace may have none of these)
 
-            self._worker = self._at_the_end.enter_context(worker())
+            self._worker = self._at_the_end.enter_context(worker("forge.wheels"))
 
     def _keep_logs(self, folder: Path | None) -> None:
         """Remove the oldest logs of this watch, which may go on for days."""
@@ -197,6 +196,10 @@ class _Turns(Manner):
             sys.stderr.write(f"{problem.render()}\n")
         sys.stderr.flush()
         self._tell("nothing was built; forge tries again after the next save")
+
+
+def _has_use_for_a_worker(package: Package) -> bool:
+    return package.build_type in {"ament_python", "python"} or INTERFACE_GROUP in package.manifest.groups
 
 
 def line_of(order: Sequence[str], tally: Tally, seconds: float) -> str:

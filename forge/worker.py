@@ -1,4 +1,4 @@
-"""A warm forge for the many short commands of one build: `python -m forge.worker SOCKET`.
+"""A warm forge for the many short commands of one build: `python -m forge.worker SOCKET [MODULE ...]`.
 
 Each interface package calls `forge interface generate`, and most of that call is starting an interpreter
 and loading what it needs. The worker has loaded everything once; for each call it forks, and the child
@@ -9,6 +9,7 @@ input does, that is with the build that started it, however that ends.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import importlib
 import json
 import os
@@ -37,12 +38,15 @@ _WARM = (
 
 
 @contextlib.contextmanager
-def worker() -> Iterator[dict[str, str]]:
-    """Start a worker and yield the variables that lead its clients to it; it ends with the block."""
+def worker(*modules: str) -> Iterator[dict[str, str]]:
+    """Start a worker and yield the variables that lead its clients to it; it ends with the block.
+
+    `modules` are loaded beside those of the interface compiler.
+    """
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
         address = str(Path(folder) / "worker")
         process = subprocess.Popen(
-            (sys.executable, "-m", "forge.worker", address),
+            (sys.executable, "-m", "forge.worker", address, *modules),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -56,12 +60,12 @@ def worker() -> Iterator[dict[str, str]]:
             process.wait()
 
 
-def main(address: str) -> int:
+def main(address: str, *modules: str) -> int:
     """Serve until standard input ends."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(address)
         listener.listen(64)
-        for module in _WARM:
+        for module in (*_WARM, *modules):
             importlib.import_module(module)
         # The system takes away children that ended; nobody waits for them.
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -83,13 +87,14 @@ def _serve(connection: socket.socket) -> int:
     call = json.loads(receive_exactly(connection, int.from_bytes(size, "big")))
     for target, descriptor in enumerate(descriptors, start=1):
         os.dup2(descriptor, target)
+    _end_with(connection)
     os.chdir(call["cwd"])
     os.environ.clear()
     os.environ.update(call["environment"])
     sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  (until the process ends)
     sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     try:
-        code = cli.main(call["argv"])
+        code = _run(call["argv"])
     except SystemExit as leaving:
         code = leaving.code if isinstance(leaving.code, int) else 1
     sys.stdout.flush()
@@ -98,5 +103,27 @@ def _serve(connection: socket.socket) -> int:
     return 0
 
 
+def _run(argv: list[str]) -> int:
+    """Run a command line of forge, or a program of its own after '-m'."""
+    if argv[:1] != ["-m"]:
+        return cli.main(argv)
+    code: int = importlib.import_module(argv[1]).main(argv[2:])
+    return code
+
+
+def _end_with(connection: socket.socket) -> None:
+    """End this process, and what it starts, when the caller at the other end does, as in an interrupt."""
+
+    def look(_number: int, _frame: object) -> None:
+        with contextlib.suppress(BlockingIOError):
+            if not connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT):
+                os.killpg(0, signal.SIGKILL)
+
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGIO, look)
+    fcntl.fcntl(connection, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(connection, fcntl.F_SETFL, fcntl.fcntl(connection, fcntl.F_GETFL) | os.O_ASYNC)
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(*sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""Run forge through the worker that FORGE_WORKER names; without one, start forge as usual.
+"""Run forge, or after '-m' a program of its own, through the worker that FORGE_WORKER names, else as usual.
 
 This file is a program, started without site-packages: it imports what costs least.
 """
@@ -19,7 +19,8 @@ def main(argv: "list[str]") -> int:
         except OSError:
             # The worker is not there, or has gone: everything goes on without it, only slower.
             pass
-    return os.execv(sys.executable, [sys.executable, "-m", "forge", *argv])  # noqa: S606  (no shell is wanted)
+    words = argv if argv[:1] == ["-m"] else ["-m", "forge", *argv]
+    return os.execv(sys.executable, [sys.executable, *words])  # noqa: S606  (no shell is wanted)
 
 
 def receive_exactly(connection: socket.socket, size: int) -> bytes:

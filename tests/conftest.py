@@ -53,6 +53,7 @@ REMEDIES = {
     "make": "apt-get install make",
     "ninja": "pip install ninja",
     "pkg-config": "apt-get install pkg-config",
+    "rosdep": "make peers",
     "shellcheck": "apt-get install shellcheck",
     "strace": "apt-get install strace",
     "zsh": "apt-get install zsh",

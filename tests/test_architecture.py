@@ -30,16 +30,18 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        bundling fallback ownership underlays saves interrupts pages sampling
-        examining.machine examining.packages examining.programs examining.subject examining.surroundings
+        bundling fallback ownership underlays saves interrupts
+        pictures.pages pictures.sampling
+        examining.machine examining.naming examining.packages examining.programs
+        examining.subject examining.surroundings
         rosdep_files system_packages scenes unfound pitfalls
     """,
     2: """
-        charts cmake_reading conditions constraints creation diagnosis environment formats freshness
+        cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths places excerpts layering pictures timings timing_views
+        assignments lengths places excerpts pictures pictures.*
         examining examining.* rosdep common_keys outstanding mistyped
     """,
     1: "model layout interfaces.model",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge import package_options
 from forge.common_keys import common_keys
 from forge.discovery import discover_embedded
-from forge.errors import EnvironmentFault, Problem, SelectionError
+from forge.errors import EnvironmentFault, Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.interpreter import find_interpreter
 from forge.model import Kind
 from forge.names import did_you_mean
@@ -19,7 +19,7 @@ from forge.provision import answered_names
 from forge.rosdep import merged, system_of
 from forge.rosdep_files import known_databases, os_release, read_databases
 from forge.system_packages import installed_names
-from forge.workspace import load_workspace
+from forge.workspace import look_at_workspace, warn
 
 if TYPE_CHECKING:
     import argparse
@@ -83,7 +83,12 @@ def run(options: argparse.Namespace) -> int:
     database = merged(
         (*read_databases(options.rosdep_file or ()), *known_databases(system, os.environ), common_keys())
     )
-    loaded = load_workspace(root, options, os.environ)
+    loaded = look_at_workspace(root, options, os.environ)
+    raise_if_any(loaded.workspace.problems, WorkspaceError)
+    if not loaded.packages:
+        hint = "go to the folder that has 'src' in it"
+        raise SelectionError(Problem(f"there is no package below '{root}'", hint=hint))
+    warn(loaded.doubts)
     selected = [loaded.packages[node] for node in loaded.selection.names]
     needs = needs_of(selected, kinds, _provider(loaded, root / options.install_base), database, system)
     python = _python(options)
@@ -95,7 +100,8 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(_plain(needs, have, system), indent=2))
         return 0
     for line in _lines(needs, have, python, everything=options.all):
-        print(line)
+        # It may be given to a shell: a name with a line end in it must not begin another line.
+        print(" ".join(line.split()))
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge import options as shared
 from forge import package_options
 from forge.errors import ForgeError
-from forge.examining import machine, packages, programs, surroundings
+from forge.examining import machine, naming, packages, programs, surroundings
 from forge.examining.checkup import Checkup
 from forge.examining.showing import lines, plain
 from forge.examining.subject import Subject, files_of
@@ -31,7 +31,7 @@ _ANYWHERE = (
     *(surroundings.underlays, surroundings.environment),
     *(machine.disk, machine.clock, machine.limits, machine.capacity),
 )
-_IN_WORKSPACE = (surroundings.results, machine.owners, packages.declarations, packages.shadows)
+_IN_WORKSPACE = (surroundings.results, machine.owners, naming.names, packages.declarations, packages.shadows)
 
 EXIT_USER = 2
 

@@ -7,8 +7,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge import charts, package_options
-from forge.charts import Chart
+from forge import package_options
+from forge.pictures import charts
+from forge.pictures.charts import Chart
 from forge.workspace import load_workspace
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def _text(chart: Chart, options: argparse.Namespace, root: Path) -> str:
 def _picture(chart: Chart, options: argparse.Namespace, root: Path) -> str:
     """Return the picture, in which packages are as tall as their last build took long."""
     from forge.journal import open_journal  # noqa: PLC0415  (only pictures show times)
-    from forge.pictures import drawn, facts  # noqa: PLC0415
+    from forge.pictures.drawing import drawn, facts  # noqa: PLC0415
     from forge.templating import render  # noqa: PLC0415
 
     records = open_journal(root / options.build_base).records

@@ -10,7 +10,7 @@ from forge.errors import Place, Problem
 from forge.frozen import frozen
 from forge.graph import closure
 from forge.model import TEST_KINDS, Kind
-from forge.provision import ALL_KINDS
+from forge.provision import ALL_KINDS, is_ros_name
 from forge.python_reading import imported_modules, mentioned_modules
 
 if TYPE_CHECKING:
@@ -37,6 +37,14 @@ class Surroundings:
     modules: Mapping[str, str]
     needs: Mapping[str, frozenset[str]]
 
+    def knows(self, name: str) -> bool:
+        """Tell if a name is a package: one in reach, or one of ROS that need not be there."""
+        return name in self.known or is_ros_name(name)
+
+    def owner(self, module: str) -> str | None:
+        """Return the package that has a module of Python."""
+        return self.modules.get(module) or (module if is_ros_name(module) else None)
+
 
 @frozen
 class Grades:
@@ -58,7 +66,7 @@ def undeclared_in_cmake(package: Package, text: str, path: Path, around: Surroun
     errors, warnings, notes = [], [], []
     told: set[str] = set()
     for use in uses(text):
-        if use.name in declared or use.name in told or use.name not in around.known:
+        if use.name in declared or use.name in told or not around.knows(use.name):
             continue
         told.add(use.name)
         problem = _undeclared(package, use.name, Place(path, use.line), testing=use.testing)
@@ -74,23 +82,24 @@ def undeclared_in_cmake(package: Package, text: str, path: Path, around: Surroun
 def undeclared_in_python(package: Package, texts: Iterable[tuple[Path, str]], around: Surroundings) -> Grades:
     """Return what Python files import and the manifest does not name; each package once."""
     declared = _declared(package)
-    wanted = {module for module, name in around.modules.items() if name not in declared}
     below = closure(around.needs, around.needs.get(package.name, frozenset()))
     warnings: list[Problem] = []
     notes: list[Problem] = []
     told: set[str] = set()
     for path, text in texts:
         # Reading a file as Python does is slow; most files need not be.
-        if wanted.isdisjoint(mentioned_modules(text)):
+        if (declared | told).issuperset(filter(None, map(around.owner, mentioned_modules(text)))):
             continue
         for module, line in _imports(text):
-            name = around.modules.get(module)
+            name = around.owner(module)
             if name is None or name in declared or name in told:
                 continue
             told.add(name)
             testing = not _TESTS.isdisjoint(path.parts)
             problem = _undeclared(package, name, Place(path, line), testing=testing, only_run=not testing)
-            (notes if name in below else warnings).append(problem)
+            # Launch files seldom have theirs declared, and run with what the whole system has.
+            mild = name in below or path.name.endswith((".launch.py", "_launch.py"))
+            (notes if mild else warnings).append(problem)
     return Grades((), tuple(warnings), tuple(notes))
 
 

@@ -21,16 +21,16 @@ class Kitchen:
 
     `configured` tells of each build folder how it was last configured: (generator, record), both empty
     when it was not; `reconfigure` names packages to configure in any case. `python` is the workspace's
-    interpreter, `site_packages` its folder for modules below a prefix. `forge` is the argv that starts
-    this program, `generator` the one that CMake starts for each interface package, `tools` what tells
-    the tools apart from others of their name.
+    interpreter, `site_packages` its folder for modules below a prefix. `wheels` is the argv that builds
+    a Python package, `generator` the one that CMake starts for each interface package, `tools` what
+    tells the tools apart from others of their name.
     """
 
     root: Path
     layout: Layout
     python: Path
     site_packages: str
-    forge: tuple[str, ...]
+    wheels: tuple[str, ...]
     generator: tuple[str, ...]
     tools: Pairs = ()
     cmake: Path | None = None

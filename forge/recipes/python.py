@@ -25,10 +25,8 @@ def plain_recipe(package: Package, kitchen: Kitchen) -> Recipe:
 def _recipe(package: Package, kitchen: Kitchen, *more: str) -> Recipe:
     """Return the step that starts `python -m forge.wheels`, which says what it does."""
     build = kitchen.layout.build_dir(package.name)
-    interpreter, *words = kitchen.forge
     argv = (
-        interpreter,
-        *(word if word != "forge" else "forge.wheels" for word in words),
+        *kitchen.wheels,
         str(kitchen.root / package.path),
         "--package",
         package.name,

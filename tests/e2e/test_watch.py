@@ -211,7 +211,7 @@ def test_a_failure_is_told_as_ever_and_mended_by_the_next_save(tree: Tree) -> No
         (root / "src/a/CMakeLists.txt").write_text(f'{good}\nmessage(FATAL_ERROR "no luck")\n')
         line = watch.line()
         assert line.startswith(("a failed, 1 not built in ", "a failed in ")), line
-        assert any("CMake Error at CMakeLists.txt" in said for said in watch.said)
+        assert any("CMake Error at src/a/CMakeLists.txt" in said for said in watch.said)
         assert any(said.startswith("  repeat: ") for said in watch.said)
         (root / "src/a/CMakeLists.txt").write_text(f"{good}\n")
         assert watch.rebuilt() == "a"

@@ -83,7 +83,7 @@ def test_a_failure_is_told_with_its_place_and_stops_the_rest(forge: Forge, works
     ran = forge("build", cwd=workspace)
     assert ran.code == 1
     assert "Failed   <<< b" in ran.err
-    assert "first error in step 'cmake':\n    CMake Error at CMakeLists.txt:2 (message):" in ran.err
+    assert "first error in step 'cmake':\n    CMake Error at src/b/CMakeLists.txt:2 (message):" in ran.err
     assert f"log: {workspace}/log/build_" in ran.err
     assert f"repeat: . {workspace}/build/b/handover/environment.sh && cd {workspace}/build/b && " in ran.err
     assert "  1 package failed: b\n" in ran.out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
@@ -141,6 +142,38 @@ def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
     assert out.splitlines()[-1].endswith("-m pip install surely-not-installed")
 
 
+def test_what_cannot_be_read_is_not_said_to_need_nothing(forge: Forge, tree: Tree) -> None:
+    ran = forge("deps", cwd=tree({"src/a/package.xml": "<package>"}))
+    assert ran.code == 2
+    assert "src/a/package.xml:" in ran.err
+    ran = forge("deps", cwd=tree({"src/a/package.xml": "", "src/a/COLCON_IGNORE": ""}))
+    assert (ran.code, ran.out) == (2, "")
+    assert "there is no package below" in ran.err
+
+
 def test_a_workspace_that_needs_nothing(forge: Forge, tree: Tree) -> None:
     ran = forge("deps", cwd=tree({"src/a/package.xml": manifest_text("a")}))
     assert (ran.code, ran.out) == (0, "# nothing is missing\n")
+
+
+def test_what_is_printed_can_be_given_to_a_shell_whatever_names_are(forge: Forge, tree: Tree) -> None:
+    """Names come from files that others wrote: none of them may become a command or an option."""
+    evil = "x\ntouch made\n"
+    database = {
+        "k": {"ubuntu": ["a; touch made", "$(touch made)", "--option"]},
+        "l": {"ubuntu": {"source": {"packages": [evil]}}},
+    }
+    root = tree(
+        {
+            "keys.yaml": json.dumps(database),
+            "src/a/package.xml": manifest_text("a", "<depend>k</depend>", "<depend>l</depend>"),
+        }
+    )
+    ran = deps(forge, root, "--all")
+    assert ran.code == 0, ran.err
+    out = ran.out
+    assert "'a; touch made'" in out
+    assert "--option" not in "".join(line for line in out.splitlines() if not line.startswith("#"))
+    harmless = "sudo() { :; }\n"
+    subprocess.run(["sh", "-c", harmless + out], cwd=root, check=True)
+    assert not (root / "made").exists()

@@ -299,3 +299,27 @@ def test_a_hundred_packages_take_less_than_a_second(forge: Forge, tree: Tree) ->
     found = findings(forge, root)
     assert time.monotonic() - begun < 5
     assert found["checked"][0]["said"] == "100 packages"
+
+
+def test_packages_of_ros_need_not_be_there_to_be_missed(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a", "find_package(rclcpp)"), **python_package("b", "import rclpy.node\n")})
+    messages = [finding["message"] for finding in of_topic(findings(forge, root), "declared")]
+    assert messages == [
+        "'a' uses 'rclcpp', which its manifest does not name",
+        "'b' uses 'rclpy', which its manifest does not name",
+    ]
+
+
+def test_names_that_do_not_agree(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), **python_package("b", ""), **python_package("c", "")})
+    (root / "src/a/package.xml").write_text(manifest_text("a"), encoding="utf-8")
+    (root / "src/a/CMakeLists.txt").write_text(lists("b"), encoding="utf-8")
+    points = "name='x', entry_points={'console_scripts': ['go = c:main']}, packages=['c'])\n"
+    (root / "src/c/setup.py").write_text(f"from setuptools import setup\nsetup({points}", encoding="utf-8")
+    found = of_topic(findings(forge, root), "names")
+    assert [(f["severity"], f["message"], f["file"]) for f in found] == [
+        ("error", "package.xml names the package 'a', and project() 'b'", "src/a/CMakeLists.txt"),
+        ("warning", "package.xml names the package 'c', and setup.py 'x'", "src/c/setup.py"),
+        ("warning", "programs of 'c' go to 'bin', where 'forge run' does not find them", "src/c/setup.cfg"),
+    ]
+    assert "install_scripts=$base/lib/c" in found[2]["hint"]

@@ -13,8 +13,8 @@ import pytest
 
 from forge.feed import Feed
 from forge.model import Aborted, BuildPlan, Finished, Fresh, Output, Skipped, Started, Step, Task
+from forge.pictures.sampling import Usage
 from forge.reporting import HANDLERS, Report, without_prose
-from forge.sampling import Usage
 from tests.packages import manifest_text, package
 from tests.snippets import ROOT
 from tests.testable import PYTEST, cmake_package, python_package

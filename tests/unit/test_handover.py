@@ -20,7 +20,7 @@ KITCHEN = Kitchen(
     layout=Layout(Path("/ws/build"), Path("/ws/install"), None),
     python=Path("/opt/my python/bin/python3"),
     site_packages="lib/python3.11/site-packages",
-    forge=("/opt/my python/bin/python3", "-m", "forge"),
+    wheels=("/opt/my python/bin/python3", "-m", "forge.wheels"),
     generator=("/opt/my python/bin/python3", "-m", "forge"),
 )
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from hypothesis import given
 
 from forge.graph import order, reduced
-from forge.layering import lay_out
+from forge.pictures.layering import lay_out
 from tests.strategies import graphs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from forge.layering import Layout
+    from forge.pictures.layering import Layout
 
 
 def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[Layout, dict[str, tuple[float, float]]]:

@@ -7,7 +7,7 @@ import pickle
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forge.common_keys import common_keys
@@ -126,5 +126,6 @@ def test_the_table_of_common_keys_is_a_database() -> None:
         lambda v: st.lists(v) | st.dictionaries(st.text(max_size=5), v),
     )
 )
+@settings(max_examples=30)
 def test_any_rule_is_read(rule: object) -> None:
     resolve("k", {"k": {"ubuntu": rule}}, JAMMY)

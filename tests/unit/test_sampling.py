@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.sampling import Sampler, processor_times, watched
+from forge.pictures.sampling import Sampler, processor_times, watched
 
 if TYPE_CHECKING:
     from tests.conftest import Tree

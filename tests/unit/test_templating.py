@@ -8,8 +8,8 @@ import jinja2
 import pytest
 
 from forge import templating
-from forge.charts import Chart
-from forge.pictures import drawn
+from forge.pictures.charts import Chart
+from forge.pictures.drawing import drawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

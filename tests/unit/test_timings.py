@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.timing_views import facts, page, trace
-from forge.timings import PackageRun, at_work, critical_path, read_build, rows, waited
+from forge.pictures.timing_views import facts, page, trace
+from forge.pictures.timings import PackageRun, at_work, critical_path, read_build, rows, waited
 from tests.strategies import graphs
 
 if TYPE_CHECKING:

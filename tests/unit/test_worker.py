@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ from forge import worker_client
 from forge.worker import worker
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tests.conftest import Tree
 
 CLIENT = Path(worker_client.__file__)
@@ -52,6 +55,40 @@ def test_through_the_worker_and_without_it_all_is_the_same(package: Path) -> Non
     assert "bad/msg/B.msg:1:1: error: there is no type 'int23'" in asked[1].stderr
     for one, other in zip(alone, asked, strict=True):
         assert (one.returncode, one.stdout, one.stderr) == (other.returncode, other.stdout, other.stderr)
+
+
+DAWDLING = """import os, subprocess
+def main(argv):
+    with open(argv[0] + ".draft", "w") as flag:
+        flag.write(str(os.getpid()))
+    os.rename(flag.name, argv[0])
+    return subprocess.run(["sleep", "60"]).returncode
+"""
+
+
+def until(question: Callable[[], bool]) -> None:
+    """Wait until the answer is yes, but not for ever."""
+    end = time.monotonic() + 20
+    while not question():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_what_a_caller_wanted_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt ends the callers; what they asked for must not go on behind their backs."""
+    (tmp_path / "dawdling.py").write_text(DAWDLING)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((HOME, str(tmp_path))))
+    flag = tmp_path / "flag"
+    with worker("dawdling") as variables:
+        until(Path(variables[worker_client.VARIABLE]).exists)
+        words = [sys.executable, "-S", "-E", str(CLIENT), "-m", "dawdling", str(flag)]
+        with subprocess.Popen(words, env={**os.environ, **variables}) as caller:
+            until(flag.exists)
+            caller.kill()
+        group = flag.read_text()
+        until(
+            lambda: subprocess.run(["pgrep", "-g", group], capture_output=True, check=False).returncode == 1
+        )
 
 
 def test_many_callers_at_once(package: Path) -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.charts import printable
 from forge.durations import duration
 from forge.frozen import frozen
-from forge.timings import ABORTED, FAILED, FINISHED, at_work, critical_path, rows, waited
+from forge.pictures.charts import printable
+from forge.pictures.timings import ABORTED, FAILED, FINISHED, at_work, critical_path, rows, waited
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from forge.timings import Build, MachineUse, PackageRun, StepRun
+    from forge.pictures.timings import Build, MachineUse, PackageRun, StepRun
 
 _KINDS = {"cmake": "configure", "install": "install"}
 STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}

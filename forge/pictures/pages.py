@@ -6,9 +6,9 @@ import json
 from typing import TYPE_CHECKING
 
 from forge.files import write_if_changed
+from forge.pictures.timing_views import STEP_KINDS, facts, page, trace
+from forge.pictures.timings import read_build
 from forge.templating import render
-from forge.timing_views import STEP_KINDS, facts, page, trace
-from forge.timings import read_build
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,19 +7,19 @@ from html import unescape
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from forge.charts import drawn_needs, printable
 from forge.durations import duration
 from forge.frozen import frozen
-from forge.layering import lay_out
+from forge.pictures.charts import drawn_needs, printable
+from forge.pictures.layering import lay_out
 from forge.provision import INTERFACE_GROUP
 from forge.selection import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from forge.charts import Chart
-    from forge.layering import Spot
     from forge.model import Package
+    from forge.pictures.charts import Chart
+    from forge.pictures.layering import Spot
 
 _KINDS = {"ament_cmake": "cmake", "cmake": "cmake", "ament_python": "python", "python": "python"}
 KINDS = {"interfaces": "interfaces", "cmake": "CMake", "python": "Python", "other": "other"}
