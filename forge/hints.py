@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
     from forge.model import Package
 
+_SURE = 0.8
+"""How near a name must be where many are long and alike."""
+
 _BUILD_TOOLS = ("ament_cmake", "rosidl_default_generators", "ament_lint_auto")
 
 
@@ -103,7 +106,7 @@ def _no_such_file(said: str, scene: Scene) -> str | None:
     if name.startswith("/") or name in scene.files:
         return None
     folders = {str(parent) for file in scene.files for parent in PurePosixPath(file).parents}
-    near = did_you_mean(name, {*scene.files, *folders})
+    near = did_you_mean(name, {*scene.files, *folders}, _SURE)
     return near or f"the package has no '{name}': make it, or take it out of what names it"
 
 
@@ -153,7 +156,7 @@ def _not_looked_for(name: str, scene: Scene) -> str | None:
     """Say what to do about a package that ament_target_dependencies() names."""
     if name in scene.packages:
         return f"add find_package({name} REQUIRED) before it in CMakeLists.txt"
-    return did_you_mean(name, scene.packages)
+    return did_you_mean(name, scene.packages, _SURE)
 
 
 def _not_permitted(_: str, _scene: Scene) -> str:

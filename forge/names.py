@@ -43,9 +43,9 @@ def snake_case(name: str) -> str:
     return _LOWER_THEN_UPPER.sub(r"\1_\2", _LOWER_THEN_WORD.sub(r"\1_\2", name)).lower()
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str | None:
-    """Return a hint naming the closest known name, or None when nothing is near."""
+def did_you_mean(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
+    """Return a hint naming the closest known name, or None when nothing is near; nearest of all is 1."""
     import difflib  # noqa: PLC0415  (6 ms at start-up for the rare mistake)
 
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=nearness)
     return f"did you mean '{near[0]}'?" if near else None

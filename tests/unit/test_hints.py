@@ -56,6 +56,10 @@ SCENE = Scene(
             "add find_package(shapes REQUIRED) before it",
         ),
         ("ament_target_dependencies() was given 'drvie', which is no target", "did you mean 'drive'?"),
+        (
+            "was given '/w/src/mine/msg/Status.msg', which does not exist",
+            "the package has no 'msg/Status.msg'",
+        ),
         ('Cannot specify link libraries for target "x" which is not built by', "makes 'x'"),
         ("can't copy 'launch/go.launch.py': doesn't exist", "did you mean 'launch/robot/go.launch.py'?"),
         ("was given\n  '/w/src/mine/msg/Oter.msg', which does\n  not exist", "did you mean 'msg/Other.msg'?"),
@@ -95,6 +99,7 @@ def test_a_dependency_that_is_written_like_a_ros_package_is_not_looked_for_in_th
         'asked CMake to find a package configuration file provided by "shapes", but',
         "ModuleNotFoundError: No module named 'shapes'",
         "/bin/sh: 1: ./generate.sh: Permission denied",
+        "ament_target_dependencies(): 'a' uses the package 'shaders', which was not found",
         'Unknown CMake command "frobnicate".',
     ],
 )
