@@ -4,7 +4,7 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test newest-cmake oldest-cmake fuzz soak lint types bench clean
+.PHONY: help demo test newest-cmake oldest-cmake fuzz fuzz-parsers scale soak lint types bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
@@ -12,6 +12,8 @@ help:
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
+	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
+	@echo "make scale   list, order and plan 5,000 packages, chains of 3,000, and generate 20,000 interfaces"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
 	@echo "make peers   install colcon and rosdep, which tests then compare forge with"
 	@echo "make lint    check style and format"
@@ -37,6 +39,15 @@ fuzz: .venv/.ready
 	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \
 	  tests/e2e/test_cdr_differential.py tests/e2e/test_cdr_cpp_python.py
 
+# With atheris in .venv (pip install atheris) inputs are sought that reach new code. Then long files of all
+# shapes, twice and four times as long.
+fuzz-parsers: .venv/.ready
+	.venv/bin/python -m tests.fuzz $(or $(SECONDS),600)
+	FORGE_FUZZ_EXAMPLES=1000 FORGE_FUZZ_SIZE=200000 $(PYTEST) tests/fuzz tests/unit/test_injection.py
+
+scale: .venv/.ready
+	FORGE_TEST_SCALE=1 $(PYTEST) -s tests/e2e/test_scale.py
+
 # Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output. SEED=2 makes other sequences.
 soak: .venv/.ready
 	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
@@ -55,7 +66,7 @@ bench: .venv/.ready
 	.venv/bin/python -m tests.bench
 
 clean:
-	rm -rf .venv .venv-cmake .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
+	rm -rf fuzz .venv .venv-cmake .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
 	rm -rf examples_ws/ros2/build examples_ws/ros2/install examples_ws/ros2/log
 
 # The demo installs forge as its users do: a wheel, with the cmake and ninja wheels beside it.

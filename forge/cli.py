@@ -128,7 +128,10 @@ class Parser(argparse.ArgumentParser):
         """Parse after shielding the values of greedy options with a blank, as colcon's users do."""
         shielded = self._shielded(args or ())
         if self.verb is None:
-            return self._gathered(*super().parse_known_args(shielded, namespace))
+            try:
+                return self._gathered(*super().parse_known_args(shielded, namespace))
+            except UnicodeDecodeError:
+                self.error("the file of words behind '@' is not UTF-8")
         actions = [action for action in self._actions if action.default is not argparse.SUPPRESS]
         namespace = argparse.Namespace(**dict.fromkeys((action.dest for action in actions), _NOT_GIVEN))
         options, rest = self._gathered(*super().parse_known_args(shielded, namespace))

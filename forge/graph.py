@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import compress
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem, WorkspaceError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+
+
+_BITS = bytes.maketrans(b"01", b"\0\1")
 
 
 def ordered_names(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
@@ -68,13 +73,42 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
     return frozenset(found)
 
 
-def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> dict[str, frozenset[str]]:
+class Closures(Mapping[str, frozenset[str]]):
+    """What each name needs, however deep; put together when it is asked for.
+
+    Kept are numbers whose bits are places in the order: all sets of a chain of thousands, each held at
+    once, would be millions of entries.
+    """
+
+    def __init__(self, needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> None:
+        """Begin with a topological order."""
+        self._ordered = tuple(ordered)
+        place = {name: number for number, name in enumerate(self._ordered)}
+        self._bits: dict[str, int] = {}
+        for name in self._ordered:
+            bits = 0
+            for need in needs[name]:
+                if need in place:
+                    bits |= self._bits[need] | 1 << place[need]
+            self._bits[name] = bits
+
+    def __getitem__(self, name: str) -> frozenset[str]:
+        """Return all that a name needs, itself left out; raises KeyError."""
+        signs = f"{self._bits[name]:b}"[::-1].encode().translate(_BITS)
+        return frozenset(compress(self._ordered, signs))
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names in their order."""
+        return iter(self._ordered)
+
+    def __len__(self) -> int:
+        """Count the names."""
+        return len(self._ordered)
+
+
+def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> Closures:
     """Return for each name of a topological order all that it needs, itself left out."""
-    found: dict[str, frozenset[str]] = {}
-    for name in ordered:
-        direct = frozenset(need for need in needs[name] if need in needs)
-        found[name] = direct.union(*(found[need] for need in direct))
-    return found
+    return Closures(needs, ordered)
 
 
 def reduced(needs: Mapping[str, Iterable[str]], ordered: Sequence[str]) -> dict[str, tuple[str, ...]]:

@@ -15,6 +15,7 @@ from forge.freshness import environment_that_counts
 from forge.interpreter import find_interpreter, require_modules
 from forge.lengths import too_long
 from forge.makeflags import read_make_flags
+from forge.places import unfit_folders
 from forge.planning import Standing
 from forge.prefixes import find_underlays
 from forge.provision import INTERFACE_GROUP, missing_problems
@@ -71,13 +72,15 @@ def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
     return cleaned
 
 
-def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str]) -> None:
+def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str], layout: Layout) -> None:
     """Raise WorkspaceError with everything that would make the build fail anyway."""
     errors, _ = missing_problems(loaded.provision, names)
     problems = [*loaded.workspace.problems, *errors]
     if not loaded.workspace.packages and not problems:
         hint = "go to the folder that has 'src' in it, or make a package: forge pkg create my_package"
         problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
+    python = any("python" in loaded.packages[name].build_type for name in names)
+    problems += unfit_folders((loaded.workspace.root, layout.build, layout.install), python=python)
     raise_if_any(problems, WorkspaceError)
 
 

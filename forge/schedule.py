@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.graph import reduced
 from forge.model import Aborted, Finished, Fresh, Skipped, Started
 
 if TYPE_CHECKING:
@@ -31,7 +32,10 @@ class Board:
         in_order: bool = False,
     ) -> None:
         """Put every task of the plan on the board, waiting."""
-        self._needs = _direct(plan)
+        # A task has all that it needs, however deep: of a chain of thousands, millions of entries that would
+        # be looked at whenever anything ends.
+        direct = reduced({name: task.needs for name, task in plan.tasks.items()}, [*plan.tasks])
+        self._needs = {name: frozenset(needs) for name, needs in direct.items()}
         self._limit = limit or len(plan.tasks) + 1
         self._continue = continue_on_error
         self._done: set[str] = set()
@@ -105,23 +109,6 @@ class Board:
 
     def _may_start(self, name: str) -> bool:
         return len(self._running) < self._limit and self._needs[name] <= self._done
-
-
-def _direct(plan: BuildPlan) -> dict[str, frozenset[str]]:
-    """Return the tasks that each one waits for, without those that another of them waits for already.
-
-    A task has all that it needs, however deep: a chain of thousands would be millions of entries to look at
-    whenever anything ends.
-    """
-    found = {}
-    for name, task in plan.tasks.items():
-        direct, covered = [], set[str]()
-        for need in reversed(task.needs):
-            if need in plan.tasks and need not in covered:
-                direct.append(need)
-                covered.update(plan.tasks[need].needs)
-        found[name] = frozenset(direct)
-    return found
 
 
 def _weights(plan: BuildPlan, seconds: Mapping[str, float]) -> dict[str, tuple[float, int]]:

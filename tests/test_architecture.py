@@ -41,7 +41,7 @@ FLOORS = {
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths excerpts pictures pictures.*
+        assignments lengths places excerpts pictures pictures.*
         examining examining.* needs needs.* mistyped
     """,
     1: "model layout interfaces.model",

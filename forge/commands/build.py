@@ -81,7 +81,7 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     tell_of_lost_underlays(layout, os.environ)
     loaded = load_workspace(root, options, variables, embedded=True, install=layout.install)
     names = wanted_names(loaded.selection, loaded.provision, loaded.provision.needs)
-    refuse_what_cannot_work(loaded, names)
+    refuse_what_cannot_work(loaded, names, layout)
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
     begin_workspace(layout)
     keep_compiled(layout.build / ".forge_templates")

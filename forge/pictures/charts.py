@@ -54,7 +54,7 @@ class _Edge:
 
 def matrix(chart: Chart) -> Iterator[str]:
     """Yield a row for each node: which of the columns, in the same order, depend on it."""
-    below = closures(chart.needs, chart.ordered)
+    below = dict(closures(chart.needs, chart.ordered))
     shown = chart.shown
     width = max((len(name_of(node)) for node in shown), default=0) + 2
     for row in shown:
@@ -65,7 +65,7 @@ def matrix(chart: Chart) -> Iterator[str]:
 def density(chart: Chart) -> float:
     """Return the percentage of dependencies, direct or not, out of all that an order allows."""
     shown = chart.shown
-    below = closures(chart.needs, chart.ordered)
+    below = dict(closures(chart.needs, chart.ordered))
     cells = [_cell(row, column, chart, below) for row in shown for column in shown if row != column]
     return 200.0 * (1.0 - cells.count(" ") / len(cells)) if cells else 0.0
 

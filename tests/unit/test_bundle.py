@@ -126,3 +126,11 @@ def test_what_is_missing_is_told(forge: Forge, tmp_path: Path) -> None:
         ),
     )
     assert not list(tmp_path.glob("*y.tar.gz*"))
+
+
+def test_a_link_around_itself_is_told(forge: Forge, tmp_path: Path) -> None:
+    """Followed, it would have no end."""
+    layout = make_install(tmp_path, [WALKER])
+    (layout.install / "walker" / "all").symlink_to(tmp_path)
+    ran = forge("bundle", cwd=tmp_path)
+    assert (ran.code, "leads to a folder around itself" in ran.err) == (2, True)

@@ -262,3 +262,25 @@ def test_nothing_is_told_of_a_package_that_is_right(tree: Tree, capfd: pytest.Ca
     )
     assert install(root) == 0
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ({"src/talk/setup.cfg": "[install]\ninstall_scripts=$base/../../away\n"}, "outside of the prefix"),
+        (
+            {"src/talk/setup.py": SETUP["src/talk/setup.py"].replace("hello = ", "../../../away = ")},
+            "outside of its",
+        ),
+        ({"src/talk/pyproject.toml": "[build-system]\nbuild-backend = 5\n"}, "names no backend"),
+        ({"src/talk/pyproject.toml": "build-system = 5\n"}, "names no backend"),
+        ({"src/talk/pyproject.toml": "a = [\n"}, "not well-formed TOML"),
+    ],
+)
+def test_what_would_leave_the_prefix_or_is_malformed_is_refused(
+    tree: Tree, capfd: pytest.CaptureFixture[str], said: dict[str, str], told: str
+) -> None:
+    root = tree(SETUP | said)
+    assert install(root) == 2
+    assert told in capfd.readouterr().err
+    assert not list(root.rglob("away"))

@@ -1,0 +1,48 @@
+"""XML has no tricks here: entities, other files, other encodings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from forge.errors import WorkspaceError
+from forge.xml_tree import parse_xml
+
+LAUGHS = "".join(f'<!ENTITY a{n} "&a{n - 1};&a{n - 1};">' for n in range(1, 40))
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        f'<!DOCTYPE a [<!ENTITY a0 "ha">{LAUGHS}]><a>&a39;</a>',
+        '<!DOCTYPE a SYSTEM "http://127.0.0.1:1/a.dtd"><a/>',
+        '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]><a>&b;</a>',
+        '<!DOCTYPE a [<!ENTITY % b SYSTEM "file:///etc/passwd"> %b;]><a/>',
+        "<!DOCTYPE a><a/>",
+        '<!DOCTYPE a [<!ATTLIST a b CDATA "c">]><a/>',
+    ],
+)
+def test_a_document_type_is_refused(document: str) -> None:
+    with pytest.raises(WorkspaceError, match="document type declarations are not allowed"):
+        parse_xml(document.encode(), Path("package.xml"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"<a>&b;</a>",
+        b"<a>\xff</a>",
+        b"<a>\0</a>",
+        b"<a>&#0;</a>",
+    ],
+)
+def test_what_is_no_plain_xml_is_refused(content: bytes) -> None:
+    with pytest.raises(WorkspaceError, match="not well-formed XML"):
+        parse_xml(content, Path("package.xml"))
+
+
+def test_depth_has_a_bound() -> None:
+    assert parse_xml(b"<a>" * 100 + b"</a>" * 100, Path("package.xml")).tag == "a"
+    with pytest.raises(WorkspaceError, match="nest more than 100 deep"):
+        parse_xml(b"<a>" * 101 + b"</a>" * 101, Path("package.xml"))
