@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from collections import Counter
@@ -18,6 +19,10 @@ from hypothesis import HealthCheck, settings
 
 from forge.cli import main
 from forge.files import write_if_changed
+
+# A suite that was started in the background, or below nohup, ignores these, and what it starts would, too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # How long an example takes says more about the machine than about forge.
 settings.register_profile("forge", deadline=None, suppress_health_check=[HealthCheck.too_slow])
