@@ -31,6 +31,9 @@ _LONGEST = 1000
 """Milliseconds after which a build begins though somebody still writes, as git does in a long checkout."""
 
 _POLL = 500
+_SECOND = 1500
+"""Milliseconds after which a second look is due where we poll: that compares times in whole seconds."""
+
 _ATTEMPTS = 10
 _MARKS = frozenset({IGNORE_MARK, *ROS_MARKS})
 
@@ -110,6 +113,8 @@ class Saves:
         """Folders in which forge itself writes."""
         self._watched: Mapping[str, Interest] = {}
         self._notify: RustNotify | None = None
+        self.second_look = False
+        """Whether the last wait ended for no save, but because one may have been missed."""
         self._polling = os.environ.get("WATCHFILES_FORCE_POLLING", "") not in {"", "0", "false"}
 
     @property
@@ -141,12 +146,17 @@ class Saves:
         Raises KeyboardInterrupt.
         """
         assert self._notify is not None  # noqa: S101  (watch() comes first)
+        due = self._polling and not self.second_look
+        self.second_look = False
         while True:
             try:
-                changes = self._notify.watch(_LONGEST, STEP, 0, None)
+                changes = self._notify.watch(_LONGEST, STEP, _SECOND if due else 0, None)
             except RuntimeError:
                 # A name that is no UTF-8, or a queue that overflowed: begin anew, and let a build look.
                 self._notify = self._begin(sorted(self._watched))
+                return frozenset()
+            if changes == "timeout":
+                self.second_look = True
                 return frozenset()
             if isinstance(changes, str):
                 raise KeyboardInterrupt

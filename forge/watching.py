@@ -106,7 +106,7 @@ class _Turns(Manner):
         begun = time.monotonic()
         saved = self._saves.wait()
         # What is there at once was written while the last build went on, perhaps by itself.
-        self.checking = time.monotonic() - begun < 4 * STEP / 1000
+        self.checking = self._saves.second_look or time.monotonic() - begun < 4 * STEP / 1000
         return saved
 
     def another(self, saved: frozenset[str]) -> None:
