@@ -129,7 +129,8 @@ def _import(catalogs: Sequence[Catalog]) -> Types:
     digest = hashlib.sha256("\0".join(f"{path}\0{texts[path]}" for path in sorted(texts)).encode())
     root = f"forge_types_{digest.hexdigest()[:12]}"
     if root not in _MEMORY.packages:
-        if find_spec("forge_rosidl") is None:
+        # Who has imported one of them may since have taken its folder from the path.
+        if any(find_spec(name) is None for name in ("forge_cdr", "forge_rosidl")):
             sys.path.append(str(_RUNTIME))
         modules = {path.removesuffix(".py").replace("/", "."): text for path, text in texts.items()}
         _MEMORY.packages[root] = {name.removesuffix(".__init__"): text for name, text in modules.items()}
