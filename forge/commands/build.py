@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from forge.cli import Parser
+    from forge.layout import Layout
     from forge.model import BuildPlan, Package
 
 
@@ -65,11 +66,7 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     handlers = handlers_of(options.event_handlers)
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
-    if options.timings and layout.logs is None:
-        hint = "leave out '--log-base', or leave out '--timings'"
-        raise SelectionError(
-            Problem("--timings writes into the log folder, and there is to be none", hint=hint)
-        )
+    _refuse_timings_without_a_log(options, layout)
     if options.print_command:
         from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
 
@@ -110,6 +107,13 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
 
         undertaking = Undertaking(options, loaded, kitchen, interpreter, variables, manner)
         return carry_out(plan, undertaking, records, handlers, begun)
+
+
+def _refuse_timings_without_a_log(options: argparse.Namespace, layout: Layout) -> None:
+    if options.timings and layout.logs is None:
+        hint = "leave out '--log-base', or leave out '--timings'"
+        message = "--timings writes into the log folder, and there is to be none"
+        raise SelectionError(Problem(message, hint=hint))
 
 
 def _add_what_to_build(parser: Parser) -> None:
