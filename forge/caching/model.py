@@ -38,7 +38,7 @@ class ActionResult:
     stdout: bytes = b""
 
 
-class StoreFault(Exception):
+class StoreFault(Exception):  # noqa: N818  (it is told, and ends nothing)
     """A store cannot be reached, refuses, answers too late, or holds what it should not.
 
     The message is one for users: what was tried, and why it failed. No build fails over it.
