@@ -11,7 +11,7 @@ from forge import fallback, folders, installation
 from forge.frozen import frozen
 from forge.model import RUN_KINDS
 from forge.occupancy import VARIABLE
-from forge.runner import ProcessRunner
+from forge.runner import Frame, ProcessRunner
 from forge.sourcing import build_environment
 from forge.tools import CMAKE_TYPES
 
@@ -38,14 +38,19 @@ class Jobs:
     records: Records
 
     def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
-        """Return a runner; `toolchain` spares new packages the examination of the compilers."""
+        """Return a runner that starts programs here; the rest as `frame`."""
+        frame = self.frame(toolchain)
+        return ProcessRunner(frame.environment, frame.begin, frame.install, budget, frame.undo)
+
+    def frame(self, toolchain: Toolchain | None) -> Frame:
+        """Return what surrounds steps; `toolchain` spares new packages the examination of the compilers."""
 
         def begin(task: Task) -> None:
             self._begin(task)
             if toolchain is not None and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
-        return ProcessRunner(self._environment, begin, self._install, budget, self._undo)
+        return Frame(self._environment, begin, self._install, self._undo)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = [(need, self.layout.prefix(need)) for need in task.needs]
