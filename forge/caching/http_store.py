@@ -16,7 +16,6 @@ from forge.caching.checking import arriving, departing, opened
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
-from forge.settings import setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -267,7 +266,7 @@ def _authorization(parts: SplitResult, variables: Mapping[str, str]) -> dict[str
     """Return who asks: the URL says it, else FORGE_CACHE_TOKEN, else ~/.netrc, else nobody in particular."""
     if parts.username is not None:
         return _basic(unquote(parts.username), unquote(parts.password or ""))
-    if token := setting("CACHE_TOKEN", variables):
+    if token := variables.get("FORGE_CACHE_TOKEN"):
         return {"Authorization": f"Bearer {token}"}
     with contextlib.suppress(OSError, NetrcParseError):
         file = variables.get("NETRC") or Path(variables.get("HOME", "~"), ".netrc").expanduser()
