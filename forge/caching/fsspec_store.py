@@ -9,7 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from forge.caching import action_result
-from forge.caching.checking import arriving, departing, opened
+from forge.caching.checking import arriving, departing, encoded, opened
 from forge.caching.faults import BlobFault
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
@@ -67,7 +67,7 @@ class FsspecStore:
 
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result, whose blobs are there already."""
-        data = action_result.encode(result)
+        data = encoded(result)
         self._within(lambda patience: self._write(f"ac/{key}", patience.counted([data])))
 
     def fetch(self, digest: Digest, target: Path) -> bool:

@@ -15,13 +15,12 @@ from weakref import ref
 
 from forge import __version__
 from forge.caching import action_result
-from forge.caching.checking import arriving, departing, opened
+from forge.caching.checking import arriving, departing, encoded, opened
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
 from forge.errors import ForgeError, Problem
 from forge.frozen import frozen
-from forge.settings import setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -117,7 +116,7 @@ class HttpStore:
 
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result, whose blobs are there already."""
-        data = action_result.encode(result)
+        data = encoded(result)
 
         def send(patience: Patience) -> None:
             self._write(_Call("PUT", f"ac/{key}", patience, len(data), lambda: (data,)))
@@ -301,7 +300,7 @@ def _authorization(parts: SplitResult, variables: Mapping[str, str]) -> dict[str
     """Return who asks: the URL says it, else FORGE_CACHE_TOKEN, else ~/.netrc, else nobody in particular."""
     if parts.username is not None:
         return _basic(unquote(parts.username), unquote(parts.password or ""))
-    if token := setting("CACHE_TOKEN", variables):
+    if token := variables.get("FORGE_CACHE_TOKEN"):
         if not re.fullmatch(r"[!-~]+", token):
             raise ForgeError(Problem("FORGE_CACHE_TOKEN has a blank or another sign that no token has"))
         return {"Authorization": f"Bearer {token}"}
