@@ -44,6 +44,7 @@ GOLDEN = Path(__file__).parent / "golden"
 REMEDIES = {
     "/usr/include/fastcdr/Cdr.h": "apt-get install libfastcdr-dev",
     "bash": "apt-get install bash",
+    "ccache": "apt-get install ccache",
     "chromedriver": "apt-get install chromium-driver",
     "chromium": "apt-get install chromium",
     "clang": "apt-get install clang",
@@ -51,6 +52,8 @@ REMEDIES = {
     "cmake": "pip install cmake",
     "colcon": "make peers",
     "dash": "apt-get install dash",
+    "distcc": "apt-get install distcc",
+    "distccd": "apt-get install distcc",
     "fish": "apt-get install fish",
     "g++": "apt-get install g++",
     "gcc": "apt-get install gcc",
