@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
+from forge.cluster.joining import joined, places, remote_runner
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.execution import execute
@@ -24,7 +25,7 @@ from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.options import spelled
+from forge.options import CLUSTER, spelled
 from forge.pictures.sampling import watched
 from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
@@ -78,6 +79,7 @@ def carry_out(
     warn((*lacking, *overridden(mine, layout.install, variables)))
     seconds = records.seconds()
     with (
+        joined(options, kitchen) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         manner.worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan)) as budget,
@@ -96,10 +98,11 @@ def carry_out(
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
         python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
-        board = _board(plan, options, budget.jobs, seconds)
+        runner = remote_runner(line, jobs, toolchain) if line else jobs.runner(budget, toolchain)
+        board = _board(plan, options, places(options, line) if line else budget.jobs, seconds)
         feed.announce(seconds=seconds)
         try:
-            with closing(execute(plan, jobs.runner(budget, toolchain), board, records.settle)) as events:
+            with closing(execute(plan, runner, board, records.settle)) as events:
                 for event in events:
                     records.take(event, plan)
                     transcript.write(event)
@@ -116,10 +119,8 @@ def carry_out(
                 feed.tell_usage(usage)
             feed.conclude(report, passed)
             if options.timings and transcript.folder:
-                line = f"timings: {_drawn_timings(transcript.folder, options)}\n".encode(
-                    errors="surrogateescape"
-                )
-                view.screen.write(line, stderr=options.json)
+                said = f"timings: {_drawn_timings(transcript.folder, options)}\n"
+                view.screen.write(said.encode(errors="surrogateescape"), stderr=options.json)
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))

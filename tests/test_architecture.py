@@ -35,7 +35,7 @@ FLOORS = {
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
-        caching caching.*
+        caching caching.* cluster cluster.*
     """,
     2: """
         cmake_reading conditions constraints creation diagnosis environment formats freshness
@@ -45,7 +45,7 @@ FLOORS = {
         assignments lengths places excerpts pictures pictures.*
         examining examining.* needs needs.* mistyped
     """,
-    1: "model layout interfaces.model caching.model",
+    1: "model layout interfaces.model caching.model cluster.model",
     0: ". durations errors refusals frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
