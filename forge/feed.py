@@ -130,6 +130,8 @@ class Feed:
             "log": str(report.logs / name) if report.logs else None,
             "test_failures": name in report.failed_tests,
         }
+        if event.cache:
+            said["cache"] = event.cache
         if fault:
             said |= {
                 "step": event.step.label if event.step else None,

@@ -67,13 +67,16 @@ class Frame:
 
     `environment(task)` is what a task's programs see; `begin(task)` and `install(task)` are called
     before its first step and after its last; the latter says what was made. `undo(task)` is called
-    instead when a step failed or the build was stopped.
+    instead when a step failed or the build was stopped. `restore(task)` is asked first of all: where it
+    returns a record, no step runs. `remark(task)` is what the package cache had to do with it, at its end.
     """
 
     environment: Callable[[Task], Mapping[str, str]]
     begin: Callable[[Task], None]
     install: Callable[[Task], Record]
-    undo: Callable[[Task], None]
+    undo: Callable[[Task], None] = lambda _: None
+    restore: Callable[[Task], Record | None] = lambda _: None
+    remark: Callable[[Task], str] = lambda _: ""
 
     def open(self, task: Task) -> Mapping[str, str]:
         """Make everything ready for the first step; return what the programs see."""
@@ -98,6 +101,9 @@ class Frame:
 
     def _carried_out(self, task: Task, put: Callable[[Event], None], steps: Steps) -> Event:
         started = time.monotonic()
+        record = self.restore(task)
+        if record is not None:
+            return Finished(task.name, 0, time.monotonic() - started, record=record, cache=self.remark(task))
         environment = self.open(task)
         failure = steps(task, environment, put, started)
         if failure is not None:
@@ -105,22 +111,16 @@ class Frame:
             return failure
         record = self.install(task)
         seconds = time.monotonic() - started
-        return Finished(task.name, 0, seconds, record=replace(record, seconds=seconds))
+        record = replace(record, seconds=seconds)
+        return Finished(task.name, 0, seconds, record=record, cache=self.remark(task))
 
 
 class ProcessRunner:
-    """Starts each step as a process group of its own; the first four seams are those of a Frame."""
+    """Starts each step as a process group of its own."""
 
-    def __init__(
-        self,
-        environment: Callable[[Task], Mapping[str, str]],
-        begin: Callable[[Task], None],
-        install: Callable[[Task], Record],
-        budget: Budget | None = None,
-        undo: Callable[[Task], None] = lambda _: None,
-    ) -> None:
-        """Remember the seams, and where jobs come from if they are counted; nothing runs yet."""
-        self._frame = Frame(environment, begin, install, undo)
+    def __init__(self, frame: Frame, budget: Budget | None = None) -> None:
+        """Remember what surrounds steps, and where jobs come from if they are counted; nothing runs yet."""
+        self._frame = frame
         self._budget = budget
         self._stopping = threading.Event()
         self._groups: set[int] = set()

@@ -143,11 +143,19 @@ def identities(tools: Tools | None, python: Path, variables: Mapping[str, str]) 
     return tuple((name, _identity(program)) for name, program in sorted(programs.items()))
 
 
+def program_of(identity: str) -> str:
+    """Return the path of the program that one of `identities` is about."""
+    return identity.removesuffix(_GONE) if identity.endswith(_GONE) else identity.rsplit(" ", 2)[0]
+
+
+_GONE = " is not there"
+
+
 def _identity(program: Path) -> str:
     try:
         status = program.stat()
     except OSError:
-        return f"{program} is not there"
+        return f"{program}{_GONE}"
     return f"{program.resolve()} {status.st_size} {status.st_mtime_ns}"
 
 

@@ -25,8 +25,9 @@ from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.options import CLUSTER, spelled
+from forge.options import CLUSTER, cache_wanted, spelled
 from forge.pictures.sampling import watched
+from forge.preparation import force_of
 from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
@@ -44,12 +45,14 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
+    from forge.caching.package_cache import PackageCache
     from forge.interpreter import Interpreter
     from forge.manner import Manner
     from forge.model import BuildPlan
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
+    from forge.reporting import Screen
     from forge.workspace import Loaded
 
 
@@ -85,6 +88,7 @@ def carry_out(
         closing(open_budget(options, kitchen, variables, plan)) as budget,
         live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
         watched(wanted=options.timings) as watch,
+        cache_of(undertaking, records) as cache,
     ):
         spoken = without_prose(handlers) if options.json or manner.quiet else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
@@ -95,7 +99,7 @@ def carry_out(
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
         surroundings = {**without_jobs(variables), **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
-        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
+        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
         python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
         runner = remote_runner(line, jobs, toolchain) if line else jobs.runner(budget, toolchain)
@@ -113,26 +117,57 @@ def carry_out(
             records.finish(plan, variables)
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
+            _tell_of_cache(cache, options, view.screen)
             passed = time.monotonic() - begun
             manner.conclude(plan, report, passed)
             if usage := watch.usage():
                 feed.tell_usage(usage)
             feed.conclude(report, passed)
-            if options.timings and transcript.folder:
-                said = f"timings: {_drawn_timings(transcript.folder, options)}\n"
-                view.screen.write(said.encode(errors="surrogateescape"), stderr=options.json)
+            _tell_of_timings(transcript.folder, options, view.screen)
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))
     return report.exit_code
 
 
-def _drawn_timings(folder: Path, options: argparse.Namespace) -> str:
-    """Write the page about a run, and return where the latest one always is, as the user would type it."""
+def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManager[PackageCache | None]:
+    """Return the package cache that was asked for."""
+    options, loaded, variables = undertaking.options, undertaking.loaded, undertaking.variables
+    if not cache_wanted(options, variables):
+        return nullcontext(None)
+    from forge.caching.opening import open_cache  # noqa: PLC0415  (most builds have none)
+    from forge.caching.package_cache import Circle  # noqa: PLC0415
+    from forge.caching.relocation import Places  # noqa: PLC0415
+
+    layout = undertaking.kitchen.layout
+    circle = Circle(
+        layout=layout,
+        places=Places(loaded.workspace.root, layout),
+        needs=loaded.provision.needs,
+        tools=undertaking.kitchen.tools,
+        records=records.journal.records,
+        table=records.table,
+        forced=frozenset(loaded.selection.names) if force_of(options) else frozenset(),
+    )
+    return open_cache(options, circle, records, variables)
+
+
+def _tell_of_cache(cache: PackageCache | None, options: argparse.Namespace, screen: Screen) -> None:
+    """Say what the cache had to do with each package, where it was asked why things are as they are."""
+    if cache and options.explain and not options.json:
+        lines = (f"{name}: {note}\n" for name, note in sorted(cache.notes.items()))
+        screen.write("".join(lines).encode(errors="surrogateescape"))
+
+
+def _tell_of_timings(log: Path | None, options: argparse.Namespace, screen: Screen) -> None:
+    """Write the page about a run where it was asked for, and say where the latest one always is."""
+    if not options.timings or log is None:
+        return
     from forge.pictures.pages import PAGE, write_timings  # noqa: PLC0415  (asked for now and then)
 
-    write_timings(folder)
-    return spelled(os.path.relpath(folder.parent / "latest_build" / PAGE), options)
+    write_timings(log)
+    page = spelled(os.path.relpath(log.parent / "latest_build" / PAGE), options)
+    screen.write(f"timings: {page}\n".encode(errors="surrogateescape"), stderr=options.json)
 
 
 def _looks_for_python(plan: BuildPlan, provision: Provision) -> bool:

@@ -43,6 +43,7 @@ GOLDEN = Path(__file__).parent / "golden"
 
 REMEDIES = {
     "/usr/include/fastcdr/Cdr.h": "apt-get install libfastcdr-dev",
+    "/usr/sbin/nginx": "apt-get install nginx-light",
     "bash": "apt-get install bash",
     "chromedriver": "apt-get install chromium-driver",
     "chromium": "apt-get install chromium",
@@ -57,6 +58,7 @@ REMEDIES = {
     "git": "apt-get install git",
     "make": "apt-get install make",
     "ninja": "pip install ninja",
+    "openssl": "apt-get install openssl",
     "pkg-config": "apt-get install pkg-config",
     "rosdep": "make peers",
     "shellcheck": "apt-get install shellcheck",

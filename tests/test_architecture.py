@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     4: """
         __main__ cli commands commands.* manner options package_options preparation testing.preparing
-        undertaking watching worker workspace
+        undertaking watching worker workspace caching.opening
     """,
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
@@ -42,7 +42,7 @@ FLOORS = {
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths places excerpts pictures pictures.*
+        assignments lengths places excerpts pictures pictures.* caching.action_result
         examining examining.* needs needs.* mistyped
     """,
     1: "model layout interfaces.model caching.model cluster.model",
@@ -52,7 +52,9 @@ FLOORS = {
 
 PURE = (1, 2)
 IMPURE = frozenset({"os", "subprocess", "threading", "time", "logging"})
-HEAVY = frozenset({"jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "watchfiles", "yaml"})
+HEAVY = frozenset(
+    {"fsspec", "jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "urllib3", "watchfiles", "yaml"}
+)
 LONGEST_FUNCTION = 60
 LONGEST_MODULE = 400
 

@@ -21,7 +21,7 @@ from forge.capacity import shortage
 from forge.cluster.model import FINISH, INTERRUPT
 from forge.jobserver import joined_pool
 from forge.model import Aborted, Finished, Parts, Record
-from forge.runner import ProcessRunner
+from forge.runner import Frame, ProcessRunner
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +45,9 @@ def main(argv: list[str]) -> int:
     pool = joined_pool(auth) if auth else None
     short = partial(shortage, errand.terms.memory, errand.terms.load)
     budget = Budget(int(jobs), pool, frozenset(fluent), short=short)
-    runner = ProcessRunner(lambda _: errand.environment, lambda _: None, lambda _: Record(Parts()), budget)
+    # What surrounds the steps is done by the client.
+    frame = Frame(lambda _: errand.environment, lambda _: None, lambda _: Record(Parts()))
+    runner = ProcessRunner(frame, budget)
     threading.Thread(target=_heed, args=(source, runner), daemon=True).start()
     put = partial(_write, target, threading.Lock())
     name, begun = errand.task.name, time.monotonic()

@@ -45,6 +45,7 @@ def register(parser: Parser) -> None:
     shared.add_layout(parser)
     _add_what_to_build(parser)
     _add_cmake(parser)
+    shared.add_cache(parser)
     shared.add_budget(parser, cluster=True)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})

@@ -50,6 +50,10 @@ class Kitchen:
     skip_target: bool = False
     """Packages without the target go without it."""
     environment_generator: str | None = None
+    path_maps: Pairs = ()
+    """For each language of CMake, the flags that keep paths of the workspace out of what is compiled."""
+    flags: Pairs = ()
+    """For each of these languages, what the environment says of its flags."""
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     reconfigure: frozenset[str] = frozenset()
 
