@@ -45,7 +45,7 @@ FLOORS = {
         assignments lengths places excerpts pictures pictures.* caching.action_result
         examining examining.* needs needs.* mistyped
     """,
-    1: "model layout interfaces.model caching.model cluster.model",
+    1: "model layout interfaces.model caching.model",
     0: ". durations errors refusals frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
