@@ -14,6 +14,7 @@ from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
 from forge.interpreter import find_interpreter, require_modules
+from forge.launching.choice import chosen
 from forge.lengths import too_long
 from forge.makeflags import read_make_flags
 from forge.options import cache_wanted
@@ -108,7 +109,8 @@ def prepare(
     """Return the tools and options that all packages share; raises EnvironmentFault for what is missing."""
     packages = [loaded.packages[name] for name in names]
     warn(odd_words([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
-    tools = find_tools(packages, variables)
+    launcher = chosen(options.compiler_launcher or variables.get("FORGE_COMPILER_LAUNCHER"))
+    tools = find_tools(packages, variables, launcher)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
         require_modules(interpreter, ("numpy",))
@@ -130,6 +132,7 @@ def prepare(
         load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
+        launcher=tools.launcher if tools else None,
         test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
         force_configure=options.cmake_force_configure,
         clean_cache=options.cmake_clean_cache,

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.diagnosis import FirstError
+    from forge.launching.outcome import Outcome
     from forge.model import BuildPlan, Event, Package
 
 HANDLERS = {
@@ -162,6 +163,8 @@ class Report:
         self.screen = PLAIN
         self.python = "python3"
         """The interpreter of the workspace, as hints name it."""
+        self.outcomes: tuple[Outcome, ...] = ()
+        """What a compiler launcher did."""
         self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
@@ -249,6 +252,8 @@ class Report:
             self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
         if tally.restored:
             self._out(f"  {_count(tally.restored)} came from the cache")
+        for outcome in self.outcomes:
+            self._out(f"  {outcome.words}")
         for names, words in (
             (tally.failed, "failed"),
             (tally.aborted, "aborted"),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
-from forge.cluster.joining import joined, places, remote_runner
+from forge.cluster.joining import joined, places_of, remote_runner
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.execution import execute
@@ -23,6 +23,7 @@ from forge.freshness import environment_that_counts
 from forge.frozen import frozen
 from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
+from forge.launching.accounts import Account, open_account
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
 from forge.options import CLUSTER, cache_wanted, spelled
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
     from forge.caching.package_cache import PackageCache
     from forge.interpreter import Interpreter
+    from forge.launching.farms import Farm
     from forge.manner import Manner
     from forge.model import BuildPlan
     from forge.provision import Provision
@@ -81,11 +83,12 @@ def carry_out(
     _, lacking = missing_problems(loaded.provision, mine)
     warn((*lacking, *overridden(mine, layout.install, variables)))
     seconds = records.seconds()
+    account = _account(plan, kitchen, variables)
     with (
         joined(options, kitchen) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         manner.worker(plan) as found_by,
-        closing(open_budget(options, kitchen, variables, plan)) as budget,
+        closing(open_budget(options, kitchen, variables, plan, account.farm)) as budget,
         live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
         watched(wanted=options.timings) as watch,
         cache_of(undertaking, records) as cache,
@@ -97,13 +100,13 @@ def carry_out(
         report.python = str(undertaking.interpreter.path)
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
-        surroundings = {**without_jobs(variables), **found_by}
+        surroundings = {**without_jobs(variables), **account.variables, **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
         python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
         runner = remote_runner(line, jobs, toolchain) if line else jobs.runner(budget, toolchain)
-        board = _board(plan, options, places(options, line) if line else budget.jobs, seconds)
+        board = _board(plan, options, places_of(options, line) if line else _places(options, budget), seconds)
         feed.announce(seconds=seconds)
         try:
             with closing(execute(plan, runner, board, records.settle)) as events:
@@ -117,6 +120,7 @@ def carry_out(
             records.finish(plan, variables)
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
+            report.outcomes = account.settle()
             _tell_of_cache(cache, options, view.screen)
             passed = time.monotonic() - begun
             manner.conclude(plan, report, passed)
@@ -170,6 +174,19 @@ def _tell_of_timings(log: Path | None, options: argparse.Namespace, screen: Scre
     screen.write(f"timings: {page}\n".encode(errors="surrogateescape"), stderr=options.json)
 
 
+def _account(plan: BuildPlan, kitchen: Kitchen, variables: Mapping[str, str]) -> Account:
+    """Return the account of what is started before the compilers: an empty one where nothing compiles."""
+    if kitchen.launcher is None or not _compiles(plan):
+        return Account()
+    account = open_account(kitchen.launcher, kitchen.root, kitchen.layout.build, without_jobs(variables))
+    warn(account.problems)
+    return account
+
+
+def _compiles(plan: BuildPlan) -> bool:
+    return any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+
+
 def _looks_for_python(plan: BuildPlan, provision: Provision) -> bool:
     """Tell if packages are built by an ament that is not forge's own, which never looks for Python."""
     own = provision.packages.get("ament_cmake")
@@ -204,27 +221,35 @@ def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
 
 
 def open_budget(
-    options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str], plan: BuildPlan
+    options: argparse.Namespace,
+    kitchen: Kitchen,
+    variables: Mapping[str, str],
+    plan: BuildPlan,
+    farm: Farm,
 ) -> Budget:
     """Return the job tokens of a build: those of a make above us, else as many as were asked for.
 
-    Which tools can share them is tried out, in one style for all, since one may start the other.
+    Where nobody says a number, a farm adds its jobs to those of our processors. Which tools can share them
+    is tried out, in one style for all, since one may start the other.
     """
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
     level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
-    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0) or processors()
+    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
+    local = jobs or processors()
+    jobs = jobs or local + farm.slots
     pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
     if flags.auth and pool is None and not options.jobs:
         hint = "begin its rule with '+', or give forge its own --jobs"
         warn([Problem("the jobserver of the make above cannot be reached", hint=hint)])
-    compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
-    spoken_by = _styles(kitchen, variables) if compiles else {}
+    spoken_by = _styles(kitchen, variables) if _compiles(plan) else {}
     style = pool.style if pool else common_style(spoken_by)
     if pool is None and style is not None:
         pool = own_pool(style)
     fluent = frozenset(name for name, styles in spoken_by.items() if style in styles)
     short = partial(shortage, options.memory_limit, kitchen.load_limit)
-    return Budget(jobs, pool, fluent, flags, short)
+    budget = Budget(jobs, pool, fluent, flags, short)
+    budget.local = local
+    return budget
 
 
 def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozenset[str]]:
@@ -242,8 +267,14 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
     return found
 
 
-def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
-    # A package that is started holds a job, so more of them would only wait.
+def _places(options: argparse.Namespace, budget: Budget) -> int:
+    """Return how many packages may be under way at a time on this machine."""
+    # A package that is started holds a job, so more of them would only wait; and of all that a package does
+    # only compilers go to a farm.
+    return min(options.parallel_workers or budget.local, budget.jobs)
+
+
+def _board(plan: BuildPlan, options: argparse.Namespace, places: int, seconds: Mapping[str, float]) -> Board:
     alone = options.executor == "sequential"
-    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    limit = 1 if alone else places
     return Board(plan, limit, seconds, continue_on_error=options.continue_on_error, in_order=alone)

@@ -36,6 +36,7 @@ FLOORS = {
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
         caching caching.* cluster cluster.*
+        launching.accounts launching.farms
     """,
     2: """
         cmake_reading conditions constraints creation diagnosis environment formats freshness
@@ -43,7 +44,7 @@ FLOORS = {
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
         assignments lengths places excerpts pictures pictures.* caching.action_result
-        examining examining.* needs needs.* mistyped
+        examining examining.* needs needs.* mistyped launching launching.*
     """,
     1: "model layout interfaces.model caching.model",
     0: ". durations errors refusals frozen names files templating ament_index",

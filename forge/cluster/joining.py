@@ -41,7 +41,7 @@ def joined(options: argparse.Namespace, kitchen: Kitchen) -> Iterator[Line]:
             line.close()
 
 
-def places(options: argparse.Namespace, line: Line) -> int:
+def places_of(options: argparse.Namespace, line: Line) -> int:
     """Return how many packages may be under way at a time: what was asked for, else what workers take."""
     return options.parallel_workers or line.cluster.slots
 

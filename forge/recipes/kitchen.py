@@ -41,6 +41,8 @@ class Kitchen:
     load_limit: float | None = None
     cmake_args: tuple[str, ...] = ()
     ament_cmake_args: tuple[str, ...] = ()
+    launcher: Path | None = None
+    """What is started before the compilers."""
     test_results: Path | None = None
     """Where tests of ament are to leave their results, instead of in the build folders."""
     force_configure: bool = False
