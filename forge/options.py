@@ -13,6 +13,8 @@ from forge.layout import Layout
 from forge.settings import setting
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from forge.cli import Parser
 
 LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 50}
@@ -88,6 +90,48 @@ def add_budget(parser: Parser) -> None:
     )
 
 
+def add_cache(parser: Parser) -> None:
+    """Add where results of packages are kept for other builds."""
+    group = parser.add_argument_group("what other builds have built")
+    group.add_argument(
+        "--cache",
+        nargs="?",
+        const="",
+        metavar="DIR",
+        help="take what packages install from a cache where it has been built before, and keep it there "
+        "(default: the user's own folder)",
+    )
+    group.add_argument(
+        "--remote-cache", metavar="URL", help="and share it with others: http://HOST:PORT, s3://BUCKET"
+    )
+    group.add_argument(
+        "--cache-read-only", action="store_true", help="take from the remote cache, put nothing into it"
+    )
+    group.add_argument(
+        "--cache-timeout",
+        type=_seconds,
+        default=10.0,
+        metavar="SECONDS",
+        help="how long the remote cache is waited for before the build goes on without (default: 10)",
+    )
+    group.add_argument(
+        "--cache-size",
+        type=_bytes,
+        metavar="SIZE",
+        help="what the folder may take; what was used least of late goes first (default: 20G)",
+    )
+
+
+def cache_wanted(options: argparse.Namespace, variables: Mapping[str, str]) -> bool:
+    """Tell if packages are to be looked for in a cache, and kept there."""
+    return options.cache is not None or bool(remote_cache(options, variables))
+
+
+def remote_cache(options: argparse.Namespace, variables: Mapping[str, str]) -> str:
+    """Return the URL of the remote cache, '' for none."""
+    return options.remote_cache or variables.get("FORGE_REMOTE_CACHE", "")
+
+
 def layout_of(options: argparse.Namespace, root: Path) -> Layout:
     """Return the absolute folders that the options name; the null device means no logs."""
     logs = options.log_base or setting("LOG_PATH", os.environ) or "log"
@@ -144,3 +188,23 @@ def _size(text: str) -> MemoryLimit:
         return memory_limit(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is neither a size nor a share of the memory") from None
+
+
+def _seconds(text: str) -> float:
+    try:
+        found = float(text)
+    except ValueError:
+        found = 0.0
+    if not 0 < found < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of seconds")
+    return found
+
+
+def _bytes(text: str) -> int:
+    try:
+        size = memory_limit(text).size
+    except ValueError:
+        size = None
+    if size is None:
+        raise argparse.ArgumentTypeError(f"'{text}' is no size such as 500M or 20G")
+    return size

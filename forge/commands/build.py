@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge import options as shared
 from forge import package_options
 from forge.errors import Problem, SelectionError
+from forge.launching.choice import LAUNCHERS, NONE
 from forge.manner import Manner
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
@@ -45,6 +46,7 @@ def register(parser: Parser) -> None:
     shared.add_layout(parser)
     _add_what_to_build(parser)
     _add_cmake(parser)
+    shared.add_cache(parser)
     shared.add_budget(parser)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})
@@ -162,6 +164,12 @@ def _add_cmake(parser: Parser) -> None:
         default=[],
         metavar="ARG",
         help="given to CMake for ament_cmake packages",
+    )
+    group.add_argument(
+        "--compiler-launcher",
+        choices=(*LAUNCHERS, NONE),
+        help="what is started before the C and C++ compilers of every package: a cache of what they made, or "
+        "what sends their work to other machines (default: none)",
     )
     group.add_argument(
         "--no-toolchain-cache",
