@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.budget import BUILD
+from forge.caching.model import RESTORED
+from forge.caching.package_cache import KEPT
 from forge.cluster.feed_reading import FeedReader
 from forge.cluster.model import Errand, Parcel
 from forge.cluster.sources import Unshippable
@@ -52,18 +54,24 @@ class ShippingRunner:
         self._here = here
         self._frame = frame
         self._cache = cache
+        self._own: set[str] = set()
+        """Packages that only a build here has as they are; what needs them has another key elsewhere."""
 
     def run(self, task: Task, put: Callable[[Event], None]) -> None:
         """Have `task` built and put every event, the last a Finished or an Aborted."""
         begun = time.monotonic()
         if task.embedded or self._is_known(task):
-            self._here.run(task, put)
+            self._build_here(task, put)
+            return
+        if own := sorted(self._own.intersection(task.needs)):
+            put(_told(task, f"'{task.name}' is built here: it needs '{own[0]}', which was", stderr=False))
+            self._build_here(task, put)
             return
         try:
             parcel = self._parcel(task)
         except Unshippable as reason:
             put(_told(task, f"'{task.name}' is built here: {reason}"))
-            self._here.run(task, put)
+            self._build_here(task, put)
             return
         failure = self._abroad(task, parcel, put)
         if failure is not None:
@@ -75,7 +83,13 @@ class ShippingRunner:
                 event = replace(event, seconds=time.monotonic() - begun)
             put(event)
 
-        self._here.run(task, pass_on)
+        self._build_here(task, pass_on)
+
+    def _build_here(self, task: Task, put: Callable[[Event], None]) -> None:
+        """Take a task from the cache, else build it, and note if nobody elsewhere can have the same."""
+        self._here.run(task, put)
+        if self._cache.notes.get(task.name) not in {KEPT, RESTORED}:
+            self._own.add(task.name)
 
     def finish_steps(self) -> None:
         """Let running steps end and start no further one; elsewhere a package under way is one step."""
@@ -164,5 +178,5 @@ class ShippingRunner:
         return None
 
 
-def _told(task: Task, text: str) -> Output:
-    return Output(task.name, f"forge: {text}\n".encode(errors="replace"), stderr=True)
+def _told(task: Task, text: str, *, stderr: bool = True) -> Output:
+    return Output(task.name, f"forge: {text}\n".encode(errors="replace"), stderr=stderr)
