@@ -38,8 +38,18 @@ NOTHING_CHANGED = {
 }
 """Per package of 5 source files and 28 installed ones: two are read, and each is looked at about once."""
 
+LINE_CHANGED = {"files read": 6, "folders listed": 6, "stat calls": 58}
+"""Per package of the workspace, all programs together: as much as above, and what a longer search path takes.
+
+The changed packages of the two workspaces differ in what they need, and how often the state of the machine is
+read depends on how long it takes.
+"""
+
 ONE_LINE = {"cmake": 2, "ninja": 1, "cc1plus": 1, "c++": 3}
 """Programs for a changed line: build and install; one object, its library, the program that links that."""
+
+ALL_PROGRAMS = 16
+"""With what those start: `as`, `ld` and its wrapper, shells of ninja, and forge."""
 
 
 class Counts:
@@ -109,9 +119,18 @@ def test_a_build_of_nothing_starts_nothing_and_looks_at_each_file_once(
 def test_one_changed_line_starts_what_it_takes_and_configures_nothing(
     built: tuple[Path, Path, dict[str, str]],
 ) -> None:
-    small, _, variables = built
-    source = small / "src/bench_0009/src/library.cpp"
+    """And what it looks at does not grow faster with the workspace than where nothing changed."""
+    *workspaces, variables = built
+    few, many = (_with_a_changed_line(workspace, variables) for workspace in workspaces)
+    for counts in (few, many):
+        assert counts.configured == 0
+        assert {name: counts.programs[name] for name in ONE_LINE} == ONE_LINE, counts.programs
+        assert sum(counts.programs.values()) <= ALL_PROGRAMS, counts.programs
+    more = {kind: count / 10 for kind, count in (many - few).items()}
+    assert all(more[kind] <= LINE_CHANGED[kind] for kind in more), more
+
+
+def _with_a_changed_line(workspace: Path, variables: Mapping[str, str]) -> Counts:
+    source = max(workspace.glob("src/*/src/library.cpp"))
     source.write_text(source.read_text(encoding="utf-8") + "// a word\n", encoding="utf-8")
-    counts = counted(small, variables)
-    assert counts.configured == 0
-    assert {name: counts.programs[name] for name in ONE_LINE} == ONE_LINE, counts.programs
+    return counted(workspace, variables)
