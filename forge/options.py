@@ -22,6 +22,8 @@ LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40, "critical": 5
 
 
 EXECUTORS = ("parallel", "sequential")
+CLUSTER = "dask"
+"""The executor whose packages are built on other machines; for `forge build` alone."""
 
 EVENT_HANDLERS = (
     "what to print: 'console_direct+' shows the output of every program as it comes, 'status-' does without "
@@ -54,8 +56,9 @@ def add_layout(parser: Parser) -> None:
     group.add_argument("--log-level", default=argparse.SUPPRESS, metavar="LEVEL", help=argparse.SUPPRESS)
 
 
-def add_budget(parser: Parser) -> None:
-    """Add how much runs at a time."""
+def add_budget(parser: Parser, *, cluster: bool = False) -> None:
+    """Add how much runs at a time, and where if it may be a cluster."""
+    executors = (*EXECUTORS, CLUSTER) if cluster else EXECUTORS
     group = parser.add_argument_group("how much at a time")
     group.add_argument(
         "--jobs",
@@ -73,11 +76,14 @@ def add_budget(parser: Parser) -> None:
     )
     group.add_argument(
         "--executor",
-        choices=EXECUTORS,
-        default=_executor(),
-        help="several packages at a time, or one after the other as 'forge list -t' has them "
-        "(default: parallel)",
+        choices=executors,
+        default=_executor(executors),
+        help="several packages at a time, or one after the other as 'forge list -t' has them"
+        + (", or on the workers of Dask's --scheduler" if cluster else "")
+        + " (default: parallel)",
     )
+    if cluster:
+        _add_cluster(group)
     group.add_argument(
         "--memory-limit",
         type=_size,
@@ -88,6 +94,31 @@ def add_budget(parser: Parser) -> None:
     group.add_argument(
         "--load-limit", type=float, metavar="X", help="while the load average is above this no job is added"
     )
+
+
+def _add_cluster(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        default=os.environ.get("FORGE_SCHEDULER"),
+        help="the scheduler of Dask for '--executor dask', such as tcp://HOST:8786; --jobs is then for each "
+        "worker, and --parallel-workers for all of them together (default: one for each thread of a worker)",
+    )
+    group.add_argument(
+        "--worker-resources",
+        nargs="*",
+        default=[],
+        type=_amount,
+        metavar="NAME=N",
+        help="what each package takes of the resources that the workers declare to Dask, such as memory=4e9",
+    )
+
+
+def refuse_half_a_cluster(options: argparse.Namespace) -> None:
+    """Raise SelectionError for the cluster's executor without a scheduler; one alone may stand in a file."""
+    if options.executor == CLUSTER and not options.scheduler:
+        hint = "start one with `dask scheduler`, and give the address that it prints"
+        raise SelectionError(Problem("'--executor dask' needs '--scheduler ADDRESS'", hint=hint))
 
 
 def add_cache(parser: Parser) -> None:
@@ -116,7 +147,7 @@ def add_cache(parser: Parser) -> None:
     )
     group.add_argument(
         "--cache-size",
-        type=_bytes,
+        type=byte_count,
         metavar="SIZE",
         help="what the folder may take; what was used least of late goes first (default: 20G)",
     )
@@ -166,10 +197,10 @@ def spelled(path: Path | str, options: argparse.Namespace) -> str:
     return os.path.relpath(path, origin)
 
 
-def _executor() -> str:
+def _executor(executors: tuple[str, ...]) -> str:
     """Return the executor that the environment prefers, if it is one."""
     word = setting("DEFAULT_EXECUTOR", os.environ)
-    return word if word in EXECUTORS else EXECUTORS[0]
+    return word if word in executors else executors[0]
 
 
 def _absolute(path: str, root: Path) -> Path:
@@ -190,6 +221,16 @@ def _size(text: str) -> MemoryLimit:
         raise argparse.ArgumentTypeError(f"'{text}' is neither a size nor a share of the memory") from None
 
 
+def _amount(text: str) -> tuple[str, float]:
+    name, equals, number = text.partition("=")
+    try:
+        if name and equals:
+            return name, float(number)
+    except ValueError:
+        pass
+    raise argparse.ArgumentTypeError(f"'{text}' is no amount of a resource, such as memory=4e9")
+
+
 def _seconds(text: str) -> float:
     try:
         found = float(text)
@@ -200,9 +241,10 @@ def _seconds(text: str) -> float:
     return found
 
 
-def _bytes(text: str) -> int:
+def byte_count(text: str) -> int:
+    """Return how many bytes '500M', '20G' or '0' are, as the type of an option."""
     try:
-        size = memory_limit(text).size
+        size = 0 if text == "0" else memory_limit(text).size
     except ValueError:
         size = None
     if size is None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
+from forge.cluster.joining import joined, places_of, remote_runner
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.execution import execute
@@ -25,7 +26,7 @@ from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.launching.accounts import Account, open_account
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.options import cache_wanted, spelled
+from forge.options import CLUSTER, cache_wanted, spelled
 from forge.pictures.sampling import watched
 from forge.preparation import force_of
 from forge.provision import INTERFACE_GROUP, missing_problems
@@ -84,6 +85,7 @@ def carry_out(
     seconds = records.seconds()
     account = _account(plan, kitchen, variables)
     with (
+        joined(options, kitchen) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         manner.worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan, account.farm)) as budget,
@@ -103,10 +105,11 @@ def carry_out(
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
         python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
-        board = _board(plan, options, budget, seconds)
+        runner = remote_runner(line, jobs, toolchain) if line else jobs.runner(budget, toolchain)
+        board = _board(plan, options, places_of(options, line) if line else _places(options, budget), seconds)
         feed.announce(seconds=seconds)
         try:
-            with closing(execute(plan, jobs.runner(budget, toolchain), board, records.settle)) as events:
+            with closing(execute(plan, runner, board, records.settle)) as events:
                 for event in events:
                     records.take(event, plan)
                     transcript.write(event)
@@ -264,11 +267,14 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
     return found
 
 
-def _board(
-    plan: BuildPlan, options: argparse.Namespace, budget: Budget, seconds: Mapping[str, float]
-) -> Board:
+def _places(options: argparse.Namespace, budget: Budget) -> int:
+    """Return how many packages may be under way at a time on this machine."""
     # A package that is started holds a job, so more of them would only wait; and of all that a package does
     # only compilers go to a farm.
+    return min(options.parallel_workers or budget.local, budget.jobs)
+
+
+def _board(plan: BuildPlan, options: argparse.Namespace, places: int, seconds: Mapping[str, float]) -> Board:
     alone = options.executor == "sequential"
-    limit = 1 if alone else min(options.parallel_workers or budget.local, budget.jobs)
+    limit = 1 if alone else places
     return Board(plan, limit, seconds, continue_on_error=options.continue_on_error, in_order=alone)

@@ -35,7 +35,7 @@ FLOORS = {
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
-        caching caching.*
+        caching caching.* cluster cluster.*
         launching.accounts launching.farms
     """,
     2: """

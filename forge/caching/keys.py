@@ -91,9 +91,8 @@ def second_key(first: str, inputs: Inputs, table: FileTable, places: Places) -> 
 def written(lists: Iterable[Inputs]) -> bytes:
     """Return lists of inputs as JSON, the first as many as are kept."""
     found = list(dict.fromkeys(lists))[:_MOST_LISTS]
-    return json.dumps(
-        {"forge_inputs": _VERSION, "lists": [[*one.paths, one.bound] for one in found]}
-    ).encode()
+    said = [[*one.paths, one.kind, one.bound] for one in found]
+    return json.dumps({"forge_inputs": _VERSION, "lists": said}).encode()
 
 
 def read(said: bytes) -> tuple[Inputs, ...]:

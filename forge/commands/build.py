@@ -47,7 +47,7 @@ def register(parser: Parser) -> None:
     _add_what_to_build(parser)
     _add_cmake(parser)
     shared.add_cache(parser)
-    shared.add_budget(parser)
+    shared.add_budget(parser, cluster=True)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})
 
@@ -69,6 +69,7 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     _refuse_timings_without_a_log(options, layout)
+    shared.refuse_half_a_cluster(options)
     if options.print_command:
         from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
 
