@@ -48,7 +48,7 @@ read depends on how long it takes.
 """
 
 LINE_CHANGED = {"files read": 600, "folders listed": 32, "stat calls": 1900}
-"""What forge itself asks beyond a build of nothing when a line has changed: measured were 467 to 506, 29, 1,738."""
+"""What forge itself asks beyond a build of nothing when a line has changed: 467 to 506, 29, 1,738."""
 
 ONE_LINE = {"cmake": 2, "ninja": 1, "cc1plus": 1, "c++": 3}
 """Programs for a changed line: build and install; one object, its library, the program that links that."""
