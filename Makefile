@@ -4,7 +4,7 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test newest-cmake oldest-cmake fuzz fuzz-parsers scale soak lint types bench clean
+.PHONY: help demo test newest-cmake oldest-cmake fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
@@ -15,10 +15,11 @@ help:
 	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
 	@echo "make scale   list, order and plan 5,000 packages, chains of 3,000, and generate 20,000 interfaces"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
-	@echo "make peers   install colcon and rosdep, which tests then compare forge with"
+	@echo "make peers   install colcon, rosdep, rosbags and mcap-ros2-support, which tests and bench compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
-	@echo "make bench   measure, print JSON"
+	@echo "make bench   measure forge beside its peers and write docs/benchmarks.md; ONLY=cold one scenario"
+	@echo "make quick-bench  see that every scenario of it runs"
 	@echo "make clean   remove what these commands made"
 
 demo: .venv-demo/.ready
@@ -62,11 +63,19 @@ lint: .venv/.ready
 types: .venv/.ready
 	.venv/bin/python -m mypy
 
-bench: .venv/.ready
-	.venv/bin/python -m tests.bench
+# All of it takes some forty minutes on two quiet processors. ONLY=cold measures one scenario and leaves the others.
+bench: .venv/.ready .venv-peers/.ready .debian-peers/.ready
+	.venv/bin/python -m tests.bench --output docs/benchmarks.json $(if $(ONLY),--only $(ONLY))
+	$(if $(ONLY),,.venv/bin/python -m tests.bench.profiles --output docs/benchmarks.json)
+	.venv/bin/python -m tests.bench.page
+
+quick-bench: .venv/.ready .venv-peers/.ready
+	FORGE_TEST_BENCH=1 $(PYTEST) tests/unit/test_bench.py
+
+debian-peers: .debian-peers/.ready
 
 clean:
-	rm -rf fuzz .venv .venv-cmake .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
+	rm -rf fuzz .debian-peers .venv .venv-cmake .venv-demo .venv-peers examples_ws/build examples_ws/install examples_ws/log
 	rm -rf examples_ws/ros2/build examples_ws/ros2/install examples_ws/ros2/log
 
 # The demo installs forge as its users do: a wheel, with the cmake and ninja wheels beside it.
@@ -90,5 +99,10 @@ clean:
 # colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py.
 .venv-peers/.ready:
 	$(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosdep
+	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosdep rosbags mcap-ros2-support
+	@touch $@
+
+# Debian's own ament, rosidl and Fast-CDR, unpacked and not installed; on other systems nothing comes.
+.debian-peers/.ready: tests/bench/debian.py
+	$(PYTHON) tests/bench/debian.py .debian-peers
 	@touch $@

@@ -51,6 +51,8 @@ class Budget:
     ) -> None:
         """Begin with all tokens in hand, or with the one that a make above gave us."""
         self.jobs = jobs
+        self.local = jobs
+        """How many of the jobs are for this machine: all, unless a farm takes some."""
         self._pool = pool
         self._fluent = fluent
         self._flags = flags

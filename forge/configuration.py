@@ -130,6 +130,8 @@ def _value(action: argparse.Action, value: object) -> object:
         if not isinstance(value, bool):
             raise TypeError("true or false")
         return value
+    if action.nargs == "?" and isinstance(value, bool):
+        return action.const if value else action.default
     if action.nargs in {"*", "+"}:
         if not isinstance(value, list):
             raise TypeError("a list")

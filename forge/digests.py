@@ -74,6 +74,11 @@ class FileTable:
             self.news.setdefault(path, before)
         return found
 
+    def learn(self, path: str, status: os.stat_result, digest: str) -> None:
+        """Take note of what a file says that was written just now; it need not be read for that."""
+        self._load()[path] = ("" if _racy(status) else _said(status), digest)
+        self._changed = True
+
     def changed(self, path: str) -> bool:
         """Tell if a regular file says something else than when it was last asked for; a link never does."""
         status = os.lstat(path)

@@ -108,7 +108,10 @@ class Feed:
         self._say("Usage", None, processors=usage.processors, memory=usage.memory, samples=samples)
 
     def conclude(self, report: Report, seconds: float, code: int | None = None) -> None:
-        """Tell what came of it all: the last line. The code is the report's, unless another is given."""
+        """Tell what came of it all, last in one line. The code is the report's, unless another is given."""
+        for outcome in report.outcomes:
+            counted = {name: number for name, number in asdict(outcome).items() if number is not None}
+            self._say("Launcher", None, **counted)
         log = str(report.logs) if report.logs else None
         if isinstance(sys.exc_info()[1], KeyboardInterrupt):
             code = EXIT_INTERRUPTED
@@ -130,6 +133,8 @@ class Feed:
             "log": str(report.logs / name) if report.logs else None,
             "test_failures": name in report.failed_tests,
         }
+        if event.cache:
+            said["cache"] = event.cache
         if fault:
             said |= {
                 "step": event.step.label if event.step else None,

@@ -164,5 +164,5 @@ _BEGINNINGS = (
     "RMW_",
     "STATIC_ROSIDL",
     "SETUPTOOLS_",
-    "DIST",
+    "DISTUTILS",
 )

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shlex
 import sys
+from contextlib import closing
 from dataclasses import field
-from functools import cache
 from typing import TYPE_CHECKING
 
 from forge import fallback, folders, installation
 from forge.frozen import frozen
 from forge.model import RUN_KINDS
 from forge.occupancy import VARIABLE
-from forge.runner import ProcessRunner
+from forge.runner import Frame, ProcessRunner
 from forge.sourcing import build_environment, package_edits
 from forge.tools import CMAKE_TYPES
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.budget import Budget
+    from forge.caching.package_cache import PackageCache
     from forge.environment import Edit, Script
     from forge.interpreter import Interpreter
     from forge.layout import Layout
@@ -40,20 +42,25 @@ class Jobs:
     interpreter: Interpreter
     variables: Mapping[str, str]
     records: Records
+    cache: PackageCache | None = None
     edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
-        default_factory=lambda: cache(package_edits)
+        default_factory=lambda: functools.cache(package_edits)
     )
     """What an installed package does to the environment, looked up once: whoever asks comes after it."""
 
     def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
-        """Return a runner; `toolchain` spares new packages the examination of the compilers."""
+        """Return a runner that starts programs here; the rest as `frame`."""
+        return ProcessRunner(self.frame(toolchain), budget)
+
+    def frame(self, toolchain: Toolchain | None) -> Frame:
+        """Return what surrounds steps; `toolchain` spares new packages the examination of the compilers."""
 
         def begin(task: Task) -> None:
             self._begin(task)
             if toolchain is not None and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
-        return ProcessRunner(self._environment, begin, self._install, budget, self._undo)
+        return Frame(self._environment, begin, self._install, self._undo, self._restore, self._remark)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
@@ -69,6 +76,23 @@ class Jobs:
         installation.uninstall_markers(task.name, self.layout)
         folders.begin(task, self.records.source(task))
 
+    def _restore(self, task: Task) -> Record | None:
+        """Install what the cache has for a task; None when it has nothing, and nothing was touched."""
+        found = self.cache.find(task) if self.cache else None
+        if found is None or self.cache is None:
+            return None
+        with closing(found):
+            self.records.begin(task)
+            fallback.keep(task.name, self.layout, task.earlier)
+            installation.uninstall_markers(task.name, self.layout)
+            files = self.cache.restore(task, found)
+            record = self.records.restored(task, found, files)
+        fallback.drop(task.name, self.layout)
+        return record
+
+    def _remark(self, task: Task) -> str:
+        return self.cache.notes.get(task.name, "") if self.cache else ""
+
     def _install(self, task: Task) -> Record:
         needs = set(task.package.manifest.names(RUN_KINDS))
         # A name that an embedded package answers to is recorded with the package it stands for.
@@ -77,7 +101,7 @@ class Jobs:
         installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
         record = self.records.make(task)
         fallback.drop(task.name, self.layout)
-        return record
+        return self.cache.keep(task, record) if self.cache else record
 
     def _undo(self, task: Task) -> None:
         try:

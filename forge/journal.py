@@ -195,6 +195,7 @@ def _record(entry: Mapping[str, Any], table: list[str]) -> Record:
         external=_text(entry["external"]),
         seconds=float(entry["seconds"]),
         began=float(entry["began"]),
+        tree=_text(entry.get("tree", "")),
     )
 
 

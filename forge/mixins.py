@@ -15,13 +15,13 @@ from forge.names import did_you_mean
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-_OURS: dict[str, list[str]] = {
-    "ccache": ["-DCMAKE_C_COMPILER_LAUNCHER=ccache", "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"],
-    "compile-commands": ["-DCMAKE_EXPORT_COMPILE_COMMANDS=ON"],
-    "debug": ["-DCMAKE_BUILD_TYPE=Debug"],
-    "ninja": ["-GNinja"],
-    "rel-with-deb-info": ["-DCMAKE_BUILD_TYPE=RelWithDebInfo"],
-    "release": ["-DCMAKE_BUILD_TYPE=Release"],
+_OURS: dict[str, dict[str, Any]] = {
+    "ccache": {"compiler-launcher": "ccache"},
+    "compile-commands": {"cmake-args": ["-DCMAKE_EXPORT_COMPILE_COMMANDS=ON"]},
+    "debug": {"cmake-args": ["-DCMAKE_BUILD_TYPE=Debug"]},
+    "ninja": {"cmake-args": ["-GNinja"]},
+    "rel-with-deb-info": {"cmake-args": ["-DCMAKE_BUILD_TYPE=RelWithDebInfo"]},
+    "release": {"cmake-args": ["-DCMAKE_BUILD_TYPE=Release"]},
 }
 
 
@@ -50,7 +50,7 @@ def read_mixins(home: Path, files: Iterable[str] = ()) -> Mixins:
     A later one replaces an earlier one of its name. Raises WorkspaceError for files that are malformed,
     SelectionError for files that are not there.
     """
-    found = [Mixin("build", name, {"cmake-args": words}) for name, words in _OURS.items()]
+    found = [Mixin("build", name, options) for name, options in _OURS.items()]
     for path in (*_user_files(home / "mixin"), *map(Path, files)):
         found += _read(path)
     return {(mixin.verb, mixin.name): mixin for mixin in found}

@@ -123,9 +123,8 @@ class Package:
 class Workspace:
     """All packages below the base paths, by name.
 
-    Of equal names the first folder counts; `twins` are the packages in the others. `problems` are
-    manifests that could not be read: a build refuses to start with any, a listing shows the rest.
-    `notes` are what deserves a warning in any case.
+    Of equal names the first folder counts, `twins` are in the others. `problems` are manifests that could
+    not be read: no build starts with any. `notes` deserve a warning in any case.
     """
 
     root: Path
@@ -192,7 +191,8 @@ class Record:
 
     `complete` is False from the moment it began until it ended well. `files` are what it installed, as
     absolute paths; `externals` the files outside the workspace that its build read, and `external` the
-    digest of their contents. Times are seconds since the epoch.
+    digest of their contents. Times are seconds since the epoch; a package that was restored began at 0.
+    `tree` is what the files come to whatever the path, for the package cache; '' when nobody has asked.
     """
 
     parts: Parts
@@ -204,15 +204,15 @@ class Record:
     external: str = ""
     seconds: float = 0.0
     began: float = 0.0
+    tree: str = ""
 
 
 @frozen
 class Traces:
     """What the contents of a build folder were made with, as digests.
 
-    Another `base` (forge, tools, environment) makes them useless, and so does another state of what was
-    `moved`; other `options` need another cache of CMake, another `shape` (names of sources, what needs
-    give) another configure.
+    Another `base` (forge, tools, environment), or state of what was `moved`, makes them useless; other
+    `options` need another cache of CMake, another `shape` (names of sources, what needs give) a configure.
     """
 
     base: str = ""
@@ -271,12 +271,12 @@ class Step:
     label: str
     argv: tuple[str, ...]
     cwd: Path
-    env: tuple[tuple[str, str], ...] = ()
+    env: Pairs = ()
     """Variables set for this step alone, beyond the environment of its task."""
     record: tuple[Path, str] | None = None
     """A file that says this step was done: removed before it starts, written once it succeeded."""
     replaces: tuple[str, ...] = ()
-    """Files that it made the last time; those that are links are removed before it starts."""
+    """Files that it made the last time; links among them are removed before it starts."""
     meanings: tuple[tuple[int, str], ...] = ()
     """Exit codes that are no failure of the task, and what they say instead."""
     after: str = ""
@@ -298,8 +298,7 @@ class Task:
     needs: Collection[str]
     steps: tuple[Step, ...]
     reason: str
-    parts: Parts = Parts()
-    """Complete but for `needs` when the task is conditional."""
+    parts: Parts = Parts()  # complete but for `needs` when the task is conditional
     sources: Mark = Mark()
     files: tuple[tuple[Path, str], ...] = ()
     """What the steps read and forge writes before them, when it changed."""
@@ -372,18 +371,19 @@ class Output:
 
 @frozen
 class Finished:
-    """A task ended; `step` is the one that failed when `code` is not 0, else `record` says what was made."""
+    """A task ended: `step` failed, or `record` says what was made; `cache` is a remark of the cache's."""
 
     task: str
     code: int
     seconds: float
     step: Step | None = None
     record: Record | None = None
+    cache: str = ""
 
 
 @frozen
 class Aborted:
-    """A task was stopped before its end, because another failed or the user interrupted."""
+    """A task was stopped before its end: another failed, or the user interrupted."""
 
     task: str
     seconds: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,12 +14,15 @@ from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
 from forge.interpreter import find_interpreter, require_modules
+from forge.launching.choice import chosen
 from forge.lengths import too_long
 from forge.makeflags import read_make_flags
+from forge.options import cache_wanted
 from forge.places import unfit_folders
 from forge.planning import Standing
 from forge.prefixes import find_underlays
 from forge.provision import INTERFACE_GROUP, missing_problems
+from forge.recipes.cmake import FLAGS
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
 from forge.tools import find_tools, identities
@@ -32,7 +36,7 @@ if TYPE_CHECKING:
 
     from forge.interpreter import Interpreter
     from forge.layout import Layout
-    from forge.model import BuildPlan
+    from forge.model import BuildPlan, Pairs
     from forge.workspace import Loaded
 
 
@@ -105,7 +109,8 @@ def prepare(
     """Return the tools and options that all packages share; raises EnvironmentFault for what is missing."""
     packages = [loaded.packages[name] for name in names]
     warn(odd_words([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
-    tools = find_tools(packages, variables)
+    launcher = chosen(options.compiler_launcher or variables.get("FORGE_COMPILER_LAUNCHER"))
+    tools = find_tools(packages, variables, launcher)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
         require_modules(interpreter, ("numpy",))
@@ -127,6 +132,7 @@ def prepare(
         load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
         cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
         ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
+        launcher=tools.launcher if tools else None,
         test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
         force_configure=options.cmake_force_configure,
         clean_cache=options.cmake_clean_cache,
@@ -134,8 +140,22 @@ def prepare(
         target=options.cmake_target,
         skip_target=options.cmake_target_skip_unavailable,
         environment_generator=variables.get("CMAKE_GENERATOR"),
+        path_maps=_path_maps(options, loaded.workspace.root, layout, variables),
+        flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     return kitchen, interpreter
+
+
+def _path_maps(
+    options: argparse.Namespace, root: Path, layout: Layout, variables: Mapping[str, str]
+) -> Pairs:
+    """Return the flags that let packages come out the same wherever they are built; none without a cache."""
+    if not cache_wanted(options, variables):
+        return ()
+    # Compilers take the last that fits, so the root, which usually holds the others, comes first.
+    folders = ((root, "."), (layout.build, "./build"), (layout.install, "./install"))
+    maps = " ".join(shlex.quote(f"-ffile-prefix-map={folder}={name}") for folder, name in folders)
+    return tuple((language, maps) for language in FLAGS)
 
 
 def standing(
@@ -149,12 +169,12 @@ def standing(
         forge=forge_stamp(),
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
-        force=_force(options),
+        force=force_of(options),
         selected=frozenset(loaded.selection.names),
     )
 
 
-def _force(options: argparse.Namespace) -> str:
+def force_of(options: argparse.Namespace) -> str:
     """Return the option that asks for packages though they are fresh; '' when none does, or has done so."""
     if getattr(options, "again", False):
         return ""

@@ -23,6 +23,7 @@ from forge.snapshot import moved_externals
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
+    from forge.caching.package_cache import Found
     from forge.errors import Problem
     from forge.freshness import Outlook
     from forge.interpreter import Interpreter
@@ -100,6 +101,13 @@ class Records:
             case _:
                 pass
 
+    def learn_trees(self, trees: Mapping[str, str]) -> None:
+        """Take note of what installed packages come to for the cache, where no record had said so."""
+        for name, tree in trees.items():
+            record = self.journal.records[name]
+            if not record.tree:
+                self.journal.remember(name, replace(record, tree=tree))
+
     def begin(self, task: Task) -> None:
         """Look at what is installed of a package now, so that afterwards it shows what is different."""
         record = self.journal.records.get(task.name)
@@ -119,17 +127,29 @@ class Records:
         """Return the record of a task that ended well, once what only its last build installed is gone."""
         from forge.externals import external_inputs  # noqa: PLC0415  (most builds make nothing)
         from forge.installation import installed_files  # noqa: PLC0415
-        from forge.ownership import note_contents  # noqa: PLC0415
 
         files = installed_files(task.package, self._layout)
         self._date(files)
+        inside = (self.source(task), self._layout.build, self._layout.install)
+        externals = external_inputs(task.build_dir, inside)
+        return self._made(task, files, externals)
+
+    def restored(self, task: Task, found: Found, files: tuple[str, ...]) -> Record:
+        """Return the record of a task whose `files` came out of the cache, its build folder left as it is.
+
+        The record says of no build folder that it belongs to it: the next build of the package begins anew.
+        """
+        record = self._made(task, files, found.externals)
+        return replace(record, seconds=found.tree.seconds, began=0.0, tree=found.tree.digest)
+
+    def _made(self, task: Task, files: tuple[str, ...], externals: tuple[str, ...]) -> Record:
+        from forge.ownership import note_contents  # noqa: PLC0415  (most builds make nothing)
+
         self._remove_stale(task.name, set(task.earlier) - set(files))
         if self._altered[task.name] == self._said_to_shells(task.name, files):
             del self._altered[task.name]
         if self._layout.merged:
             note_contents(task.build_dir, files, self.table)
-        inside = (self.source(task), self._layout.build, self._layout.install)
-        externals = external_inputs(task.build_dir, inside)
         return Record(
             parts=task.parts,
             complete=True,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Protocol
 
+from forge.caching.model import RESTORED
 from forge.durations import duration
 from forge.errors import Problem, SelectionError, raise_if_any
 from forge.excerpts import Excerpt
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.diagnosis import FirstError
+    from forge.launching.outcome import Outcome
     from forge.model import BuildPlan, Event, Package
 
 HANDLERS = {
@@ -124,6 +126,8 @@ class Tally:
     stderr: tuple[str, ...] = ()
     """Those that said something there."""
     test_failures: tuple[str, ...] = ()
+    restored: tuple[str, ...] = ()
+    """Those, embedded ones too, that came from the cache."""
     not_processed: tuple[str, ...] = ()
 
 
@@ -159,6 +163,8 @@ class Report:
         self.screen = PLAIN
         self.python = "python3"
         """The interpreter of the workspace, as hints name it."""
+        self.outcomes: tuple[Outcome, ...] = ()
+        """What a compiler launcher did."""
         self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
@@ -174,6 +180,7 @@ class Report:
         self._skipped: list[str] = []
         self._fresh = list(plan.fresh)
         self._failed_tests: set[str] = set()
+        self._restored: list[str] = []
 
     @property
     def failed_tests(self) -> frozenset[str]:
@@ -199,6 +206,7 @@ class Report:
             aborted=tuple(sorted(self._aborted)),
             stderr=tuple(sorted(self._stderr)),
             test_failures=tuple(sorted(self._failed_tests)),
+            restored=tuple(sorted(self._restored)),
             not_processed=tuple(sorted(self._skipped)),
         )
 
@@ -242,6 +250,10 @@ class Report:
         brought = len(tally.embedded)
         if brought:
             self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} of forge finished too")
+        if tally.restored:
+            self._out(f"  {_count(tally.restored)} came from the cache")
+        for outcome in self.outcomes:
+            self._out(f"  {outcome.words}")
         for names, words in (
             (tally.failed, "failed"),
             (tally.aborted, "aborted"),
@@ -308,6 +320,9 @@ class Report:
         self._finished.append(task)
         self._output.pop(task, None)
         remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
+        if event.cache == RESTORED:
+            self._restored.append(task)
+            remark = f"\t[ {RESTORED} ]"
         self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
     def _fail(self, event: Finished) -> None:

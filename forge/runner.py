@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from forge.files import write_if_changed
+from forge.frozen import frozen
 from forge.jobserver import without_blurbs
 from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Output, StepFinished, StepStarted
 from forge.steps import LAST_COMMAND, environment_file, step_line
@@ -51,28 +52,76 @@ class Runner(Protocol):
         """End all running programs now."""
 
 
-class ProcessRunner:
-    """Starts each step as a process group of its own.
+class Steps(Protocol):
+    """What runs the steps of a task."""
+
+    def __call__(
+        self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float, /
+    ) -> Event | None:
+        """Run them until one fails or the build is stopped; return what that comes to, else None."""
+
+
+@frozen
+class Frame:
+    """What surrounds the steps of a task, wherever they run.
 
     `environment(task)` is what a task's programs see; `begin(task)` and `install(task)` are called
     before its first step and after its last; the latter says what was made. `undo(task)` is called
-    instead when a step failed or the build was stopped.
+    instead when a step failed or the build was stopped. `restore(task)` is asked first of all: where it
+    returns a record, no step runs. `remark(task)` is what the package cache had to do with it, at its end.
     """
 
-    def __init__(
-        self,
-        environment: Callable[[Task], Mapping[str, str]],
-        begin: Callable[[Task], None],
-        install: Callable[[Task], Record],
-        budget: Budget | None = None,
-        undo: Callable[[Task], None] = lambda _: None,
-    ) -> None:
-        """Remember the seams, and where jobs come from if they are counted; nothing runs yet."""
-        self._environment = environment
-        self._begin = begin
-        self._install = install
+    environment: Callable[[Task], Mapping[str, str]]
+    begin: Callable[[Task], None]
+    install: Callable[[Task], Record]
+    undo: Callable[[Task], None] = lambda _: None
+    restore: Callable[[Task], Record | None] = lambda _: None
+    remark: Callable[[Task], str] = lambda _: ""
+
+    def open(self, task: Task) -> Mapping[str, str]:
+        """Make everything ready for the first step; return what the programs see."""
+        self.begin(task)
+        task.build_dir.mkdir(parents=True, exist_ok=True)
+        for path, text in task.files:
+            write_if_changed(path, text)
+        environment = self.environment(task)
+        exports = [f"export {name}={shlex.quote(value)}" for name, value in changed(environment)]
+        write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
+        return environment
+
+    def carry_out(self, task: Task, put: Callable[[Event], None], steps: Steps) -> None:
+        """Run the steps of `task` by `steps`, with all that surrounds them; put every event."""
+        try:
+            put(self._carried_out(task, put, steps))
+        except BaseException:
+            # A full disk, say: what was installed half-way must not look whole. The first cause is told.
+            with contextlib.suppress(OSError):
+                self.undo(task)
+            raise
+
+    def _carried_out(self, task: Task, put: Callable[[Event], None], steps: Steps) -> Event:
+        started = time.monotonic()
+        record = self.restore(task)
+        if record is not None:
+            return Finished(task.name, 0, time.monotonic() - started, record=record, cache=self.remark(task))
+        environment = self.open(task)
+        failure = steps(task, environment, put, started)
+        if failure is not None:
+            self.undo(task)
+            return failure
+        record = self.install(task)
+        seconds = time.monotonic() - started
+        record = replace(record, seconds=seconds)
+        return Finished(task.name, 0, seconds, record=record, cache=self.remark(task))
+
+
+class ProcessRunner:
+    """Starts each step as a process group of its own."""
+
+    def __init__(self, frame: Frame, budget: Budget | None = None) -> None:
+        """Remember what surrounds steps, and where jobs come from if they are counted; nothing runs yet."""
+        self._frame = frame
         self._budget = budget
-        self._undo = undo
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -82,37 +131,11 @@ class ProcessRunner:
         """Run the steps of `task` in order, until one fails or the build is stopped."""
         with self._budget.package() if self._budget else nullcontext(enter_result=True) as begun:
             if begun:
-                self._run(task, put)
+                self._frame.carry_out(task, put, self.run_steps)
             else:
                 put(Aborted(task.name, 0.0))
 
-    def _run(self, task: Task, put: Callable[[Event], None]) -> None:
-        try:
-            put(self._carry_out(task, put))
-        except BaseException:
-            # A full disk, say: what was installed half-way must not look whole. The first cause is told.
-            with contextlib.suppress(OSError):
-                self._undo(task)
-            raise
-
-    def _carry_out(self, task: Task, put: Callable[[Event], None]) -> Event:
-        started = time.monotonic()
-        self._begin(task)
-        task.build_dir.mkdir(parents=True, exist_ok=True)
-        for path, text in task.files:
-            write_if_changed(path, text)
-        environment = self._environment(task)
-        exports = [f"export {name}={shlex.quote(value)}" for name, value in _changed(environment)]
-        write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
-        failure = self._run_steps(task, environment, put, started)
-        if failure is not None:
-            self._undo(task)
-            return failure
-        record = self._install(task)
-        seconds = time.monotonic() - started
-        return Finished(task.name, 0, seconds, record=replace(record, seconds=seconds))
-
-    def _run_steps(
+    def run_steps(
         self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float
     ) -> Event | None:
         """Run the steps until one fails or the build is stopped; return what that comes to."""
@@ -171,7 +194,7 @@ class ProcessRunner:
         line = step_line(step, environment_file(task))
         write_if_changed(task.build_dir / task.desk / LAST_COMMAND, line + "\n")
         variables = {**environment, **dict(step.env)}
-        put(StepStarted(task.name, step, _changed(variables)))
+        put(StepStarted(task.name, step, changed(variables)))
         with self._budget.tools(step, variables) if self._budget else nullcontext((variables, ())) as seen:
             code = self._start(task, step, seen, put)
         if step.record and code == 0:
@@ -275,6 +298,6 @@ def _end_of(process: subprocess.Popen[bytes]) -> Iterator[int | None]:
         os.close(descriptor)
 
 
-def _changed(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+def changed(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """Return the variables that differ from forge's own environment, which logs need not repeat."""
     return tuple(sorted((name, value) for name, value in variables.items() if os.environ.get(name) != value))

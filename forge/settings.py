@@ -17,3 +17,11 @@ def setting(name: str, variables: Mapping[str, str]) -> str | None:
 def home(variables: Mapping[str, str]) -> Path:
     """Return the folder of the user's own settings, which forge shares with colcon."""
     return Path(setting("HOME", variables) or "~/.colcon").expanduser()
+
+
+def cache_home(variables: Mapping[str, str]) -> Path:
+    """Return the folder of what forge keeps for other builds: it may be removed at any time."""
+    named = variables.get("FORGE_CACHE_DIR")
+    if named:
+        return Path(named).expanduser().absolute()
+    return Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "forge"

@@ -37,7 +37,7 @@ _ASKS_PYTHON = "find_package(Python3 COMPONENTS Interpreter QUIET)\n"
 # What belongs to the reference project itself, or is said anew for each package.
 _OWN = re.compile(
     r"^(forge_toolchain_.*|CMAKE_PROJECT_.*|CMAKE_HOME_DIRECTORY|CMAKE_CACHEFILE_DIR|CMAKE_INSTALL_PREFIX"
-    r"|CMAKE_FIND_PACKAGE_REDIRECTS_DIR|CMAKE_NUMBER_OF_MAKEFILES):"
+    r"|CMAKE_FIND_PACKAGE_REDIRECTS_DIR|CMAKE_NUMBER_OF_MAKEFILES|CMAKE_(C|CXX)_FLAGS):"
 )
 _ANY = re.compile(r"(?!//|#)[^:]+:")
 _OF_PYTHON = re.compile(r"_?Python3_\w+:|CMAKE_CACHE_\w+_VERSION:")

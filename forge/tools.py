@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Problem, raise_if_any
 from forge.frozen import frozen
+from forge.launching.choice import not_found
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -38,12 +39,14 @@ class Tools:
     ninja: Path | None = None
     make: Path | None = None
     only_make: frozenset[str] = frozenset()
+    launcher: Path | None = None
 
 
-def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Tools | None:
+def find_tools(packages: Iterable[Package], variables: Mapping[str, str], launcher: str = "") -> Tools | None:
     """Return the tools that building `packages` takes, or None when none of them needs CMake.
 
-    Raises EnvironmentFault that names everything that is missing.
+    `launcher` is the name of what is to start the compilers, if anything is. Raises EnvironmentFault that
+    names everything that is missing.
     """
     needy = [package for package in packages if package.build_type in CMAKE_TYPES]
     if not needy:
@@ -56,6 +59,9 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
         problems.append(no_cmake(needy))
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
         problems.append(no_builder(needy))
+    before_compilers = find_program(launcher, variables) if launcher else None
+    if launcher and before_compilers is None:
+        problems.append(not_found(launcher))
     texts = [(package, _project_text(package)) for package in needy if not package.embedded]
     compiled = [package for package, text in texts if _compiles(text)]
     if compiled and not _has_compiler(variables):
@@ -63,7 +69,7 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str]) -> Too
     raise_if_any(problems, EnvironmentFault)
     assert cmake is not None  # noqa: S101  (else there was a problem)
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
-    return Tools(cmake, ninja, make, only_make)
+    return Tools(cmake, ninja, make, only_make, before_compilers)
 
 
 def no_cmake(needy: Sequence[Package]) -> Problem:
@@ -143,11 +149,19 @@ def identities(tools: Tools | None, python: Path, variables: Mapping[str, str]) 
     return tuple((name, _identity(program)) for name, program in sorted(programs.items()))
 
 
+def program_of(identity: str) -> str:
+    """Return the path of the program that one of `identities` is about."""
+    return identity.removesuffix(_GONE) if identity.endswith(_GONE) else identity.rsplit(" ", 2)[0]
+
+
+_GONE = " is not there"
+
+
 def _identity(program: Path) -> str:
     try:
         status = program.stat()
     except OSError:
-        return f"{program} is not there"
+        return f"{program}{_GONE}"
     return f"{program.resolve()} {status.st_size} {status.st_mtime_ns}"
 
 

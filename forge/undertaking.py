@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
+from forge.cluster.joining import joined, places_of, remote_runner
 from forge.compile_commands import merge_compile_commands
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.execution import execute
@@ -22,10 +23,12 @@ from forge.freshness import environment_that_counts
 from forge.frozen import frozen
 from forge.jobs import Jobs
 from forge.jobserver import common_style, joined_pool, own_pool, spoken
+from forge.launching.accounts import Account, open_account
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
-from forge.options import spelled
+from forge.options import CLUSTER, cache_wanted, spelled
 from forge.pictures.sampling import watched
+from forge.preparation import force_of
 from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
@@ -43,12 +46,15 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
+    from forge.caching.package_cache import PackageCache
     from forge.interpreter import Interpreter
+    from forge.launching.farms import Farm
     from forge.manner import Manner
     from forge.model import BuildPlan
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
+    from forge.reporting import Screen
     from forge.workspace import Loaded
 
 
@@ -77,12 +83,15 @@ def carry_out(
     _, lacking = missing_problems(loaded.provision, mine)
     warn((*lacking, *overridden(mine, layout.install, variables)))
     seconds = records.seconds()
+    account = _account(plan, kitchen, variables)
     with (
+        joined(options, kitchen) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         manner.worker(plan) as found_by,
-        closing(open_budget(options, kitchen, variables, plan)) as budget,
+        closing(open_budget(options, kitchen, variables, plan, account.farm)) as budget,
         live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
         watched(wanted=options.timings) as watch,
+        cache_of(undertaking, records) as cache,
     ):
         spoken = without_prose(handlers) if options.json or manner.quiet else handlers
         shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
@@ -91,15 +100,16 @@ def carry_out(
         report.python = str(undertaking.interpreter.path)
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
-        surroundings = {**without_jobs(variables), **found_by}
+        surroundings = {**without_jobs(variables), **account.variables, **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
-        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records)
+        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
         python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
         toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
-        board = _board(plan, options, budget.jobs, seconds)
+        runner = remote_runner(line, jobs, toolchain) if line else jobs.runner(budget, toolchain)
+        board = _board(plan, options, places_of(options, line) if line else _places(options, budget), seconds)
         feed.announce(seconds=seconds)
         try:
-            with closing(execute(plan, jobs.runner(budget, toolchain), board, records.settle)) as events:
+            with closing(execute(plan, runner, board, records.settle)) as events:
                 for event in events:
                     records.take(event, plan)
                     transcript.write(event)
@@ -110,28 +120,71 @@ def carry_out(
             records.finish(plan, variables)
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
+            report.outcomes = account.settle()
+            _tell_of_cache(cache, options, view.screen)
             passed = time.monotonic() - begun
             manner.conclude(plan, report, passed)
             if usage := watch.usage():
                 feed.tell_usage(usage)
             feed.conclude(report, passed)
-            if options.timings and transcript.folder:
-                line = f"timings: {_drawn_timings(transcript.folder, options)}\n".encode(
-                    errors="surrogateescape"
-                )
-                view.screen.write(line, stderr=options.json)
+            _tell_of_timings(transcript.folder, options, view.screen)
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))
     return report.exit_code
 
 
-def _drawn_timings(folder: Path, options: argparse.Namespace) -> str:
-    """Write the page about a run, and return where the latest one always is, as the user would type it."""
+def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManager[PackageCache | None]:
+    """Return the package cache that was asked for."""
+    options, loaded, variables = undertaking.options, undertaking.loaded, undertaking.variables
+    if not cache_wanted(options, variables):
+        return nullcontext(None)
+    from forge.caching.opening import open_cache  # noqa: PLC0415  (most builds have none)
+    from forge.caching.package_cache import Circle  # noqa: PLC0415
+    from forge.caching.relocation import Places  # noqa: PLC0415
+
+    layout = undertaking.kitchen.layout
+    circle = Circle(
+        layout=layout,
+        places=Places(loaded.workspace.root, layout),
+        needs=loaded.provision.needs,
+        tools=undertaking.kitchen.tools,
+        records=records.journal.records,
+        table=records.table,
+        forced=frozenset(loaded.selection.names) if force_of(options) else frozenset(),
+    )
+    return open_cache(options, circle, records, variables)
+
+
+def _tell_of_cache(cache: PackageCache | None, options: argparse.Namespace, screen: Screen) -> None:
+    """Say what the cache had to do with each package, where it was asked why things are as they are."""
+    if cache and options.explain and not options.json:
+        lines = (f"{name}: {note}\n" for name, note in sorted(cache.notes.items()))
+        screen.write("".join(lines).encode(errors="surrogateescape"))
+
+
+def _tell_of_timings(log: Path | None, options: argparse.Namespace, screen: Screen) -> None:
+    """Write the page about a run where it was asked for, and say where the latest one always is."""
+    if not options.timings or log is None:
+        return
     from forge.pictures.pages import PAGE, write_timings  # noqa: PLC0415  (asked for now and then)
 
-    write_timings(folder)
-    return spelled(os.path.relpath(folder.parent / "latest_build" / PAGE), options)
+    write_timings(log)
+    page = spelled(os.path.relpath(log.parent / "latest_build" / PAGE), options)
+    screen.write(f"timings: {page}\n".encode(errors="surrogateescape"), stderr=options.json)
+
+
+def _account(plan: BuildPlan, kitchen: Kitchen, variables: Mapping[str, str]) -> Account:
+    """Return the account of what is started before the compilers: an empty one where nothing compiles."""
+    if kitchen.launcher is None or not _compiles(plan):
+        return Account()
+    account = open_account(kitchen.launcher, kitchen.root, kitchen.layout.build, without_jobs(variables))
+    warn(account.problems)
+    return account
+
+
+def _compiles(plan: BuildPlan) -> bool:
+    return any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
 
 
 def _looks_for_python(plan: BuildPlan, provision: Provision) -> bool:
@@ -168,27 +221,35 @@ def warm_worker(plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
 
 
 def open_budget(
-    options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str], plan: BuildPlan
+    options: argparse.Namespace,
+    kitchen: Kitchen,
+    variables: Mapping[str, str],
+    plan: BuildPlan,
+    farm: Farm,
 ) -> Budget:
     """Return the job tokens of a build: those of a make above us, else as many as were asked for.
 
-    Which tools can share them is tried out, in one style for all, since one may start the other.
+    Where nobody says a number, a farm adds its jobs to those of our processors. Which tools can share them
+    is tried out, in one style for all, since one may start the other.
     """
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
     level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
-    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0) or processors()
+    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
+    local = jobs or processors()
+    jobs = jobs or local + farm.slots
     pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
     if flags.auth and pool is None and not options.jobs:
         hint = "begin its rule with '+', or give forge its own --jobs"
         warn([Problem("the jobserver of the make above cannot be reached", hint=hint)])
-    compiles = any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
-    spoken_by = _styles(kitchen, variables) if compiles else {}
+    spoken_by = _styles(kitchen, variables) if _compiles(plan) else {}
     style = pool.style if pool else common_style(spoken_by)
     if pool is None and style is not None:
         pool = own_pool(style)
     fluent = frozenset(name for name, styles in spoken_by.items() if style in styles)
     short = partial(shortage, options.memory_limit, kitchen.load_limit)
-    return Budget(jobs, pool, fluent, flags, short)
+    budget = Budget(jobs, pool, fluent, flags, short)
+    budget.local = local
+    return budget
 
 
 def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozenset[str]]:
@@ -206,8 +267,14 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
     return found
 
 
-def _board(plan: BuildPlan, options: argparse.Namespace, jobs: int, seconds: Mapping[str, float]) -> Board:
-    # A package that is started holds a job, so more of them would only wait.
+def _places(options: argparse.Namespace, budget: Budget) -> int:
+    """Return how many packages may be under way at a time on this machine."""
+    # A package that is started holds a job, so more of them would only wait; and of all that a package does
+    # only compilers go to a farm.
+    return min(options.parallel_workers or budget.local, budget.jobs)
+
+
+def _board(plan: BuildPlan, options: argparse.Namespace, places: int, seconds: Mapping[str, float]) -> Board:
     alone = options.executor == "sequential"
-    limit = 1 if alone else min(options.parallel_workers or jobs, jobs)
+    limit = 1 if alone else places
     return Board(plan, limit, seconds, continue_on_error=options.continue_on_error, in_order=alone)

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     4: """
         __main__ cli commands commands.* manner options package_options preparation testing.preparing
-        undertaking watching worker workspace
+        undertaking watching worker workspace caching.opening
     """,
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
@@ -35,15 +35,16 @@ FLOORS = {
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
-        caching caching.*
+        caching caching.* cluster cluster.*
+        launching.accounts launching.farms
     """,
     2: """
         cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths places excerpts pictures pictures.*
-        examining examining.* needs needs.* mistyped
+        assignments lengths places excerpts pictures pictures.* caching.action_result
+        examining examining.* needs needs.* mistyped launching launching.*
     """,
     1: "model layout interfaces.model caching.model",
     0: ". durations errors refusals frozen names files templating ament_index",
@@ -52,7 +53,9 @@ FLOORS = {
 
 PURE = (1, 2)
 IMPURE = frozenset({"os", "subprocess", "threading", "time", "logging"})
-HEAVY = frozenset({"jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "watchfiles", "yaml"})
+HEAVY = frozenset(
+    {"fsspec", "jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "urllib3", "watchfiles", "yaml"}
+)
 LONGEST_FUNCTION = 60
 LONGEST_MODULE = 400
 

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+RESTORED = "from the cache"
+"""What is said of a package that was not built here."""
+
+
 @frozen
 class Digest:
     """A blob's name: the SHA-256 of its bytes in lower-case hex, and how many bytes they are."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge import options as shared
 from forge import package_options
 from forge.errors import Problem, SelectionError
+from forge.launching.choice import LAUNCHERS, NONE
 from forge.manner import Manner
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
@@ -45,7 +46,8 @@ def register(parser: Parser) -> None:
     shared.add_layout(parser)
     _add_what_to_build(parser)
     _add_cmake(parser)
-    shared.add_budget(parser)
+    shared.add_cache(parser)
+    shared.add_budget(parser, cluster=True)
     _add_what_to_see(parser)
     parser.greedy = frozenset({"--cmake-args", "--ament-cmake-args", "--catkin-cmake-args"})
 
@@ -67,6 +69,7 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     level = shared.log_level_of(options)
     layout = shared.layout_of(options, root)
     _refuse_timings_without_a_log(options, layout)
+    shared.refuse_half_a_cluster(options)
     if options.print_command:
         from forge.explaining import last_command  # noqa: PLC0415  (asked for now and then)
 
@@ -162,6 +165,12 @@ def _add_cmake(parser: Parser) -> None:
         default=[],
         metavar="ARG",
         help="given to CMake for ament_cmake packages",
+    )
+    group.add_argument(
+        "--compiler-launcher",
+        choices=(*LAUNCHERS, NONE),
+        help="what is started before the C and C++ compilers of every package: a cache of what they made, or "
+        "what sends their work to other machines (default: none)",
     )
     group.add_argument(
         "--no-toolchain-cache",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.options import EXECUTORS
+from forge.options import CLUSTER, EXECUTORS
 from forge.recipes import RECIPES
 from forge.reporting import HANDLERS
 from forge.shells import SHELLS
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: ARG001  (every command is 
         "build types": sorted(RECIPES),
         "tested build types": sorted(TEST_RECIPES),
         "event handlers": sorted(handlers),
-        "executors": sorted(EXECUTORS),
+        "executors": sorted((*EXECUTORS, CLUSTER)),
         "shells": sorted(SHELLS),
     }
     for title, rows in tables.items():

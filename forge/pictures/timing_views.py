@@ -179,6 +179,7 @@ def _remarks(build: Build) -> Iterator[str]:
             mean = _mean_busy(build.use)
             text += f", and {mean:.1f} of {build.use.processors} processors were busy"
         yield text + "."
+    yield from (f"{outcome.words}." for outcome in build.outcomes)
     known = [run for run in build.packages if run.last is not None and run.outcome == FINISHED]
     if known:
         now, then = sum(run.seconds for run in known), sum(run.last or 0.0 for run in known)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from forge.frozen import frozen
+from forge.launching.outcome import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -74,6 +76,7 @@ class Build:
     seconds: float
     code: int
     use: MachineUse | None
+    outcomes: tuple[Outcome, ...] = ()
 
 
 def read_build(lines: Iterable[str]) -> Build:
@@ -101,6 +104,7 @@ def read_build(lines: Iterable[str]) -> Build:
         seconds=summary.get("seconds", ended),
         code=summary.get("code", 0),
         use=_use(usage) if usage else None,
+        outcomes=tuple(_outcome(event) for event in events if event["event"] == "Launcher"),
     )
 
 
@@ -211,3 +215,7 @@ def _first(told: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] | 
 def _use(event: Mapping[str, Any]) -> MachineUse:
     samples = tuple((float(time), float(busy), int(used)) for time, busy, used in event["samples"])
     return MachineUse(event["processors"], event["memory"], samples)
+
+
+def _outcome(event: Mapping[str, Any]) -> Outcome:
+    return Outcome(**{each.name: event[each.name] for each in fields(Outcome) if each.name in event})

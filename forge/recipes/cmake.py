@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from typing import TYPE_CHECKING
 
 from forge.model import CONFIGURE, Step
@@ -25,7 +26,9 @@ def plain_recipe(package: Package, kitchen: Kitchen) -> Recipe:
 
 def plain_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
     """Return the words whose change means another configure."""
-    return (*places(package, kitchen), *kitchen.cmake_args)
+    # Not the maps themselves: these follow from the places, and are spelled as the places are.
+    mapped = ("path maps",) if kitchen.path_maps else ()
+    return (*places(package, kitchen), *kitchen.cmake_args, *mapped)
 
 
 def ament_recipe(package: Package, kitchen: Kitchen) -> Recipe:
@@ -107,6 +110,7 @@ def _configure(
     """
     build = kitchen.layout.build_dir(package.name)
     generator, record = kitchen.configured.get(package.name, ("", ""))
+    arguments, env = _with_path_maps(arguments, kitchen)
     argv = (
         str(kitchen.cmake),
         # By these words, since CMake takes a source folder with a CMakeCache.txt in it for a build folder.
@@ -118,11 +122,33 @@ def _configure(
         f"-DCMAKE_INSTALL_PREFIX={kitchen.layout.prefix(package.name)}",
     )
     # The generator is left out: the second run finds it in the cache and does not name it.
-    said = (*argv[:7], *arguments, argv[-1], handed_over)
+    said = (*argv[:7], *arguments, *(flags for _, flags in env), argv[-1], handed_over)
     digest = hashlib.sha256("\0".join(said).encode()).hexdigest()
     if record == digest and not kitchen.force_configure and package.name not in kitchen.reconfigure:
         return ()
-    return (Step(CONFIGURE, argv, build, record=(handover_folder(build) / RECORD, digest)),)
+    return (Step(CONFIGURE, argv, build, env, record=(handover_folder(build) / RECORD, digest)),)
+
+
+def _with_path_maps(arguments: tuple[str, ...], kitchen: Kitchen) -> tuple[tuple[str, ...], Pairs]:
+    """Return the arguments and variables by which compilers learn of the path maps.
+
+    CMake takes the first flags of a language from the environment, unless an argument sets them.
+    """
+    found, env = list(arguments), []
+    for language, maps in kitchen.path_maps:
+        setting = re.compile(rf"-DCMAKE_{language}_FLAGS(:\w+)?=")
+        set_by = [index for index, argument in enumerate(found) if setting.match(argument)]
+        if set_by:
+            found[set_by[-1]] += f" {maps}"
+        else:
+            variable = FLAGS[language]
+            given = dict(kitchen.flags).get(language, "")
+            env.append((variable, f"{given} {maps}".strip()))
+    return tuple(found), tuple(env)
+
+
+FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}
+"""The variable from which CMake takes the first flags of a language."""
 
 
 def _generator(

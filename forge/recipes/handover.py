@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.frozen import frozen
+from forge.launching.choice import launcher_variables
 from forge.model import Kind
 from forge.names import is_word
 from forge.templating import render
@@ -56,6 +57,7 @@ def handover(kitchen: Kitchen, manifest: Path, ament: Pairs = ()) -> str:
     """
     python = quoted(str(kitchen.python))
     version = _PYTHON_VERSION.search(kitchen.site_packages)
+    launchers = launcher_variables(kitchen.launcher)
     entries = (
         ("Python3_EXECUTABLE", python, "FILEPATH", "The workspace's Python interpreter"),
         ("PYTHON_EXECUTABLE", python, "FILEPATH", "The same, as older packages call it"),
@@ -65,10 +67,12 @@ def handover(kitchen: Kitchen, manifest: Path, ament: Pairs = ()) -> str:
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new one generates interfaces anew"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
         *((name, quoted(value), "STRING", "What ament is told") for name, value in ament),
+        *((name, quoted(value), "STRING", "What starts the compiler") for name, value in launchers if value),
     )
     return render(
         "cmake/handover.cmake.j2",
         entries=[_Entry(name, value, type_, quoted(doc)) for name, value, type_, doc in entries],
+        gone=[name for name, value in launchers if not value],
     )
 
 

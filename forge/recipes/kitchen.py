@@ -41,6 +41,8 @@ class Kitchen:
     load_limit: float | None = None
     cmake_args: tuple[str, ...] = ()
     ament_cmake_args: tuple[str, ...] = ()
+    launcher: Path | None = None
+    """What is started before the compilers."""
     test_results: Path | None = None
     """Where tests of ament are to leave their results, instead of in the build folders."""
     force_configure: bool = False
@@ -50,6 +52,10 @@ class Kitchen:
     skip_target: bool = False
     """Packages without the target go without it."""
     environment_generator: str | None = None
+    path_maps: Pairs = ()
+    """For each language of CMake, the flags that keep paths of the workspace out of what is compiled."""
+    flags: Pairs = ()
+    """For each of these languages, what the environment says of its flags."""
     configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     reconfigure: frozenset[str] = frozenset()
 

@@ -12,7 +12,7 @@ from forge.folders import clear
 from forge.frozen import frozen
 from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
 from forge.occupancy import VARIABLE
-from forge.runner import ProcessRunner
+from forge.runner import Frame, ProcessRunner
 from forge.sourcing import build_environment
 from forge.steps import environment_file, step_line
 from forge.testing.collecting import collect
@@ -42,7 +42,7 @@ class TestJobs:
 
     def runner(self, budget: Budget) -> ProcessRunner:
         """Return what runs the tests."""
-        return ProcessRunner(self._environment, clear, self._finish, budget)
+        return ProcessRunner(Frame(self._environment, clear, self._finish), budget)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         layout = self.bench.layout

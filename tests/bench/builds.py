@@ -1,154 +1,212 @@
-"""Builds beside colcon's: nothing to do, one file changed, everything from nothing.
+"""Builds beside colcon's: nothing to do, one line changed, everything from nothing.
 
-Each tool has a copy of the workspace of its own. Packages of ament are built by both on the embedded
-ament, which forge installs into an underlay beforehand.
+Each tool has a copy of each workspace, built once and shared by all scenarios. Packages of ament are built
+by both on one and the same ament: the embedded one, which forge installs into an underlay beforehand, or
+Debian's.
 """
 
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from tests.bench import workspaces
+from tests.bench.commands import COLCON, GENERATORS, colcon, forge_build
+from tests.bench.sitting import printed, run
+from tests.bench.starting import COLCON_COMMON
 from tests.bench.timing import Variant
-from tests.bench.workspaces import write_ament_workspace, write_workspace
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
-    from tests.bench.scenarios import Peers
+    from tests.bench.figures import Case
+    from tests.bench.sitting import Sitting
 
-_QUIET = ("--log-base", "/dev/null")
+REMOVE = ("rm", "-rf", "build", "install", "log")
+COMPILERS = "compilers alone"
+CCACHE = "ccache"
+_LAUNCHER = "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"
 _CHANGE = "echo 'int changed_'$(date +%s%N)';' >> {path}"
 _COMPILE = "ls -d build/bench_* | xargs -n 1 -P {jobs} ninja -C"
 _CLEAN = "for folder in build/bench_*; do ninja -C $folder clean; done"
 
 
-def forge() -> tuple[str, ...]:
-    """Return the argv of the forge command beside this interpreter, else of its module."""
-    script = Path(sys.executable).with_name("forge")
-    return (str(script),) if script.is_file() else (sys.executable, "-m", "forge")
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of workspace: how it is written, and what the environment of its builds says."""
+
+    word: str
+    write: Callable[[Path, int], Path]
+    variables: Mapping[str, str] = field(default_factory=dict)
+    arguments: tuple[str, ...] = ()
+    """What all tools are given alike."""
+
+    def tool(self, sitting: Sitting, name: str, argv: tuple[str, ...], size: int) -> Variant:
+        """Return a tool in a workspace of its own, which nobody has built."""
+        root = sitting.new_folder(f"{self.word}_{size}")
+        self.write(root, size)
+        return Variant(name, (*argv, *self.arguments), root, env=self.variables)
+
+    def built(self, sitting: Sitting, name: str, argv: tuple[str, ...], size: int) -> Variant:
+        """Return a tool in a workspace that it has built, for this scenario or an earlier one."""
+        made = Variant(name, (*argv, *self.arguments), sitting.folder, env=self.variables)
+
+        def make(root: Path) -> None:
+            self.write(root, size)
+            replace(made, cwd=root).run()
+
+        word = "".join(letter if letter.isalnum() else "_" for letter in name)
+        return replace(made, cwd=sitting.made(f"{self.word}_{size}_by_{word}", make))
 
 
-def nothing_on_plain(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure a build of 100 plain CMake packages in which nothing changed."""
-    return _nothing(folder, peers, lambda root: write_workspace(root, 100), {})
+def tools(sitting: Sitting, *generators: str) -> dict[str, tuple[str, ...]]:
+    """Return the command line of each tool that builds."""
+    found = {"forge": forge_build()}
+    if sitting.wants(COLCON_COMMON):
+        chosen = {name: words for name, words in GENERATORS.items() if name in (generators or GENERATORS)}
+        found |= {name: (*colcon(sitting.peers, "build"), *words) for name, words in chosen.items()}
+    return found
 
 
-def nothing_on_ament(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure a build of 100 small ament_cmake packages in which nothing changed."""
-    return _nothing(folder, peers, lambda root: write_ament_workspace(root, 100), _underlay(folder))
+PLAIN = Kind("plain", workspaces.write_workspace)
+PYTHON = Kind("python", workspaces.write_python_workspace)
 
 
-def nothing_on_1000(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure a build of 1,000 packages in which nothing changed; colcon would take most of a minute."""
-    del peers
-    root = write_workspace(folder, 1000, files=2)
-    return (_built(Variant("forge build", (*forge(), *_QUIET, "build", "--merge-install"), root)),)
+def ament(sitting: Sitting) -> Kind:
+    """Return packages of ament on the embedded one."""
+    return Kind("ament", workspaces.write_ament_workspace, underlay(sitting, "ament_cmake"))
 
 
-def one_changed(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure a build after a change of one .cpp that nobody needs, beside ninja in that folder alone."""
-    del peers
-    variables = _underlay(folder)
-    variants = []
-    for name in ("forge", "ninja"):
-        root = write_ament_workspace(folder / name, 100)
-        built = _built(Variant(f"{name} build", (*forge(), *_QUIET, "build"), root, env=variables))
-        leaf = max(path.name for path in (root / "src").iterdir())
-        change = ("sh", "-c", _CHANGE.format(path=root / "src" / leaf / "src" / "main.cpp"))
-        argv = built.argv if name == "forge" else ("ninja", "-C", str(root / "build" / leaf))
-        variants.append(replace(built, name=name, argv=argv, before=change))
-    return tuple(variants)
+def debian_ament(sitting: Sitting) -> Kind:
+    """Return packages of ament on Debian's."""
+    arguments = ("--cmake-args", "-DPython3_EXECUTABLE=/usr/bin/python3")
+    return Kind("debian_ament", workspaces.write_ament_workspace, debian(sitting), arguments)
 
 
-def from_nothing(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure a clean build of 100 small ament_cmake packages, and what of that the compilers take alone."""
-    variables = _underlay(folder)
-    remove = ("rm", "-rf", "build", "install", "log")
-    tools = [_tool(name, argv, folder, variables) for name, argv in _tools(peers).items()]
-    variants = []
-    for tool in tools:
-        write_ament_workspace(tool.cwd, 100)
-        variants.append(replace(tool, before=remove))
-    alone = _built(_tool("ninja", _tools(peers)["forge"], folder, variables, write_ament_workspace))
-    jobs = len(os.sched_getaffinity(0))
-    compilers = ("sh", "-c", _COMPILE.format(jobs=jobs))
-    return (*variants, replace(alone, name="compilers alone", argv=compilers, before=("sh", "-c", _CLEAN)))
+def debian(sitting: Sitting) -> dict[str, str]:
+    """Return the environment in which Debian's ament and rosidl are found."""
+    prefix = sitting.peers.debian
+    modules = os.pathsep.join(
+        filter(None, (f"{prefix}/lib/python3/dist-packages", os.environ.get("PYTHONPATH")))
+    )
+    return {"AMENT_PREFIX_PATH": str(prefix), "CMAKE_PREFIX_PATH": str(prefix), "PYTHONPATH": modules}
 
 
-def list_1000(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure the listing of 1,000 packages."""
-    root = write_workspace(folder, 1000, files=2)
-    variants = [Variant("forge list", (*forge(), "list"), root)]
-    if peers.colcon:
-        variants.append(Variant("colcon list", (peers.colcon, *_QUIET, "list"), root))
-    return tuple(variants)
+def underlay(sitting: Sitting, *needs: str) -> dict[str, str]:
+    """Let forge install what it embeds and return the environment of who sourced that."""
+
+    def make(root: Path) -> None:
+        package = root / "src" / "wants"
+        package.mkdir(parents=True)
+        depends = "".join(f"<depend>{need}</depend>" for need in needs)
+        manifest = manifest_text("wants", depends, build_type="cmake")
+        (package / "package.xml").write_text(manifest, encoding="utf-8")
+        (package / "CMakeLists.txt").write_text(
+            "cmake_minimum_required(VERSION 3.18)\nproject(wants NONE)\n", encoding="utf-8"
+        )
+        run(forge_build("--merge-install"), root)
+
+    root = sitting.made(f"underlay_{'_'.join(needs)}", make)
+    script = '. install/setup.sh && env -0 | grep -z "_PATH=\\|^PYTHONPATH=" | tr "\\0" "\\n"'
+    said = printed(("sh", "-c", script), root, dict(os.environ))
+    return dict(entry.split("=", 1) for entry in said.splitlines() if entry)
 
 
-SCENARIOS: Mapping[str, Callable[[Path, Peers], tuple[Variant, ...]]] = {
-    "nothing-100-plain": nothing_on_plain,
-    "nothing-100-ament": nothing_on_ament,
-    "nothing-1000": nothing_on_1000,
-    "one-changed": one_changed,
-    "from-nothing-100-ament": from_nothing,
-    "list-1000": list_1000,
-}
-
-
-def _tools(peers: Peers) -> dict[str, tuple[str, ...]]:
-    tools = {"forge": (*forge(), *_QUIET, "build")}
-    if peers.colcon:
-        tools["colcon"] = (peers.colcon, *_QUIET, "build")
-    return tools
-
-
-def _tool(
-    name: str,
-    argv: tuple[str, ...],
-    folder: Path,
-    variables: Mapping[str, str],
-    write: Callable[[Path, int], Path] | None = None,
-) -> Variant:
-    """Return a tool with a folder of its own, which `write` fills."""
-    root = folder / name
-    if write:
-        write(root, 100)
-    return Variant(f"{name} build", argv, root, env=variables)
+def no_op(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds in which nothing changed."""
+    for size in sitting.sizes(1, 10, 100):
+        yield _nothing(sitting, PLAIN, "plain CMake", size, tools(sitting))
+    if not sitting.quick:
+        yield _nothing(sitting, PLAIN, "plain CMake", 1000, {"forge": forge_build("--merge-install")})
+    for size in sitting.sizes(1, 10, 100):
+        yield _nothing(sitting, ament(sitting), "ament_cmake, embedded", size, tools(sitting))
+    if sitting.wants("ament"):
+        size = sitting.size(100)
+        yield _nothing(sitting, debian_ament(sitting), "ament_cmake, Debian's", size, tools(sitting, COLCON))
+    for size in sitting.sizes(1, 10, 30):
+        yield _nothing(sitting, PYTHON, "ament_python", size, tools(sitting, COLCON))
 
 
 def _nothing(
-    folder: Path, peers: Peers, write: Callable[[Path], Path], variables: Mapping[str, str]
-) -> tuple[Variant, ...]:
-    variants = []
-    for name, argv in _tools(peers).items():
-        tool = _tool(name, argv, folder, variables)
-        write(tool.cwd)
-        variants.append(_built(tool))
-    return tuple(variants)
+    sitting: Sitting, kind: Kind, name: str, size: int, argvs: Mapping[str, tuple[str, ...]]
+) -> Case:
+    variants = [kind.built(sitting, tool, argv, size) for tool, argv in argvs.items()]
+    return sitting.turns_of(name, variants, 5, size=size)
 
 
-def _built(variant: Variant) -> Variant:
-    """Run a variant once, so that it finds everything done, and return it."""
-    variant.run()
-    return variant
+def one_line(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds after a change of one .cpp that nobody needs, beside ninja in that folder alone."""
+    kind = ament(sitting)
+    for size in sitting.sizes(1, 10, 100):
+        built = [kind.built(sitting, name, argv, size) for name, argv in tools(sitting).items()]
+        alone = kind.built(sitting, "ninja alone", forge_build(), size)
+        leaf = f"bench_{size - 1:04}"
+        alone = replace(alone, argv=("ninja", "-C", f"build/{leaf}"))
+        change = ("sh", "-c", _CHANGE.format(path=f"src/{leaf}/src/main.cpp"))
+        variants = [replace(variant, before=change) for variant in (*built, alone)]
+        yield sitting.turns_of("one .cpp of a leaf", variants, 5, size=size)
 
 
-def _underlay(folder: Path) -> dict[str, str]:
-    """Install the embedded ament and return the environment of who sourced it."""
-    root = folder / "underlay"
-    package = root / "src" / "wants_ament"
-    package.mkdir(parents=True)
-    manifest = manifest_text("wants_ament", "<depend>ament_cmake</depend>", build_type="cmake")
-    (package / "package.xml").write_text(manifest, encoding="utf-8")
-    (package / "CMakeLists.txt").write_text(
-        "cmake_minimum_required(VERSION 3.18)\nproject(wants_ament NONE)\n", encoding="utf-8"
-    )
-    subprocess.run((*forge(), *_QUIET, "build", "--merge-install"), cwd=root, check=True, capture_output=True)
-    script = '. install/setup.sh && env -0 | grep -z "_PATH=\\|^PYTHONPATH="'
-    printed = subprocess.run(["sh", "-c", script], cwd=root, check=True, capture_output=True, text=True)
-    return dict(entry.split("=", 1) for entry in printed.stdout.split("\0") if entry)
+def cold(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds from nothing, and what of that the compilers take alone."""
+    kind = ament(sitting)
+    for size in sitting.sizes(1, 10, 100):
+        variants = [
+            replace(kind.tool(sitting, name, argv, size), before=REMOVE)
+            for name, argv in tools(sitting).items()
+        ]
+        built = kind.built(sitting, COMPILERS, forge_build(), size)
+        jobs = len(os.sched_getaffinity(0))
+        alone = replace(built, argv=("sh", "-c", _COMPILE.format(jobs=jobs)), before=("sh", "-c", _CLEAN))
+        yield sitting.turns_of("ament_cmake", [*variants, alone], 3, size=size)
+    for size in sitting.sizes(1, 5, 10):
+        yield _from_nothing(sitting, PYTHON, "ament_python", size, tools(sitting, COLCON))
+
+
+def _from_nothing(
+    sitting: Sitting, kind: Kind, name: str, size: int, argvs: Mapping[str, Sequence[str]]
+) -> Case:
+    variants = [
+        replace(kind.tool(sitting, tool, tuple(argv), size), before=REMOVE) for tool, argv in argvs.items()
+    ]
+    return sitting.turns_of(name, variants, 3, size=size)
+
+
+def shapes(sitting: Sitting) -> Iterator[Case]:
+    """Measure the same number of packages as a star, as a chain and as people's are."""
+    size = sitting.size(30)
+    for shape in workspaces.SHAPES:
+
+        def write(root: Path, packages: int, shape: str = shape) -> Path:
+            return workspaces.write_workspace(root, packages, shape=shape)
+
+        kind = Kind(f"plain_{shape}", write)
+        argvs = tools(sitting, COLCON)
+        yield replace(_from_nothing(sitting, kind, f"{shape}, from nothing", size, argvs), size=size)
+        yield _nothing(sitting, kind, f"{shape}, nothing changed", size, argvs)
+
+
+def warm_ccache(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds from nothing whose objects a compiler cache has, beside forge's without it."""
+    if not sitting.wants(CCACHE):
+        return
+    kind = ament(sitting)
+    for size in sitting.sizes(3, 10, 30):
+        argvs = {
+            "forge": forge_build("--cmake-args", _LAUNCHER),
+            "forge, no ccache": forge_build(),
+        }
+        for name, argv in tools(sitting).items():
+            if name != "forge":
+                words = argv if "--cmake-args" in argv else (*argv, "--cmake-args")
+                argvs[name] = (*words, _LAUNCHER)
+        variants = []
+        for name, argv in argvs.items():
+            own = {**kind.variables, "CCACHE_DIR": str(sitting.new_folder("ccache"))}
+            variant = replace(kind.tool(sitting, name, argv, size), before=REMOVE, env=own)
+            variant.run()  # fills the cache
+            variants.append(variant)
+        yield sitting.turns_of("ament_cmake, warm ccache", variants, 3, size=size)

@@ -9,42 +9,52 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.toolchain import Toolchain
-from tests.bench.builds import forge
+from tests.bench.commands import forge
+from tests.bench.sitting import run
 from tests.bench.timing import Variant
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from tests.bench.scenarios import Peers
+    from collections.abc import Iterator
+
+    from tests.bench.figures import Case
+    from tests.bench.sitting import Sitting
 
 _AMENT = "find_package(ament_cmake REQUIRED)\n{more}ament_package()\n"
 _LINTERS = "find_package(ament_lint_auto REQUIRED)\nament_lint_auto_find_test_dependencies()\n"
 _LINTERS_DECLARED = "<test_depend>ament_lint_auto</test_depend><test_depend>ament_lint_common</test_depend>"
 
 _PACKAGES = {
-    "plain": ("NONE", "", ""),
-    "ament": ("NONE", _AMENT.format(more=""), ""),
-    "plain in C++": ("CXX", "", ""),
-    "ament in C++": ("CXX", _AMENT.format(more=""), ""),
-    "ament in C++ with linters": ("CXX", _AMENT.format(more=_LINTERS), _LINTERS_DECLARED),
+    "without a language": {"plain": ("NONE", "", ""), "forge": ("NONE", _AMENT.format(more=""), "")},
+    "in C++": {
+        "plain": ("CXX", "", ""),
+        "forge": ("CXX", _AMENT.format(more=""), ""),
+        "forge, linters": ("CXX", _AMENT.format(more=_LINTERS), _LINTERS_DECLARED),
+    },
 }
-"""What is measured: the language, what follows project(), and the manifest's lines."""
+"""What is compared: a project without ament, one with forge's; their language, commands, manifest's lines."""
 
 _FORGET = "rm -rf CMakeCache.txt CMakeFiles{copy}"
 _COMMAND = re.compile(r"^Invoked command in .* returned '0': (.* -C .*)$", re.MULTILINE)
 
 
-def configure(folder: Path, peers: Peers) -> tuple[Variant, ...]:
+def configuring(sitting: Sitting) -> Iterator[Case]:
     """Measure CMake's configure of packages with ament and without."""
-    del peers
-    for name, (language, commands, lines) in _PACKAGES.items():
-        _write(folder / "src" / _word(name), language, commands, lines)
-    subprocess.run((*forge(), "build"), cwd=folder, check=True, capture_output=True)
-    return tuple(_variant(folder, name) for name in _PACKAGES)
+    folder = sitting.new_folder("configures")
+    for case, packages in _PACKAGES.items():
+        for name, (language, commands, lines) in packages.items():
+            _write(folder / "src" / _word(f"{name} {case}"), language, commands, lines)
+    run(forge("build"), folder)
+    for case, packages in _PACKAGES.items():
+        variants = [
+            _variant(folder, name, _word(f"{name} {case}"), language)
+            for name, (language, _, _) in packages.items()
+        ]
+        yield sitting.turns_of(case, variants, 11)
 
 
 def _write(package: Path, language: str, commands: str, lines: str) -> None:
@@ -57,14 +67,14 @@ def _write(package: Path, language: str, commands: str, lines: str) -> None:
     (package / "CMakeLists.txt").write_text(text, encoding="utf-8")
 
 
-def _variant(folder: Path, name: str) -> Variant:
+def _variant(folder: Path, name: str, package: str, language: str) -> Variant:
     """Return the command that forge ran, in a folder that knows at most the compilers."""
-    build = folder / "build" / _word(name)
-    log = (folder / "log" / "latest_build" / _word(name) / "command.log").read_text(encoding="utf-8")
+    build = folder / "build" / package
+    log = (folder / "log" / "latest_build" / package / "command.log").read_text(encoding="utf-8")
     command = _COMMAND.search(log)
     assert command is not None, log
     copy = ""
-    if _PACKAGES[name][0] != "NONE":
+    if language != "NONE":
         copy = f" && cp -r {shlex.quote(str(_known_compilers(folder, command[1])))}/. ."
     surroundings = shlex.quote(str(build / "handover" / "environment.sh"))
     return Variant(
@@ -87,4 +97,4 @@ def _known_compilers(folder: Path, command: str) -> Path:
 
 
 def _word(name: str) -> str:
-    return name.replace(" ", "_").replace("+", "p").lower()
+    return re.sub(r"\W", "_", name.replace("+", "p").lower())

@@ -1,21 +1,25 @@
-"""`python -m tests.bench.occupancy`: how full a cold build of compile-heavy packages keeps its jobs; JSON."""
+"""How full a cold build of compile-heavy packages keeps its jobs."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import subprocess
-import sys
-import tempfile
 import time
-from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from tests.bench.commands import forge
+from tests.bench.figures import Case, Series
 from tests.packages import manifest_text
 
-ROOT = Path(__file__).parents[2]
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.bench.sitting import Sitting
+
+GENERATORS = {"Ninja": {}, "Makefiles": {"CMAKE_GENERATOR": "Unix Makefiles"}}
+IN_USE, READY, MOST = "processors in use", "jobs ready to run", "most compilers at a time"
 COMPILERS = frozenset({"cc1plus", "cc1", "as", "ld"})
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} CXX)
@@ -63,47 +67,46 @@ class Watch:
         self.seen.append((time.monotonic() - self.begun, used, compilers, ready))
 
 
-def main() -> int:
-    """Build once and print what was seen."""
-    options = _parser().parse_args()
-    with tempfile.TemporaryDirectory(prefix="forge-bench-") as folder:
-        root = Path(folder)
-        _write_workspace(root, options.packages, options.files)
-        variables = {**os.environ, "PYTHONPATH": str(ROOT)}
-        if options.generator:
-            variables["CMAKE_GENERATOR"] = options.generator
-        argv = (sys.executable, "-m", "forge", "build", "--jobs", str(options.jobs))
-        with (root / "out").open("w") as out:
-            process = subprocess.Popen(argv, cwd=root, env=variables, stdout=out, stderr=out)
-            watch = Watch(process.pid)
-            while process.poll() is None:
-                watch.look()
-                time.sleep(0.02)
-        if process.returncode:
-            print((root / "out").read_text(), file=sys.stderr)
-            return process.returncode
-        print(json.dumps(_findings(watch, options.jobs), indent=2))
-    return 0
+def occupancy(sitting: Sitting) -> Iterator[Case]:
+    """Measure the share of the budget in use until the last chain of packages."""
+    jobs = len(os.sched_getaffinity(0))
+    for generator, variables in GENERATORS.items():
+        found = [_built(sitting, jobs, variables) for _ in range(sitting.runs(2))]
+        most = max(count for _, _, count in found)
+        for word, column in ((IN_USE, 0), (READY, 1)):
+            series = {"forge": Series(tuple(each[column] for each in found))}
+            yield Case(f"{word}, {generator}", series, unit="%", counts={"jobs": jobs, MOST: most})
 
 
-def _findings(watch: Watch, jobs: int) -> dict[str, object]:
-    """Return the share of the budget in use until the last time that all jobs were compilers.
+def _built(sitting: Sitting, jobs: int, variables: dict[str, str]) -> tuple[float, float, int]:
+    """Build once and return what was seen; raises CalledProcessError when it fails."""
+    root = sitting.new_folder("occupancy")
+    _write_workspace(root, sitting.size(9), 1 if sitting.quick else 4)
+    argv = forge("build", "--jobs", str(jobs))
+    with (root / "out").open("w") as out:
+        process = subprocess.Popen(
+            argv, cwd=root, env={**os.environ, **variables}, stdin=subprocess.DEVNULL, stdout=out, stderr=out
+        )
+        watch = Watch(process.pid)
+        while process.poll() is None:
+            watch.look()
+            time.sleep(0.02)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, argv, (root / "out").read_bytes())
+    return _findings(watch, jobs)
+
+
+def _findings(watch: Watch, jobs: int) -> tuple[float, float, int]:
+    """Return per cent of the budget in use until the last time that all jobs were compilers, and the most.
 
     On a machine that others use too, processors cannot be full; there jobs count that were ready to run.
     """
-    full = max(index for index, (_, _, compilers, _) in enumerate(watch.seen) if compilers == jobs)
+    counts = [compilers for _, _, compilers, _ in watch.seen]
+    full = max((index for index, count in enumerate(counts) if count >= jobs), default=len(counts) - 1)
     seconds, used, _, _ = watch.seen[full]
     ready = [min(jobs, ready) for _, _, _, ready in watch.seen[: full + 1]]
-    counts = Counter(compilers for _, _, compilers, _ in watch.seen)
-    return {
-        "jobs": jobs,
-        "seconds": round(watch.seen[-1][0], 2),
-        "processors in use until the last chain": round(used / seconds / jobs, 3),
-        "jobs ready to run until then": round(sum(ready) / len(ready) / jobs, 3),
-        "seconds until then": round(seconds, 2),
-        "compilers at a time": {str(number): counts[number] for number in sorted(counts)},
-        "load": os.getloadavg()[0],
-    }
+    share = 100 / jobs
+    return share * used / seconds, share * sum(ready) / len(ready), max(counts)
 
 
 def _write_workspace(root: Path, packages: int, files: int) -> None:
@@ -119,16 +122,3 @@ def _write_workspace(root: Path, packages: int, files: int) -> None:
         (folder / "CMakeLists.txt").write_text(CMAKE.format(name=name, sources=listed))
         for source in sources:
             (folder / f"{source}.cpp").write_text(SOURCE.format(name=source))
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.occupancy", description=__doc__)
-    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
-    parser.add_argument("--packages", type=int, default=9)
-    parser.add_argument("--files", type=int, default=4)
-    parser.add_argument("--generator", help="CMake's, such as 'Unix Makefiles'")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

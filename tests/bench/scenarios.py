@@ -1,78 +1,185 @@
-"""What is measured: each scenario makes its workspace and names the command lines to compare."""
+"""All that is measured: a table of scenarios, in the order of the page."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tests.bench import builds, configures, sourcing
-from tests.bench.timing import Variant
-from tests.bench.workspaces import write_workspace
+from tests.bench import (
+    builds,
+    cdr_cpp,
+    cdr_python,
+    compile_cost,
+    configures,
+    generation,
+    interface_builds,
+    messages,
+    occupancy,
+    sourcing,
+    starting,
+    watching,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
+    from collections.abc import Callable, Iterator, Mapping
+
+    from tests.bench.figures import Case
+    from tests.bench.sitting import Sitting
 
 
 @dataclass(frozen=True, slots=True)
-class Peers:
-    """Other tools to measure beside forge; None where there is none."""
+class Scenario:
+    """Something to measure: its heading, minutes on two quiet processors, what a reader must know."""
 
-    colcon: str | None = None
-
-
-def start(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure how long forge takes to say what it can do, beside a bare interpreter."""
-    del peers
-    return _base(folder), Variant("forge --help", (*builds.forge(), "--help"), folder)
-
-
-def list_100(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure the listing of 100 packages among 2,000 files."""
-    root = write_workspace(folder, 100)
-    variants = [_base(root), Variant("forge list", (*builds.forge(), "list"), root)]
-    if peers.colcon:
-        variants.append(Variant("colcon list", (peers.colcon, "--log-base", "/dev/null", "list"), root))
-    return tuple(variants)
+    title: str
+    measure: Callable[[Sitting], Iterator[Case]]
+    minutes: float
+    notes: str = ""
+    per: str = "packages"
+    """What sizes count."""
 
 
-def complete_300(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure a press of the key for a package's name in bash: to be below a tenth of a second.
-
-    The script is sourced beforehand in life, and here in the variant to compare with.
-    """
-    del peers
-    root = write_workspace(folder / "ws", 300, files=1)
-    asked = subprocess.run(
-        (*builds.forge(), "completion", "bash"), cwd=root, check=True, capture_output=True, text=True
-    )
-    script = folder / "completion.bash"
-    script.write_text(asked.stdout, encoding="utf-8")
-    words = f"COMP_WORDS=({' '.join(COMPLETED)}) COMP_CWORD={len(COMPLETED) - 1}"
-    press = f'{words}; _forge; [ "${{#COMPREPLY[@]}}" = 100 ]'
-    sourced = ("bash", "--norc", "-c")
-    cache = {"XDG_CACHE_HOME": str(folder / "cache")}
-    return (
-        _base(root),
-        Variant("bash, script sourced", (*sourced, f". {script}"), root, env=cache),
-        Variant("bash, key pressed", (*sourced, f". {script}; {press}"), root, env=cache),
-    )
-
-
-COMPLETED = ("forge", "build", "--packages-select", "bench_01")
-"""A command line of which the last word is to be completed, to one of a hundred names."""
-
-SCENARIOS: Mapping[str, Callable[[Path, Peers], tuple[Variant, ...]]] = {
-    "start": start,
-    "list-100": list_100,
-    "complete-300": complete_300,
-    "configure": configures.configure,
-    **builds.SCENARIOS,
-    **sourcing.SCENARIOS,
+SCENARIOS: Mapping[str, Scenario] = {
+    "start-up": Scenario(
+        "Start-up",
+        starting.start_up,
+        0.3,
+        "colcon's `--help` loads all of its extensions and lists their options; forge's loads its "
+        "table of commands.",
+    ),
+    "list": Scenario(
+        "List of packages",
+        starting.listing,
+        0.8,
+        "Both read the same manifests and print the same lines.",
+    ),
+    "completion": Scenario(
+        "Completion of a package's name in bash",
+        starting.completion,
+        0.5,
+        "Sourcing the script happens once in life; what a press of the key costs is the difference. "
+        "colcon completes by a Python of its own for each press and is not measured.",
+    ),
+    "no-op": Scenario(
+        "Build with nothing changed",
+        builds.no_op,
+        8.0,
+        "colcon starts each package's build tool and install step, which look for changes themselves; "
+        "forge compares what it knows of all sources, of the tools and of what is installed, and "
+        "starts nothing. Of 1,000 packages colcon's build would take minutes: left out.",
+    ),
+    "one-line": Scenario(
+        "Build after a change of one line",
+        builds.one_line,
+        3.0,
+        "Ninja alone compiles and links and does not install.",
+    ),
+    "cold": Scenario(
+        "Build from nothing",
+        builds.cold,
+        7.0,
+        "Both build on the same installed ament. forge examines the compilers once for all packages, "
+        "colcon's CMake in each. 'compilers alone' is ninja in each of forge's build folders after "
+        "`ninja clean`: what no build tool can save.",
+    ),
+    "cold-ccache": Scenario(
+        "Build from nothing with a warm compiler cache",
+        builds.warm_ccache,
+        2.5,
+        "Each tool has a cache of its own, filled by one build at the same place.",
+    ),
+    "shapes": Scenario(
+        "Shapes of workspaces",
+        builds.shapes,
+        2.5,
+        "A star, a chain, and one as people have them, of as many packages; in a chain nothing can "
+        "run side by side.",
+    ),
+    "one-interface": Scenario(
+        "Build after a change of one interface",
+        interface_builds.one_interface,
+        3.0,
+        "With forge's generators both tools run the same compiler of interfaces. Debian's rosidl "
+        "writes C and C++ and compiles type support for introspection; forge's own writes Python, "
+        "too, and headers only.",
+    ),
+    "cold-interfaces": Scenario(
+        "Packages of interfaces from nothing",
+        interface_builds.cold_interfaces,
+        4.0,
+        "As above.",
+    ),
+    "watch": Scenario(
+        "From a save to the end of its build",
+        watching.watching,
+        0.8,
+        "Under `forge build --watch`, in a workspace of ten packages; colcon has nothing of the kind.",
+    ),
+    "generation": Scenario(
+        "Compiler of interfaces",
+        generation.generation,
+        6.0,
+        "On one processor, start included. rosidl converts to .idl and writes C and C++ in one Python "
+        "process here; its CMake code starts one for each step and package. forge writes type hashes "
+        "and ROS's wire format in addition, rosidl's C has sources and not only headers.",
+        per="messages",
+    ),
+    "compile-cost": Scenario(
+        "Compiling generated headers",
+        compile_cost.compile_cost,
+        2.0,
+        "Processor time of g++. rosidl's headers have no wire format, which ROS keeps in libraries of "
+        "type support.",
+    ),
+    "python-cdr": Scenario(
+        "Wire format in Python",
+        cdr_python.python_cdr,
+        1.5,
+        "rosbags makes its functions from the definitions at run time and gives dataclasses, without "
+        "checks; mcap-ros2-support interprets them and gives plain namespaces. forge's classes check "
+        "what is assigned. Read lazily, large arrays stay views of the bytes, which neither peer "
+        "offers: their time is that of reading.",
+    ),
+    "cpp-cdr": Scenario(
+        "Wire format in C++",
+        cdr_cpp.cpp_cdr,
+        1.5,
+        "Fast-CDR is called as ROS's type support calls it: first the size, then member by member, in "
+        "functions that are not inlined, as they lie in libraries. It also knows other encodings, "
+        "which forge's headers do not.",
+    ),
+    "import": Scenario(
+        "Import of generated Python",
+        messages.importing,
+        0.8,
+        "numpy's own import is part of all figures. rosbags makes all standard types at once.",
+    ),
+    "construction": Scenario(
+        "Construction of messages in Python",
+        messages.constructing,
+        0.8,
+        "The plain classes are ours: a property with a check for each field, as generators of code "
+        "usually write them.",
+    ),
+    "sourcing": Scenario(
+        "Sourcing a workspace",
+        sourcing.sourcing,
+        1.5,
+        "The same installed packages, each in its own prefix. colcon starts a Python that writes the "
+        "commands; forge's script is written when packages change.",
+    ),
+    "configure": Scenario(
+        "CMake's configure with ament and without",
+        configures.configuring,
+        0.5,
+        "Each command is the one that forge runs; compilers are known already, as in all packages but "
+        "the first.",
+    ),
+    "occupancy": Scenario(
+        "Use of processors",
+        occupancy.occupancy,
+        1.5,
+        "Packages that take long to compile; measured until the last chain, when fewer can run than "
+        "there are jobs.",
+    ),
 }
-
-
-def _base(folder: Path) -> Variant:
-    return Variant("python -c pass", (sys.executable, "-c", "pass"), folder)

@@ -1,11 +1,13 @@
-"""What sourcing takes: 500 packages, each in its own prefix, beside an empty shell and colcon's script."""
+"""What sourcing takes: packages, each in its own prefix, beside an empty shell and colcon's script."""
 
 from __future__ import annotations
 
 import shutil
-import subprocess
 from typing import TYPE_CHECKING
 
+from tests.bench.commands import COLCON, colcon
+from tests.bench.sitting import run
+from tests.bench.starting import COLCON_COMMON
 from tests.bench.timing import Variant
 from tests.installs import Made, make_install
 
@@ -13,34 +15,36 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tests.bench.scenarios import Peers
+    from tests.bench.figures import Case
+    from tests.bench.sitting import Sitting
 
 SHELLS = {"bash": ("bash", "--norc"), "sh": ("dash",), "zsh": ("zsh", "-f"), "fish": ("fish", "--no-config")}
+EMPTY = "an empty shell"
 SITE = "lib/python3.11/site-packages"
 
 
-def source_500(folder: Path, peers: Peers) -> tuple[Variant, ...]:
-    """Measure the sourcing of 500 packages."""
-    return source(folder, peers, 500)
+def sourcing(sitting: Sitting) -> Iterator[Case]:
+    """Measure each shell that there is; colcon's script reads the same packages, and it has none for fish."""
+    for size in sitting.sizes(10, 100, 500):
+        folder = sitting.new_folder("sourced")
+        roots = {"forge": make_install(folder / "forge", list(_packages(size))).install}
+        if sitting.wants(COLCON_COMMON):
+            roots[COLCON] = _written_by_colcon(sitting, roots["forge"], folder / "colcon")
+        for shell, argv in SHELLS.items():
+            if shutil.which(argv[0]):
+                yield _case(sitting, shell, roots, size)
 
 
-def source(folder: Path, peers: Peers, packages: int) -> tuple[Variant, ...]:
-    """Measure each shell that there is, alone and sourcing; colcon's script reads the same packages."""
-    layout = make_install(folder / "forge", list(_packages(packages)))
-    roots = {"forge": layout.install}
-    if peers.colcon:
-        roots["colcon"] = _written_by_colcon(layout.install, folder / "colcon", peers.colcon)
-    variants = []
-    for shell, argv in SHELLS.items():
-        if shutil.which(argv[0]) is None:
-            continue
-        variants.append(Variant(f"{shell} alone", (*argv, "-c", "true"), folder))
-        for tool, root in roots.items():
-            script = root / f"setup.{shell}"
-            if script.is_file():
-                word = "source" if shell == "fish" else "."
-                variants.append(Variant(f"{shell} with {tool}", (*argv, "-c", f"{word} {script}"), folder))
-    return tuple(variants)
+def _case(sitting: Sitting, shell: str, roots: dict[str, Path], size: int) -> Case:
+    argv, word = (*SHELLS[shell], "-c"), "source" if shell == "fish" else "."
+    scripts = {tool: root / f"setup.{shell}" for tool, root in roots.items()}
+    variants = [
+        Variant(tool, (*argv, f"{word} {script}"), script.parent)
+        for tool, script in scripts.items()
+        if script.is_file()
+    ]
+    empty = Variant(EMPTY, (*argv, "true"), sitting.folder)
+    return sitting.turns_of(shell, [*variants, empty], 11, size=size)
 
 
 def _packages(count: int) -> Iterator[Made]:
@@ -59,13 +63,10 @@ def _packages(count: int) -> Iterator[Made]:
         yield Made(name, needs, kind, files)
 
 
-def _written_by_colcon(install: Path, folder: Path, colcon: str) -> Path:
+def _written_by_colcon(sitting: Sitting, install: Path, folder: Path) -> Path:
     """Return a copy of the tree with colcon's own scripts at its root."""
     copy = folder / "install"
     shutil.copytree(install, copy, ignore=shutil.ignore_patterns("setup.*", "local_setup.[!d]*"))
     (folder / "src").mkdir()
-    subprocess.run([colcon, "--log-base", "/dev/null", "build"], cwd=folder, check=True, capture_output=True)
+    run(colcon(sitting.peers, "build"), folder)
     return copy
-
-
-SCENARIOS = {"source-500": source_500}

@@ -7,17 +7,30 @@ import resource
 import subprocess
 import time
 from dataclasses import dataclass, field
-from statistics import median
 from typing import TYPE_CHECKING
+
+from tests.bench.figures import Series
+from tests.bench.trees import watched
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+_MILLI = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What one run took: seconds, those that processors worked, and megabytes where these were looked at."""
+
+    seconds: float
+    worked: float
+    peak_mb: float | None = None
+
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One of the command lines that a scenario compares."""
+    """One of the command lines that a case compares."""
 
     name: str
     argv: tuple[str, ...]
@@ -27,8 +40,8 @@ class Variant:
     env: Mapping[str, str] = field(default_factory=dict)
     """Variables on top of those of this process."""
 
-    def run(self) -> tuple[float, float]:
-        """Run the command line once; return the seconds and how many of them processors worked.
+    def run(self, *, look: bool = False) -> Taken:
+        """Run the command line once; `look` at its memory, which slows it a little.
 
         Raises CalledProcessError when it fails.
         """
@@ -36,48 +49,44 @@ class Variant:
         if self.before:
             subprocess.run(self.before, cwd=self.cwd, env=environment, check=True, capture_output=True)
         start, worked = time.perf_counter(), _worked()
-        subprocess.run(self.argv, cwd=self.cwd, env=environment, check=True, capture_output=True)
-        return time.perf_counter() - start, _worked() - worked
+        peak = None
+        if look:
+            peak = self._look_at(environment)
+        else:
+            subprocess.run(self.argv, cwd=self.cwd, env=environment, check=True, capture_output=True)
+        return Taken(time.perf_counter() - start, _worked() - worked, peak)
+
+    def _look_at(self, environment: Mapping[str, str]) -> float | None:
+        pipe = subprocess.PIPE
+        with subprocess.Popen(
+            self.argv, cwd=self.cwd, env=environment, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe
+        ) as process:
+            with watched(process.pid) as peak:
+                out, err = process.communicate()
+            if process.returncode:
+                raise subprocess.CalledProcessError(process.returncode, self.argv, out, err)
+        return peak.megabytes
 
 
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """The seconds of a variant's runs, in the order in which they ran.
-
-    `worked` are those of processors, which say more than the others while a machine is busy.
-    """
-
-    name: str
-    seconds: tuple[float, ...]
-    worked: tuple[float, ...] = ()
-
-    def as_json(self) -> dict[str, object]:
-        """Return the numbers a reader wants, in milliseconds."""
-        rounded = [round(1000 * second, 1) for second in self.seconds]
-        worked = {"worked_median_ms": round(1000 * median(self.worked), 1)} if self.worked else {}
-        return {
-            "median_ms": round(1000 * median(self.seconds), 1),
-            "min_ms": min(rounded),
-            **worked,
-            "runs_ms": rounded,
-        }
-
-
-def compare(variants: Sequence[Variant], runs: int) -> tuple[Timing, ...]:
+def compare(variants: Sequence[Variant], runs: int) -> dict[str, Series]:
     """Run all variants `runs` times in turn, after one turn that warms caches and does not count.
 
-    Raises subprocess.CalledProcessError when a command line fails.
+    In that first turn memory is looked at, so that looking slows nothing that counts. With one run only
+    that turn is all there is, and counts. Raises subprocess.CalledProcessError when a command line fails.
     """
-    taken: dict[str, list[tuple[float, float]]] = {variant.name: [] for variant in variants}
-    for turn in range(runs + 1):
+    first = {variant.name: variant.run(look=True) for variant in variants}
+    taken: dict[str, list[Taken]] = {name: [] if runs > 1 else [once] for name, once in first.items()}
+    for _ in range(runs if runs > 1 else 0):
         for variant in variants:
-            both = variant.run()
-            if turn:
-                taken[variant.name].append(both)
-    return tuple(
-        Timing(name, tuple(seconds for seconds, _ in both), tuple(worked for _, worked in both))
-        for name, both in taken.items()
-    )
+            taken[variant.name].append(variant.run())
+    return {
+        name: Series(
+            tuple(_MILLI * each.seconds for each in turns),
+            tuple(_MILLI * each.worked for each in turns),
+            first[name].peak_mb,
+        )
+        for name, turns in taken.items()
+    }
 
 
 def _worked() -> float:

@@ -84,7 +84,7 @@ NAMES = ["alpha", "beta", "plain_cmake", "python"]
         (("build", "--symlink-i"), ["--symlink-install"]),
         (("build", "--packages-select", ""), NAMES),
         (("build", "--packages-select", "alpha", "be"), ["beta"]),
-        (("build", "--packages-select", "alpha", "--executor", ""), ["parallel", "sequential"]),
+        (("build", "--packages-select", "alpha", "--executor", ""), ["dask", "parallel", "sequential"]),
         (("--log-base", "build", "test-r"), ["test-result"]),
         (("clean", "st"), ["stale"]),
         (("clean", "packages", "alpha", "p"), ["plain_cmake", "python"]),

@@ -71,7 +71,7 @@ def test_what_no_option_takes_is_told_and_left_out(forge: Forge, root: Path) -> 
     assert "'metas' of 'forge list' takes a text, not [2]" in told
     told = forge("build", "--packages-select", cwd=root).err
     assert "'parallel-workers' of 'forge build' takes a whole number, not 'many'" in told
-    assert "'executor' of 'forge build' takes one of parallel, sequential, not 'none'" in told
+    assert "'executor' of 'forge build' takes one of parallel, sequential, dask, not 'none'" in told
     assert "'build-base' of 'forge build' takes a text, not 1" in told
 
 

@@ -29,7 +29,7 @@ from forge.model import (
     StepStarted,
     Task,
 )
-from forge.runner import ProcessRunner
+from forge.runner import Frame, ProcessRunner
 from forge.schedule import Board
 from tests.packages import package
 
@@ -59,7 +59,7 @@ def real_runner(done: list[str] | None = None) -> ProcessRunner:
             done.append(done_task.name)
         return Record(Parts())
 
-    return ProcessRunner(lambda _: os.environ, lambda _: None, install)
+    return ProcessRunner(Frame(lambda _: os.environ, lambda _: None, install))
 
 
 def run(
@@ -176,7 +176,9 @@ def test_files_are_written_before_the_first_step(tmp_path: Path) -> None:
 
 def test_a_steps_own_variables_win(tmp_path: Path) -> None:
     step = Step("s", (sys.executable, "-c", "import os; print(os.environ['X'])"), tmp_path, (("X", "mine"),))
-    runner = ProcessRunner(lambda _: {**os.environ, "X": "theirs"}, lambda _: None, lambda _: Record(Parts()))
+    runner = ProcessRunner(
+        Frame(lambda _: {**os.environ, "X": "theirs"}, lambda _: None, lambda _: Record(Parts()))
+    )
     events = run(plan_of(replace(task(tmp_path, "a"), steps=(step,))), runner)
     assert Output("a", b"mine\n", stderr=False) in events
     started = next(e for e in events if isinstance(e, StepStarted))
@@ -187,7 +189,7 @@ def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
     def install(_task: Task) -> Record:
         raise OSError("disk full")
 
-    runner = ProcessRunner(lambda _: os.environ, lambda _: None, install)
+    runner = ProcessRunner(Frame(lambda _: os.environ, lambda _: None, install))
     with pytest.raises(OSError, match="disk full"):
         run(plan_of(task(tmp_path, "a", "print()"), task(tmp_path, "b", "print()")), runner, limit=1)
 

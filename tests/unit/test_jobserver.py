@@ -19,7 +19,7 @@ from forge.execution import execute
 from forge.jobserver import FIFO, PIPE, TOKEN, common_style, joined_pool, own_pool, spoken, without_blurbs
 from forge.makeflags import MakeFlags, read_make_flags
 from forge.model import BuildPlan, Parts, Record, Step, Task
-from forge.runner import ProcessRunner
+from forge.runner import Frame, ProcessRunner
 from forge.schedule import Board
 from tests.packages import package
 
@@ -343,6 +343,6 @@ def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
     }
     plan = BuildPlan(tasks)
     with closing(Budget(1)) as budget:
-        runner = ProcessRunner(lambda _: os.environ, lambda _: None, lambda _: Record(Parts()), budget)
+        runner = ProcessRunner(Frame(lambda _: os.environ, lambda _: None, lambda _: Record(Parts())), budget)
         events = list(execute(plan, runner, Board(plan, 2), lambda task: task))
     return [type(event).__name__ for event in events if event.task == "late"]

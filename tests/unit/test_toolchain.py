@@ -88,6 +88,18 @@ def test_a_seeded_folder_is_configured_like_any_other(tree: Tree, generator: str
         assert files["usual"][name] == files["seeded"][name], name
 
 
+@pytest.mark.needs("cmake", "ninja", "g++")
+def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
+    """A step may set CXXFLAGS, as for the path maps of the package cache, and the reference has none."""
+    root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
+    cmake, build = Path(shutil.which("cmake") or ""), root / "build"
+    build.mkdir()
+    assert Toolchain(root / "cache", cmake, ("-G", "Ninja"), ()).seed(root / "src", build, os.environ)
+    argv = [cmake, "-S", root / "src", "-B", build, "-G", "Ninja"]
+    subprocess.run(argv, check=True, capture_output=True, env={**os.environ, "CXXFLAGS": "-DMAPPED"})
+    assert "FLAGS = -DMAPPED" in (build / "build.ninja").read_text()
+
+
 def _what_matters(build: Path) -> dict[str, object]:
     """Return the objects and rules below a build folder, without the lists of what CMake itself read."""
     found: dict[str, object] = {}

@@ -1,4 +1,5 @@
-// Time forge_cdr beside Fast-CDR, in turns; print a JSON object: case, operation, nanoseconds for one message.
+// Time forge_cdr beside Fast-CDR, in turns; print a JSON object: case, variant, nanoseconds for one message in
+// each turn.
 //
 // Processors stumble where a load and a store before it agree in the last 12 bits of their addresses, which
 // depends on where memory happens to be. So the bytes lie elsewhere in each turn, for both sides alike.
@@ -154,10 +155,11 @@ void run(const char * name, std::size_t messages, std::vector<Variant> & variant
   std::printf("%s\n\"%s\": {", first_case ? "" : ",", name);
   first_case = false;
   for (Variant & variant : variants) {
-    std::sort(variant.nanoseconds.begin(), variant.nanoseconds.end());
-    std::printf(
-      "%s\"%s\": %.2f", &variant == variants.data() ? "" : ", ", variant.name.c_str(),
-      variant.nanoseconds[variant.nanoseconds.size() / 2]);
+    std::printf("%s\"%s\": [", &variant == variants.data() ? "" : ", ", variant.name.c_str());
+    for (std::size_t turn = 0; turn < variant.nanoseconds.size(); ++turn) {
+      std::printf("%s%.2f", turn ? ", " : "", variant.nanoseconds[turn]);
+    }
+    std::printf("]");
   }
   std::printf("}");
 }

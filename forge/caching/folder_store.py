@@ -1,0 +1,176 @@
+"""A folder that keeps results and blobs, as Bazel's disk cache has them: ac/ab/KEY and cas/ab/SHA-256.
+
+Many builds may read and write it at a time: each file appears whole or not at all. A result is used when
+its file was touched last; what is used least goes first when there is too much.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+from typing import TYPE_CHECKING
+
+from forge.caching.action_result import decode, encode
+from forge.caching.model import Digest, StoreFault
+from forge.files import replace_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from forge.caching.model import ActionResult
+
+_CHUNK = 1 << 20
+_CLONE = 0x40049409
+"""Linux's ioctl that lets a new file share the blocks of another, where the file system can (FICLONE)."""
+
+
+class FolderStore:
+    """A store in a folder of this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        """Remember the folder; it is made when something is put into it."""
+        self.folder = folder
+        self.name = str(folder)
+
+    def result(self, key: str) -> ActionResult | None:
+        """Return what a key leads to, or None; a message that cannot be read is none."""
+        path = self.result_path(key)
+        try:
+            content = path.read_bytes()
+            with contextlib.suppress(OSError):  # a folder that may only be read
+                os.utime(path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise _fault(error) from None
+        try:
+            return decode(content)
+        except ValueError:
+            return None
+
+    def put_result(self, key: str, result: ActionResult) -> None:
+        """Let a key lead to a result."""
+        with _told():
+            replace_file(self.result_path(key), encode(result))
+
+    def fetch(self, digest: Digest, target: Path) -> bool:
+        """Copy a blob to `target`, by sharing its blocks where the file system can; verified before."""
+        source = self.blob_path(digest.hash)
+        try:
+            with source.open("rb") as stream:
+                if not _is(digest, stream.fileno()):
+                    self.discard(digest.hash)
+                    return False
+                with _told(), target.open("xb") as copy:
+                    copy_bytes(stream.fileno(), copy.fileno(), digest.size)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def put(self, digest: Digest, source: Path) -> None:
+        """Keep the bytes of `source`."""
+        path = self.blob_path(digest.hash)
+        if path.is_file():
+            return
+        with _told():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft = path.with_name(f".{path.name}.{os.urandom(4).hex()}.forge-draft")
+            try:
+                with source.open("rb") as stream, draft.open("xb") as copy:
+                    copy_bytes(stream.fileno(), copy.fileno(), digest.size)
+                draft.replace(path)
+            finally:
+                draft.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Do nothing: no connection is open."""
+
+    def open(self, digest: Digest) -> int | None:
+        """Return a descriptor of a blob that was verified just now; None when there is none. To be closed."""
+        try:
+            descriptor = os.open(self.blob_path(digest.hash), os.O_RDONLY)
+        except FileNotFoundError:
+            return None
+        try:
+            if _is(digest, descriptor):
+                return descriptor
+        except OSError:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+        self.discard(digest.hash)
+        return None
+
+    def has(self, digest: Digest) -> bool:
+        """Tell if there is a file for a blob, of the right size."""
+        try:
+            return self.blob_path(digest.hash).stat().st_size == digest.size
+        except OSError:
+            return False
+
+    def adopt(self, draft: Path, digest: Digest) -> None:
+        """Make a verified file in the folder the blob that it is."""
+        path = self.blob_path(digest.hash)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.replace(path)
+
+    def draft(self) -> Path:
+        """Return the path of a new file in the folder, not made yet, for what is to be a blob."""
+        folder = self.folder / "cas"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / f".{os.urandom(8).hex()}.forge-draft"
+
+    def discard(self, sha256: str) -> None:
+        """Remove a blob that is not what its name says."""
+        with contextlib.suppress(OSError):
+            self.blob_path(sha256).unlink()
+
+    def result_path(self, key: str) -> Path:
+        """Return where the result of a key is."""
+        return self.folder / "ac" / key[:2] / key
+
+    def blob_path(self, sha256: str) -> Path:
+        """Return where a blob is."""
+        return self.folder / "cas" / sha256[:2] / sha256
+
+
+def _is(digest: Digest, descriptor: int) -> bool:
+    if os.fstat(descriptor).st_size != digest.size:
+        return False
+    found = hashlib.sha256()
+    offset = 0
+    while chunk := os.pread(descriptor, _CHUNK, offset):
+        found.update(chunk)
+        offset += len(chunk)
+    return found.hexdigest() == digest.hash
+
+
+def copy_bytes(source: int, target: int, size: int) -> None:
+    """Copy a file from one descriptor to another, by sharing blocks where the file system can."""
+    with contextlib.suppress(OSError):
+        fcntl.ioctl(target, _CLONE, source)
+        return
+    offset = 0
+    while offset < size:
+        try:
+            count = os.copy_file_range(source, target, size - offset, offset, offset)
+        except OSError:
+            count = os.pwrite(target, os.pread(source, _CHUNK, offset), offset)
+        if not count:
+            break
+        offset += count
+
+
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise _fault(error) from None
+
+
+def _fault(error: OSError) -> StoreFault:
+    return StoreFault(f"{error.filename or 'a file'}: {error.strerror}")

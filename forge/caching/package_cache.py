@@ -1,0 +1,296 @@
+"""The package cache of one build: looks packages up before they are built, keeps them after.
+
+Asked by the workers; each package is looked up or kept by one of them at a time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from forge.caching import keys
+from forge.caching.lineage import Lineage, unfit
+from forge.caching.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
+from forge.caching.relocation import ODD
+from forge.caching.restoring import Contents, Planter
+from forge.caching.trees import Unfit, index_of, survey, tree_of
+from forge.errors import Problem
+from forge.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping
+    from pathlib import Path
+
+    from forge.caching.folder_store import FolderStore
+    from forge.caching.model import Store
+    from forge.caching.relocation import Places
+    from forge.caching.trees import Tree
+    from forge.caching.uploads import Uploads
+    from forge.digests import FileTable
+    from forge.layout import Layout
+    from forge.model import Pairs, Record, Task
+
+INDEX, PACK = "index", "pack"
+"""What the blobs of a result are called; large files stand beside them under their own paths."""
+
+
+@frozen
+class Circle:
+    """What the packages of one build have in common: folders, needs, programs, records, file table.
+
+    `needs` are the direct ones of each package; `records` are looked up when asked, since they change.
+    `forced` are packages that are to be built though the cache may have them.
+    """
+
+    layout: Layout
+    places: Places
+    needs: Mapping[str, frozenset[str]]
+    tools: Pairs
+    records: Mapping[str, Record]
+    table: FileTable
+    forced: Collection[str] = frozenset()
+
+
+@frozen
+class Found:
+    """A tree of the cache with its open, verified contents; `externals` are what its build had read."""
+
+    tree: Tree
+    contents: Contents
+    externals: tuple[str, ...]
+
+    def close(self) -> None:
+        """Let go of the contents."""
+        self.contents.close()
+
+
+class PackageCache:
+    """A local folder of results, and perhaps a remote store behind it."""
+
+    def __init__(
+        self,
+        circle: Circle,
+        local: FolderStore,
+        remote: Store | None = None,
+        uploads: Uploads | None = None,
+        warn: Callable[[Problem], object] = lambda _: None,
+    ) -> None:
+        """Remember the seams; nothing is opened yet. Without `uploads` the remote is only read."""
+        self._circle = circle
+        self._local = local
+        self._remote = remote
+        self._uploads = uploads
+        self._warn = warn
+        self._lineage = Lineage(circle.needs, circle.records, circle.layout, circle.places)
+        self._held: tuple[str, ...] | None = None
+        self._keys: dict[str, str] = {}
+        self._lists: dict[str, tuple[keys.Inputs, ...]] = {}
+        self._complained = False
+        self.notes: dict[str, str] = {}
+        """What the cache had to do with each package, in words."""
+        self.restored: set[str] = set()
+        self.missed: set[str] = set()
+        self.grown = False
+        """Whether something was added to the local folder."""
+
+    @property
+    def looked(self) -> Mapping[str, str]:
+        """What the trees of packages come to of which no record had said so."""
+        return self._lineage.looked
+
+    def find(self, task: Task) -> Found | None:
+        """Return what the cache has for a task, brought here and verified, or None."""
+        if not self._concerns(task):
+            return None
+        self._keys[task.name] = key = self._first_key(task)
+        if task.name in self._circle.forced:
+            return None
+        found = self._find_in(self._local, key)
+        if found is None and self._remote is not None:
+            found = self._find_in(self._remote, key)
+        self.notes[task.name] = RESTORED if found else self._why_not(key)
+        (self.restored if found else self.missed).add(task.name)
+        return found
+
+    def restore(self, task: Task, found: Found) -> tuple[str, ...]:
+        """Write what was found into the task's prefix; return the absolute paths of what tools had listed."""
+        planter = Planter(task.prefix, self._circle.places)
+        planter.plant(found.tree, found.contents)
+        for path, status, digest in planter.written:
+            self._circle.table.learn(path, status, digest)
+        return tuple(sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves if leaf.listed))
+
+    def keep(self, task: Task, record: Record) -> Record:
+        """Keep what a task has just installed; return its record with what its tree comes to."""
+        key = self._keys.get(task.name)
+        if key is None:
+            return record
+        try:
+            tree = self._put(task, key, record)
+        except Unfit as reason:
+            self.notes[task.name] = f"not kept: {reason}"
+            return replace(record, tree=unfit(record))
+        except (OSError, StoreFault) as fault:
+            self.notes[task.name] = f"not kept: {fault}"
+            self._complain(fault)
+            return record
+        self.notes[task.name] = f"kept for this path alone: {tree.bound}" if tree.bound else KEPT
+        return replace(record, tree=tree.digest)
+
+    def _concerns(self, task: Task) -> bool:
+        """Tell if the cache has to do with a task, and if not, why."""
+        if self._circle.layout.symlink and not task.embedded:
+            self.notes[task.name] = "not kept: it is installed by links"
+            return False
+        unknown = next((need for need in task.needs if need not in self._circle.records), None)
+        if unknown:
+            self.notes[task.name] = f"not looked up: how '{unknown}', which it needs, was built nobody knows"
+        return unknown is None
+
+    def _first_key(self, task: Task) -> str:
+        if self._held is None:
+            self._held = keys.circumstances(self._circle.tools, self._circle.table)
+        needs = self._lineage.needs_of(task.name, task.needs)
+        return keys.first_key(task, needs, self._held, self._circle.places)
+
+    def _find_in(self, store: Store, first: str) -> Found | None:
+        """Return what a store has for any of the lists of inputs that it knows, the latest first."""
+        try:
+            lists = self._lists_in(store, first)
+            for inputs in lists:
+                if not inputs.holds_at(self._circle.places):
+                    continue
+                result = store.result(self._second_key(first, inputs))
+                found = result and self._brought(store, result, inputs)
+                if found:
+                    if store is not self._local:
+                        self._remember(first, inputs, result)
+                    return found
+        except (StoreFault, OSError, ValueError) as fault:
+            self._complain(fault)
+        return None
+
+    def _lists_in(self, store: Store, first: str) -> tuple[keys.Inputs, ...]:
+        result = store.result(first)
+        found = keys.read(result.stdout) if result else ()
+        self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *found)))
+        return found
+
+    def _second_key(self, first: str, inputs: keys.Inputs) -> str:
+        return keys.second_key(first, inputs, self._circle.table, self._circle.places)
+
+    def _brought(self, store: Store, result: ActionResult, inputs: keys.Inputs) -> Found | None:
+        """Return a result with its blobs in the local folder, open and verified; None when one is missing.
+
+        Raises ValueError for a result that no forge has made.
+        """
+        blobs = {file.path: file.digest for file in result.files}
+        if not {INDEX, PACK} <= blobs.keys():
+            raise ValueError(f"{store.name}: a result without index and pack")
+        with ExitStack() as opened:
+            index = self._open(store, blobs.pop(INDEX), opened)
+            if index is None:
+                return None
+            tree = tree_of(_whole(index))
+            large = {
+                leaf.hash: Digest(leaf.hash, leaf.size)
+                for leaf in tree.leaves
+                if leaf.offset < 0 and leaf.hash
+            }
+            descriptors = {}
+            for name, digest in {PACK: tree.pack, **large}.items():
+                descriptor = self._open(store, digest, opened) if digest else None
+                if descriptor is None:
+                    return None
+                descriptors[name] = os.dup(descriptor)
+            pack = descriptors.pop(PACK)
+            externals = tuple(self._circle.places.settled_word(path) for path in inputs.paths)
+            return Found(tree, Contents(pack, descriptors), externals)
+
+    def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
+        """Open a verified blob of the local folder, brought there from `store` if it is not."""
+        descriptor = self._local.open(digest)
+        if descriptor is None and store is not self._local:
+            draft = self._local.draft()
+            if store.fetch(digest, draft):
+                self._local.adopt(draft, digest)
+                descriptor = self._local.open(digest)
+        if descriptor is not None:
+            opened.callback(os.close, descriptor)
+        return descriptor
+
+    def _put(self, task: Task, first: str, record: Record) -> Tree:
+        """Put a package's tree into the stores and let its keys lead to it."""
+        draft = self._local.draft()
+        try:
+            with draft.open("xb") as pack:
+                tree = survey(task.name, self._circle.layout, record.files, self._circle.places, pack.write)
+            if self._circle.places.kind == ODD and not tree.bound:
+                tree = replace(
+                    tree, bound="the path of the workspace has other signs than letters and blanks"
+                )
+            tree = replace(tree, seconds=round(time.time() - record.began, 3))
+            blobs = self._put_blobs(task.prefix, tree, draft)
+        finally:
+            draft.unlink(missing_ok=True)
+        places = self._circle.places
+        inputs = keys.Inputs(tuple(map(places.loose_word, record.externals)), tree.bound, places.kind)
+        result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
+        self._remember(first, inputs, result)
+        if self._uploads is not None:
+            paths = {digest: self._local.blob_path(digest.hash) for digest in blobs.values()}
+            self._uploads.add(self._second_key(first, inputs), result, paths)
+            self._uploads.add(first, ActionResult(stdout=keys.written(self._lists[first])), {})
+        return tree
+
+    def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
+        """Put index, pack and large files of a tree into the local folder; return them by name."""
+        assert tree.pack is not None  # noqa: S101  (survey() says so)
+        index = index_of(tree)
+        digest = Digest(hashlib.sha256(index).hexdigest(), len(index))
+        self._local.adopt(pack, tree.pack)
+        draft = self._local.draft()
+        draft.write_bytes(index)
+        self._local.adopt(draft, digest)
+        blobs = {INDEX: digest, PACK: tree.pack}
+        for leaf in tree.leaves:
+            if leaf.offset < 0 and leaf.hash:
+                blobs[leaf.path] = Digest(leaf.hash, leaf.size)
+                self._local.put(blobs[leaf.path], prefix / leaf.path)
+        return blobs
+
+    def _remember(self, first: str, inputs: keys.Inputs, result: ActionResult | None) -> None:
+        """Let both keys lead to a result in the local folder; the list comes first from now on."""
+        self.grown = True
+        self._lists[first] = tuple(dict.fromkeys((inputs, *self._lists.get(first, ()))))
+        if result is not None:
+            self._local.put_result(self._second_key(first, inputs), result)
+        self._local.put_result(first, ActionResult(stdout=keys.written(self._lists[first])))
+
+    def _why_not(self, first: str) -> str:
+        lists = self._lists.get(first, ())
+        bound = next((inputs.bound for inputs in lists if inputs.bound), "")
+        if bound:
+            return f"not in the cache for this path: elsewhere {bound}"
+        if lists and not any(inputs.holds_at(self._circle.places) for inputs in lists):
+            return "not in the cache for this path: what was made elsewhere lacks the quotes that it takes"
+        return "not in the cache: a file outside of the workspace says something else" if lists else MISSED
+
+    def _complain(self, fault: Exception) -> None:
+        """Say once that the local folder cannot be used, or that it holds nonsense."""
+        if not self._complained:
+            self._complained = True
+            hint = "packages are built instead; 'forge cache verify' looks for what is spoilt"
+            self._warn(Problem(f"the cache: {fault}", hint=hint))
+
+
+KEPT, MISSED = "kept", "not in the cache"
+
+
+def _whole(descriptor: int) -> bytes:
+    size = os.fstat(descriptor).st_size
+    return os.pread(descriptor, size, 0)

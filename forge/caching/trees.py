@@ -1,0 +1,276 @@
+"""The installed files of one package as a value that holds at any path, and how files become one.
+
+Small files are put one after the other into one blob, the pack; each large one is a blob of its own. The
+index, one more blob, says what there is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import stat
+from dataclasses import asdict
+from mmap import ACCESS_READ, mmap
+from typing import TYPE_CHECKING, Any
+
+from forge.caching.model import Digest
+from forge.caching.relocation import Bound
+from forge.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from forge.caching.relocation import Places
+    from forge.layout import Layout
+
+LARGE = 1 << 20
+"""Bytes from which a file is a blob of its own."""
+
+_SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
+"""Rights that nothing restored may bring along."""
+
+_VERSION = 1
+_HEX = re.compile(r"[0-9a-f]{64}\Z")
+
+
+@frozen
+class Leaf:
+    """An installed file: `path` from the prefix, permissions, and what it says with paths put aside.
+
+    `offset` is where it begins in the pack; a large one has none, and its bytes are the blob `hash`.
+    `loose` tells that paths are to be put in again. A link has a `target` instead. What the tools do not
+    list as installed, such as what CMake code wrote, is not `listed`.
+    """
+
+    path: str
+    mode: int
+    size: int
+    hash: str
+    offset: int = -1
+    loose: bool = False
+    target: str | None = None
+    listed: bool = True
+
+
+@frozen
+class Tree:
+    """All files of a package, sorted by path, and the folders with nothing in them.
+
+    `seconds` is how long the build took, for estimates; `bound` says why the tree holds only where it was
+    made, '' if it holds anywhere.
+    """
+
+    package: str
+    leaves: tuple[Leaf, ...]
+    folders: tuple[str, ...] = ()
+    seconds: float = 0.0
+    bound: str = ""
+    pack: Digest | None = None
+
+    @property
+    def digest(self) -> str:
+        """What the tree comes to, whatever the path and however long it took."""
+        said = hashlib.sha256()
+        for leaf in self.leaves:
+            said.update(
+                f"{leaf.path}\0{leaf.mode:o} {leaf.hash} {leaf.target}\n".encode(errors="surrogateescape")
+            )
+        said.update("\0".join(self.folders).encode(errors="surrogateescape"))
+        return said.hexdigest()
+
+
+class Unfit(Exception):  # noqa: N818  (it is told, and ends nothing)
+    """What a package installed cannot be kept; the message says why."""
+
+
+def survey(
+    package: str,
+    layout: Layout,
+    listed: Iterable[str],
+    places: Places,
+    pack: Callable[[bytes], object] = lambda _: None,
+) -> Tree:
+    """Read what a package installed, and hand the contents of its pack to `pack`, in order.
+
+    `listed` are absolute paths; in a prefix of its own all else belongs to the package, too, but for what
+    Python compiles for itself. Raises Unfit for what cannot be kept and OSError for what is not there.
+    """
+    prefix = str(layout.prefix(package))
+    names, folders = _below(prefix, listed, alone=not layout.merged)
+    leaves, offset, bound = [], 0, ""
+    whole = hashlib.sha256()
+    for name, is_listed in sorted(names.items()):
+        leaf, content, why = _leaf(f"{prefix}/{name}", name, places, offset, listed=is_listed)
+        leaves.append(leaf)
+        if content:
+            whole.update(content)
+            pack(content)
+            offset += len(content)
+        if why and not bound:
+            bound = f"'{name}' has {why} in it"
+    return Tree(package, tuple(leaves), folders, 0.0, bound, Digest(whole.hexdigest(), offset))
+
+
+def index_of(tree: Tree) -> bytes:
+    """Return the tree as JSON, the index."""
+    said = {"forge_tree": _VERSION, **asdict(tree)}
+    said["leaves"] = [
+        [leaf.path, leaf.mode, leaf.size, leaf.hash, leaf.offset, leaf.loose, leaf.target, leaf.listed]
+        for leaf in tree.leaves
+    ]
+    return json.dumps(said).encode()
+
+
+def tree_of(index: bytes) -> Tree:
+    """Return the tree that an index describes; raises ValueError for anything that is none, or unsafe.
+
+    No path leaves the prefix, none leads through a link of the tree or a file, none comes twice.
+    """
+    try:
+        said = json.loads(index)
+        if said["forge_tree"] != _VERSION:
+            raise ValueError("another version")
+        pack = said["pack"]
+        tree = Tree(
+            package=_text(said["package"]),
+            leaves=tuple(_leaf_of(entry) for entry in said["leaves"]),
+            folders=tuple(map(_safe, said["folders"])),
+            seconds=float(said["seconds"]),
+            bound=_text(said["bound"]),
+            pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
+        )
+    except (ArithmeticError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError("no index of a tree") from error
+    _refuse_crossing(tree)
+    assert tree.pack is not None  # noqa: S101  (set above)
+    if any(leaf.offset + leaf.size > tree.pack.size for leaf in tree.leaves if leaf.offset >= 0):
+        raise ValueError("a file lies beyond the end of the pack")
+    return tree
+
+
+def _below(prefix: str, listed: Iterable[str], *, alone: bool) -> tuple[dict[str, bool], tuple[str, ...]]:
+    """Return the names of a package's files, each with whether tools list it, and of empty folders."""
+    names: dict[str, bool] = {}
+    for path in listed:
+        if not path.startswith(f"{prefix}/"):
+            raise Unfit(f"it installs '{path}', outside of its prefix")
+        names[path[len(prefix) + 1 :]] = True
+    if not alone:
+        return names, ()
+    empty = []
+    for folder, folders, files in os.walk(prefix):
+        if "__pycache__" in folders:
+            folders.remove("__pycache__")
+        below = folder[len(prefix) + 1 :]
+        links = [name for name in folders if os.path.islink(f"{folder}/{name}")]  # noqa: PTH114
+        for name in (*files, *links):
+            names.setdefault(f"{below}/{name}" if below else name, False)
+        if not folders and not files and below:
+            empty.append(below)
+    return names, tuple(sorted(empty))
+
+
+def _leaf(
+    path: str, name: str, places: Places, offset: int, *, listed: bool
+) -> tuple[Leaf, bytes | None, str]:
+    """Return a file as a leaf, what it adds to the pack, and why it is bound to where it is."""
+    status = os.lstat(path)
+    if stat.S_ISLNK(status.st_mode):
+        target = os.readlink(path)  # noqa: PTH115  (thousands of files: no Path for each)
+        return Leaf(name, 0, 0, "", target=places.loose_word(target), listed=listed), None, ""
+    if not stat.S_ISREG(status.st_mode) or status.st_mode & _SPECIAL:
+        raise Unfit(f"'{name}' is no ordinary file")
+    kept, why, rewritten = _content(path, status, places)
+    leaf = Leaf(
+        name,
+        stat.S_IMODE(status.st_mode),
+        len(kept),
+        hashlib.sha256(kept).hexdigest(),
+        # A large file is linked or copied as it stands: what would have to be rewritten goes into the pack.
+        offset if rewritten or len(kept) < LARGE else -1,
+        rewritten,
+        listed=listed,
+    )
+    return leaf, bytes(kept) if leaf.offset >= 0 else None, why
+
+
+def _content(path: str, status: os.stat_result, places: Places) -> tuple[bytes | mmap, str, bool]:
+    """Return what is kept of a file, why it is bound to where it is, and whether paths were put aside."""
+    with open(path, "rb") as stream:  # noqa: PTH123
+        if status.st_size >= LARGE:
+            # Not into memory, however large it is.
+            whole = mmap(stream.fileno(), 0, access=ACCESS_READ)
+            if not places.occur_in(whole):
+                return whole, "", False
+            if whole.find(b"\0") >= 0:
+                return whole, places.name_in(whole), False
+            content = whole[:]
+        else:
+            content = stream.read()
+    loose = places.loosened(content)
+    return (content, loose.place, False) if isinstance(loose, Bound) else (loose, "", loose is not content)
+
+
+def _leaf_of(entry: list[Any]) -> Leaf:
+    path, mode, size, digest, offset, loose, target, listed = entry
+    return Leaf(
+        path=_safe(path),
+        mode=_number(mode) & 0o777,
+        size=_number(size),
+        hash=_hash(digest) if target is None else "",
+        offset=offset if offset == -1 else _number(offset),
+        loose=loose is True,
+        target=None if target is None else _text(target),
+        listed=listed is True,
+    )
+
+
+def _refuse_crossing(tree: Tree) -> None:
+    """Raise ValueError when a path comes twice, or leads through one that is no folder."""
+    paths = {leaf.path for leaf in tree.leaves}
+    if len(paths) != len(tree.leaves):
+        raise ValueError("a path comes twice")
+    checked: set[str] = set()
+    for path in (*paths, *tree.folders):
+        for parent in _parents(path):
+            if parent in checked:
+                break
+            if parent in paths:
+                raise ValueError(f"'{path}' lies below what is no folder")
+            checked.add(parent)
+    if paths & set(tree.folders):
+        raise ValueError("a path comes twice")
+
+
+def _parents(path: str) -> Iterator[str]:
+    while "/" in path:
+        path = path.rpartition("/")[0]
+        yield path
+
+
+def _safe(path: object) -> str:
+    """Return a path that stays below the prefix."""
+    name = _text(path)
+    if not name or "\0" in name or any(part in {"", ".", ".."} for part in name.split("/")):
+        raise ValueError(f"'{name}' is no path below a prefix")
+    return name
+
+
+def _hash(said: object) -> str:
+    if not _HEX.match(_text(said)):
+        raise ValueError("no digest")
+    return _text(said)
+
+
+def _text(said: object) -> str:
+    if not isinstance(said, str):
+        raise TypeError("no text")
+    return said
+
+
+def _number(said: object) -> int:
+    if not isinstance(said, int) or isinstance(said, bool) or said < 0:
+        raise ValueError("no number")
+    return said

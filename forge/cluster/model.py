@@ -1,0 +1,92 @@
+"""Nouns of a cluster: what goes to a worker, and what comes back."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from forge.capacity import MemoryLimit
+    from forge.model import Task
+
+FINISH, INTERRUPT, KILL = "finish", "interrupt", "kill"
+"""Words to what runs steps on a worker: end after this step, end now, end at once."""
+
+
+@frozen
+class Traits:
+    """What tells a worker, or the client itself, apart from others: what must be the same everywhere.
+
+    `tools` are programs by name, each with its path and size; '' for one that is not there.
+    """
+
+    forge: str
+    python: str
+    tools: tuple[tuple[str, str], ...] = ()
+
+
+@frozen
+class Surveyed:
+    """One worker as it was found: where it is, what it has, whether it sees the build folder."""
+
+    address: str
+    host: str
+    traits: Traits
+    sharing: bool
+    slots: int = 1
+    resources: tuple[tuple[str, float], ...] = ()
+
+
+@frozen
+class Terms:
+    """What all errands of a build have in common.
+
+    `jobs` are those of a whole worker; None means as many as its processors. `memory` and `load` are the
+    limits of the options of these names. `resources` are what a package takes of the abstract resources
+    that workers declare to Dask.
+    """
+
+    jobs: int | None = None
+    memory: MemoryLimit | None = None
+    load: float | None = None
+    resources: tuple[tuple[str, float], ...] = ()
+
+
+@frozen
+class Errand:
+    """What a worker is to do for one task: run its steps, in an environment that was made here.
+
+    `lock` is held while anything of it runs.
+    """
+
+    task: Task
+    environment: Mapping[str, str]
+    terms: Terms
+    lock: Path | None = None
+    parcel: Parcel | None = None
+
+
+@frozen
+class Parcel:
+    """Sources for a worker without our folders: archives by digest, each with where it belongs.
+
+    `workspace` is the name of the folder, of the worker's own, in which they are laid out.
+    """
+
+    workspace: str
+    archives: tuple[tuple[str, str], ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+@frozen
+class Knock:
+    """A worker has taken a task up, and asks for its errand; `visit` is this attempt and no other."""
+
+    visit: str
+    address: str
+    host: str

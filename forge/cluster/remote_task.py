@@ -1,0 +1,163 @@
+"""What runs inside a worker of Dask: a task that asks for its errand and has an attendant run it.
+
+The steps run in a program of their own. It ends them when the worker is killed, and no compiler outlives
+what it was started for. All here happens in the worker's event loop, one thing after the other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import pickle
+import sys
+import uuid
+from typing import TYPE_CHECKING, Any
+
+from forge.cluster.attendant import LENGTH, framed
+from forge.cluster.model import INTERRUPT, Knock, Surveyed
+from forge.cluster.sharing import Share
+from forge.cluster.surveying import host_name, sees, traits_of
+
+if TYPE_CHECKING:
+    from distributed import Scheduler, Worker
+
+    from forge.cluster.model import Errand
+
+_LOOK_SECONDS = 0.5
+"""How often a task looks whether anybody still wants it."""
+_END_SECONDS = 10.0
+
+_visits: dict[str, Visit] = {}
+_shares: dict[str, Share] = {}
+
+
+class Visit:
+    """One attempt of a task on this worker."""
+
+    def __init__(self, worker: Worker, topic: str, key: str) -> None:
+        """Begin with nothing at hand and nothing sent."""
+        self.name = uuid.uuid4().hex
+        self.topic = topic
+        self.errand: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        self.words: asyncio.Queue[str] = asyncio.Queue()
+        self._worker = worker
+        self._key = key
+        self._sent = 0
+
+    @property
+    def wanted(self) -> bool:
+        """Tell if anybody waits for the result: not when the client cancelled it, or has gone."""
+        state = self._worker.state.tasks.get(self._key)
+        return state is not None and state.state not in {"cancelled", "released", "forgotten"}
+
+    def send(self, letter: bytes) -> None:
+        """Send a letter to the client, numbered, in order."""
+        self._worker.log_event(self.topic, {"visit": self.name, "number": self._sent, "letter": letter})
+        self._sent += 1
+
+
+async def attend(topic: str, key: str) -> None:
+    """Carry out one task: knock, wait for the errand, pass on what happens. This is what Dask runs."""
+    from distributed import get_worker  # noqa: PLC0415  (an extra, which a worker has)
+
+    worker = get_worker()
+    visit = Visit(worker, topic, key)
+    _visits[visit.name] = visit
+    watch = asyncio.ensure_future(_watch(visit))
+    try:
+        knock = Knock(visit.name, worker.address, host_name())
+        visit.send(pickle.dumps((key, knock)))
+        waiting: set[asyncio.Future[Any]] = {visit.errand, watch}
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        if visit.errand.done():
+            await _carry_out(visit, visit.errand.result(), worker)
+    finally:
+        watch.cancel()
+        del _visits[visit.name]
+
+
+def survey(probe: str, content: str, programs: tuple[tuple[str, str], ...], dask_worker: Worker) -> Surveyed:
+    """Return what this worker is like; the client calls this on every worker."""
+    state = dask_worker.state
+    return Surveyed(
+        dask_worker.address,
+        host_name(),
+        traits_of(programs),
+        sees(probe, content),
+        state.nthreads,
+        tuple(sorted(state.total_resources.items())),
+    )
+
+
+async def hand_over(visit: str, errand: bytes) -> bool:
+    """Give a visit its errand, pickled; tell if it is here. The client calls this on the worker."""
+    found = _visits.get(visit)
+    if found is not None and not found.errand.done():
+        found.errand.set_result(errand)
+    return found is not None
+
+
+async def tell(topic: str, word: str, visit: str = "") -> int:
+    """Pass a word on to the visits of a build, or to one; return to how many."""
+    found = [one for one in _visits.values() if one.topic == topic and visit in {"", one.name}]
+    for one in found:
+        one.words.put_nowait(word)
+    return len(found)
+
+
+def forget(topic: str, dask_scheduler: Scheduler) -> None:
+    """Let the scheduler forget what was said of a build that has ended."""
+    with contextlib.suppress(AttributeError):
+        dask_scheduler._broker.truncate(topic)  # noqa: SLF001  (there is no other way)
+
+
+async def _watch(visit: Visit) -> None:
+    """End when nobody waits for the visit any more, and let the attendant know."""
+    while visit.wanted:  # noqa: ASYNC110  (Dask tells nobody)
+        await asyncio.sleep(_LOOK_SECONDS)
+    visit.words.put_nowait(INTERRUPT)
+
+
+async def _carry_out(visit: Visit, packed: bytes, worker: Worker) -> None:
+    errand: Errand = pickle.loads(packed)  # noqa: S301  (of the client, which may run anything here)
+    share = _shares.setdefault(visit.topic, Share(errand.terms.jobs, worker.state.nthreads))
+    styles = await asyncio.to_thread(share.prepare, errand.environment)
+    with share.taken() as pool:
+        argv = (sys.executable, "-m", "forge.cluster.attendant", *pool.words, *styles)
+        process = await asyncio.create_subprocess_exec(
+            *argv,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            pass_fds=pool.descriptors,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,
+        )
+        assert process.stdin is not None  # noqa: S101  (asked for above)
+        process.stdin.write(framed(packed))
+        passing = asyncio.ensure_future(_pass_words(visit, process.stdin))
+        try:
+            await _pass_letters(visit, process)
+        finally:
+            passing.cancel()
+            process.stdin.close()
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(process.wait(), _END_SECONDS)
+    if process.returncode:
+        raise RuntimeError(f"what ran its steps on {host_name()} ended with code {process.returncode}")
+
+
+async def _pass_words(visit: Visit, stdin: asyncio.StreamWriter) -> None:
+    while True:
+        word = await visit.words.get()
+        with contextlib.suppress(OSError):
+            stdin.write(f"{word}\n".encode())
+            await stdin.drain()
+
+
+async def _pass_letters(visit: Visit, process: asyncio.subprocess.Process) -> None:
+    assert process.stdout is not None  # noqa: S101  (asked for by who started it)
+    with contextlib.suppress(asyncio.IncompleteReadError):
+        while True:
+            size = int.from_bytes(await process.stdout.readexactly(LENGTH), "big")
+            visit.send(await process.stdout.readexactly(size))

@@ -1,0 +1,85 @@
+"""Packages of interfaces: built from nothing, and after a change of one message."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tests.bench import workspaces
+from tests.bench.builds import REMOVE, Kind, debian, tools, underlay
+from tests.bench.commands import COLCON, colcon, forge_build
+from tests.bench.generation import ROSIDL
+from tests.bench.starting import COLCON_COMMON
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.bench.figures import Case
+    from tests.bench.sitting import Sitting
+    from tests.bench.timing import Variant
+
+_CHANGE = "for f in src/bench_0000/msg/*.msg; do echo int32 changed_$(date +%s%N) >> $f; break; done"
+_NEEDS = ("rosidl_default_generators", "ament_cmake", "std_msgs", "geometry_msgs", "builtin_interfaces")
+
+
+def one_interface(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds after a change of one message that nobody needs."""
+    kind = _embedded(sitting)
+    for size in sitting.sizes(1, 10, 30):
+        argvs = tools(sitting, COLCON)
+        built = [kind.built(sitting, name, argv, size) for name, argv in argvs.items()]
+        yield sitting.turns_of("one .msg, forge's generators", _changing(built), 5, size=size)
+    if sitting.wants(ROSIDL) and sitting.wants(COLCON_COMMON):
+        built = _beside_rosidl(sitting, built=True)
+        yield sitting.turns_of("one .msg of 20, rosidl's", _changing(built), 5)
+
+
+def cold_interfaces(sitting: Sitting) -> Iterator[Case]:
+    """Measure builds of packages of interfaces from nothing."""
+    kind = _embedded(sitting)
+    for size in sitting.sizes(1, 10, 30):
+        variants = [kind.tool(sitting, name, argv, size) for name, argv in tools(sitting, COLCON).items()]
+        removing = [replace(each, before=REMOVE) for each in variants]
+        yield sitting.turns_of("packages of 5 messages", removing, 3, size=size)
+    if sitting.wants(ROSIDL) and sitting.wants(COLCON_COMMON):
+        removing = [replace(each, before=REMOVE) for each in _beside_rosidl(sitting, built=False)]
+        yield sitting.turns_of("a package of 20 messages, rosidl's", removing, 3)
+
+
+def _embedded(sitting: Sitting) -> Kind:
+    """Return packages for which both tools start forge's generators, installed beforehand."""
+    return Kind("interfaces", workspaces.write_interface_workspace, underlay(sitting, *_NEEDS))
+
+
+def _beside_rosidl(sitting: Sitting, *, built: bool) -> list[Variant]:
+    """Return forge with its own generators, and both tools with Debian's rosidl, on the same definitions."""
+    found = []
+    for name, argv, real in (
+        ("forge", forge_build(), False),
+        ("forge with rosidl", forge_build(), True),
+        ("colcon with rosidl", colcon(sitting.peers, "build"), True),
+    ):
+        kind = _of_20(sitting, real=real)
+        make = kind.built if built else kind.tool
+        found.append(make(sitting, name, argv, 1))
+    return found
+
+
+def _of_20(sitting: Sitting, *, real: bool) -> Kind:
+    generators = workspaces.DEBIANS_GENERATORS if real else workspaces.EVERY_GENERATOR
+    messages = sitting.size(20)
+
+    def write(root: Path, packages: int) -> Path:
+        return workspaces.write_interface_workspace(
+            root, packages, messages, generators=generators, referring=False
+        )
+
+    if real:
+        arguments = ("--cmake-args", "-DPython3_EXECUTABLE=/usr/bin/python3")
+        return Kind("interfaces_by_rosidl", write, debian(sitting), arguments)
+    return Kind("interfaces_of_20", write, underlay(sitting, *_NEEDS))
+
+
+def _changing(variants: list[Variant]) -> list[Variant]:
+    return [replace(variant, before=("sh", "-c", _CHANGE)) for variant in variants]

@@ -1,0 +1,133 @@
+"""A scheduler of Dask and workers on loopback, as programs of their own, each worker with its own folder."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tests.snippets import ROOT, surroundings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+_PATIENCE_SECONDS = 60.0
+_LOOPBACK = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")
+
+
+@dataclass
+class Loopback:
+    """A scheduler that runs, and the workers that were started for it."""
+
+    folder: Path
+    address: str = ""
+    workers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    _programs: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def start(self) -> None:
+        """Start the scheduler on a port that the system chooses."""
+        said = self.folder / "scheduler.json"
+        words = ("--host", "127.0.0.1", "--port", "0", *_LOOPBACK, "--scheduler-file", str(said))
+        self._run("dask_scheduler", "scheduler", words)
+        self._await(lambda: bool(said.is_file() and said.read_text(encoding="utf-8")), "scheduler")
+        self.address = json.loads(said.read_text(encoding="utf-8"))["address"]
+
+    def add(self, name: str, *words: str, env: Mapping[str, str] | None = None, slots: int = 1) -> None:
+        """Start a worker; whoever builds waits for it."""
+        own = self.folder / name
+        own.mkdir(exist_ok=True)
+        words = (self.address, "--host", "127.0.0.1", "--no-nanny", "--nthreads", str(slots), *words)
+        words += ("--name", name, "--local-directory", str(own), *_LOOPBACK)
+        self.workers[name] = self._run("dask_worker", name, words, env)
+        log = self.folder / f"{name}.log"
+        self._await(lambda: "Registered to" in log.read_text(encoding="utf-8"), name)
+
+    def kill(self, name: str) -> None:
+        """Kill a worker as a crash of its machine would."""
+        self.workers[name].kill()
+        self.workers.pop(name).wait()
+
+    def holder(self, build: Path) -> str:
+        """Return the worker that runs something for a build folder."""
+        by_process = {program.pid: name for name, program in self.workers.items()}
+        for process in _processes_of(build):
+            above = process
+            while above > 1 and above not in by_process:
+                above = _parent(above)
+            if above in by_process:
+                return by_process[above]
+        raise LookupError(build)
+
+    def stop(self) -> None:
+        """End everything."""
+        for program in self._programs:
+            program.kill()
+        for program in self._programs:
+            program.wait()
+
+    def _run(
+        self, module: str, name: str, words: tuple[str, ...], env: Mapping[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
+        with (self.folder / f"{name}.log").open("wb") as log:
+            program = subprocess.Popen(
+                (sys.executable, "-m", f"distributed.cli.{module}", *words),
+                cwd=self.folder,
+                env={**surroundings(self.folder), "PYTHONPATH": str(ROOT), **(env or {})},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+        self._programs.append(program)
+        return program
+
+    def _await(self, is_there: Callable[[], bool], name: str) -> None:
+        until = time.monotonic() + _PATIENCE_SECONDS
+        while not is_there():
+            log = (self.folder / f"{'scheduler' if not self.address else name}.log").read_text(
+                encoding="utf-8"
+            )
+            assert time.monotonic() < until, f"{name} does not start:\n{log}"
+            assert self._programs[-1].poll() is None, f"{name} has ended:\n{log}"
+            time.sleep(0.05)
+
+
+@contextlib.contextmanager
+def loopback(folder: Path) -> Iterator[Loopback]:
+    """Yield a scheduler without workers, below a folder; end it with whatever was started."""
+    cluster = Loopback(folder)
+    try:
+        cluster.start()
+        yield cluster
+    finally:
+        cluster.stop()
+
+
+def programs_of(build: Path) -> list[str]:
+    """Return the command lines of what runs for a build folder."""
+    found = []
+    for process in _processes_of(build):
+        with contextlib.suppress(OSError):
+            found.append(Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\0", b" ").decode())
+    return found
+
+
+def _processes_of(build: Path) -> list[int]:
+    mark = f"FORGE_BUILD_FOLDER={build}".encode()
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark in (path / "environ").read_bytes().split(b"\0"):
+                found.append(int(path.name))
+    return found
+
+
+def _parent(process: int) -> int:
+    try:
+        return int(Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[1])
+    except OSError:
+        return 0

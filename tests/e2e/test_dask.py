@@ -1,0 +1,228 @@
+"""Builds on a cluster: a real scheduler of Dask and real workers on loopback."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.clusters import Loopback, loopback, programs_of
+from tests.evolving import differences, look
+from tests.packages import manifest_text
+from tests.snippets import ROOT, surroundings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
+
+CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject({name} {languages})\n{body}"
+SLOW = """add_custom_command(OUTPUT made.txt
+  COMMAND printf half > made.txt && touch {flag} && sleep {seconds} && echo whole > made.txt)
+add_custom_target(all_of_it ALL DEPENDS made.txt)
+install(FILES ${{CMAKE_CURRENT_BINARY_DIR}}/made.txt DESTINATION share/{name})
+"""
+LISTS = """add_library({name} SHARED one.cpp two.cpp)
+install(TARGETS {name})
+install(FILES here.hpp DESTINATION include/{name})
+"""
+
+
+def cmake(name: str, body: str, *needs: str, languages: str = "NONE") -> dict[str, str]:
+    """Return a package of plain CMake."""
+    depends = "".join(f"<depend>{need}</depend>" for need in needs)
+    return {
+        f"src/{name}/package.xml": manifest_text(name, depends, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": CMAKE.format(name=name, languages=languages, body=body),
+    }
+
+
+def slow(name: str, flag: Path, seconds: float = 1.5) -> dict[str, str]:
+    """Return a package that says by a file when it is half-way, and takes its time then."""
+    return cmake(name, SLOW.format(name=name, flag=flag, seconds=seconds))
+
+
+def library(name: str, *needs: str) -> dict[str, str]:
+    """Return a package with a library of two sources."""
+    return {
+        **cmake(name, LISTS.format(name=name), *needs, languages="CXX"),
+        f"src/{name}/one.cpp": f"int {name}_one() {{ return 1; }}\n",
+        f"src/{name}/two.cpp": f"int {name}_two() {{ return 2; }}\n",
+        f"src/{name}/here.hpp": "#pragma once\n",
+    }
+
+
+def python(name: str, *needs: str) -> dict[str, str]:
+    """Return a package of Python."""
+    depends = "".join(f"<depend>{need}</depend>" for need in needs)
+    return {
+        f"src/{name}/package.xml": manifest_text(name, depends, build_type="ament_python"),
+        f"src/{name}/setup.py": f"from setuptools import setup\nsetup(name='{name}', packages=['{name}'])\n",
+        f"src/{name}/{name}/__init__.py": "",
+    }
+
+
+def write(root: Path, files: Mapping[str, str]) -> Path:
+    """Write files below a folder."""
+    for name, text in files.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return root
+
+
+class Workspace:
+    """A workspace that is built here and there, by a forge of its own process."""
+
+    def __init__(self, home: Path, cluster: Loopback, *options: str) -> None:
+        """Remember where it is and how it is built on the cluster."""
+        self.home = home
+        self.options = ("--executor", "dask", "--scheduler", cluster.address, *options)
+
+    def start(self, *words: str) -> subprocess.Popen[str]:
+        """Start a build."""
+        return subprocess.Popen(
+            (sys.executable, "-m", "forge", "build", *words),
+            cwd=self.home,
+            env={**surroundings(self.home.parent), "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def build(self, *words: str, code: int = 0) -> str:
+        """Build on the cluster to the end; return what was said."""
+        process = self.start(*self.options, *words)
+        said, _ = process.communicate(timeout=120)
+        assert process.returncode == code, said
+        return said
+
+    def clean(self) -> Mapping[str, tuple[str, ...]]:
+        """Return what a build here, of the same sources in the same folder, installs."""
+        parked = self.home.with_name("parked")
+        self.home.rename(parked)
+        shutil.copytree(parked / "src", self.home / "src", symlinks=True)
+        process = self.start("--log-base", os.devnull)
+        said, _ = process.communicate(timeout=120)
+        assert process.returncode == 0, said
+        found = look(self.home / "install")
+        shutil.rmtree(self.home)
+        parked.rename(self.home)
+        return found
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loopback]:
+    """Two workers that see everything this machine has."""
+    with loopback(tmp_path_factory.mktemp("cluster")) as running:
+        running.add("one")
+        running.add("two")
+        yield running
+
+
+def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until something holds."""
+    last = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < last
+        time.sleep(0.02)
+
+
+def test_what_workers_build_is_what_is_built_here(cluster: Loopback, tmp_path: Path) -> None:
+    files = {**library("a"), **library("b"), **library("c", "a", "b"), **python("d", "c")}
+    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    said = workspace.build()
+    assert "Summary: 4 packages finished" in said
+    assert "stderr" not in said
+    assert differences(look(workspace.home / "install"), workspace.clean()) == []
+    assert "Summary: 0 packages finished" in workspace.build()
+
+
+def test_output_comes_live_whole_and_in_order(cluster: Loopback, tmp_path: Path) -> None:
+    shell = "for i in $(seq 20000); do echo line $i of many; done; touch {0}; sleep 1; echo last"
+    flag = tmp_path / "flag"
+    write(tmp_path, {"talk.sh": shell.format(flag)})
+    body = f"add_custom_target(talk ALL COMMAND sh {tmp_path}/talk.sh VERBATIM USES_TERMINAL)\n"
+    workspace = Workspace(write(tmp_path / "ws", cmake("talker", body)), cluster)
+    process = workspace.start(*workspace.options, "--event-handlers", "console_direct+")
+    assert process.stdout is not None
+    lines = []
+    live = False
+    with process:
+        for line in process.stdout:
+            lines.append(line)
+            if line == "line 20000 of many\n":
+                live = process.poll() is None
+    assert process.returncode == 0
+    assert live
+    talk = [line for line in lines if line.startswith("line ") or line == "last\n"]
+    assert talk == [*(f"line {i} of many\n" for i in range(1, 20001)), "last\n"]
+
+
+def test_a_package_that_fails_says_so_as_it_does_here(cluster: Loopback, tmp_path: Path) -> None:
+    broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
+    files = {**broken, **library("above", "bad"), **library("other")}
+    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    there = workspace.build("--continue-on-error", code=1)
+    shutil.rmtree(workspace.home / "build")
+    shutil.rmtree(workspace.home / "install")
+    process = workspace.start("--continue-on-error")
+    here, _ = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert _failure(there) == _failure(here)
+    assert "first error in step 'build'" in there
+    assert "two.cpp:1" in there
+    assert "Finished <<< other" in there
+
+
+def _failure(said: str) -> list[str]:
+    """Return what is said of a failure, without times and folders of a run."""
+    lines = said[said.index("Failed   <<< ") :].splitlines()
+    return [line for line in lines[1:5] if "log:" not in line]
+
+
+def test_ctrl_c_leaves_nothing_running_anywhere(cluster: Loopback, tmp_path: Path) -> None:
+    flags = [tmp_path / "flag-a", tmp_path / "flag-b"]
+    files = {**slow("a", flags[0], 60), **slow("b", flags[1], 60)}
+    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    process = workspace.start(*workspace.options)
+    until(lambda: all(flag.exists() for flag in flags))
+    assert programs_of(workspace.home / "build")
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=20)
+    assert process.returncode == 130, said
+    assert "2 packages aborted: a b" in said
+    assert programs_of(workspace.home / "build") == []
+
+
+def test_a_client_that_is_killed_leaves_nothing_running_for_long(cluster: Loopback, tmp_path: Path) -> None:
+    flag = tmp_path / "flag"
+    workspace = Workspace(write(tmp_path / "ws", slow("a", flag, 60)), cluster)
+    process = workspace.start(*workspace.options)
+    until(flag.exists)
+    process.kill()
+    process.communicate()
+    until(lambda: not programs_of(workspace.home / "build"))
+
+
+def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_path: Path) -> None:
+    flag = tmp_path / "flag"
+    files = {**slow("a", flag), **library("b", "a"), **library("c")}
+    workspace = Workspace(write(tmp_path / "ws", files), cluster)
+    process = workspace.start(*workspace.options)
+    until(flag.exists)
+    victim = cluster.holder(workspace.home / "build")
+    cluster.kill(victim)
+    said, _ = process.communicate(timeout=60)
+    cluster.add(f"{victim} again")
+    assert process.returncode == 0, said
+    assert "was lost; 'a' begins again on" in said
+    assert differences(look(workspace.home / "install"), workspace.clean()) == []
+    assert programs_of(workspace.home / "build") == []

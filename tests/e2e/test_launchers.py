@@ -1,0 +1,272 @@
+"""Compiler launchers at work: ccache and distcc as they are, in builds of real packages."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.snippets import ROOT, surroundings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran, Tree
+
+pytestmark = pytest.mark.needs("cmake", "ninja", "make", "g++")
+
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} CXX)
+add_library({name} SHARED {sources})
+install(TARGETS {name})
+"""
+SOURCE = "#include <map>\n#include <string>\nstd::map<std::string, int> {name};\n"
+PATIENCE = 60
+
+
+def package(name: str, files: int = 1) -> dict[str, str]:
+    """Return a package with as many sources."""
+    names = [f"{name}_{number}" for number in range(files)]
+    return {
+        f"src/{name}/package.xml": manifest_text(name, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": CMAKE.format(
+            name=name, sources=" ".join(f"{one}.cpp" for one in names)
+        ),
+        **{f"src/{name}/{one}.cpp": SOURCE.format(name=one) for one in names},
+    }
+
+
+def installed(root: Path) -> dict[str, bytes]:
+    """Return every installed file with its contents."""
+    base = root / "install"
+    return {
+        str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()
+    }
+
+
+def built_plainly(forge: Forge, root: Path, *words: str) -> dict[str, bytes]:
+    """Return what is installed when the same workspace is built from nothing without a launcher."""
+    for folder in ("build", "install"):
+        shutil.rmtree(root / folder)
+    assert forge("build", *words, cwd=root).code == 0
+    return installed(root)
+
+
+def launcher_of(root: Path, name: str) -> list[str]:
+    """Return what starts the C++ compiler in a build folder: by CMake's cache, and by ninja's rules."""
+    cache = (root / "build" / name / "CMakeCache.txt").read_text()
+    rules = (root / "build" / name / "CMakeFiles" / "rules.ninja").read_text()
+    found = [line for line in cache.splitlines() if line.startswith("CMAKE_CXX_COMPILER_LAUNCHER:")]
+    return [line.partition("=")[2] for line in found] + [
+        word for word in ("ccache", "distcc") if f"/{word} " in rules
+    ]
+
+
+@pytest.mark.needs("ccache")
+def test_ccache_gives_another_workspace_what_it_has(forge: Forge, tmp_path: Path) -> None:
+    """Elsewhere all is in the cache, what includes generated headers too, and what comes is the same."""
+    env = {"CCACHE_DIR": str(tmp_path / "cache")}
+    words = ("--packages-up-to", "robot_demo_cpp")
+    roots = tmp_path / "one", tmp_path / "another place"
+    said = []
+    for root in roots:
+        shutil.copytree(ROOT / "examples_ws/src", root / "src")
+        ran = forge("build", *words, "--compiler-launcher", "ccache", "--timings", cwd=root, env=env)
+        assert ran.code == 0, ran.err
+        said += [line.strip() for line in ran.out.splitlines() if "ccache" in line]
+    assert said == [
+        "ccache: 0 of 4 compilations from the cache",
+        "ccache: 4 of 4 compilations from the cache",
+    ]
+    events = [
+        json.loads(line) for line in (roots[1] / "log/latest_build/events.jsonl").read_text().splitlines()
+    ]
+    told = next(event for event in events if event["event"] == "Launcher")
+    del told["time"]
+    assert told == {"event": "Launcher", "launcher": "ccache", "compilations": 4, "from_cache": 4}
+    page = (roots[1] / "log/latest_build/timings.html").read_text()
+    assert "<p>ccache: 4 of 4 compilations from the cache.</p>" in page
+    restored = installed(roots[1])
+    assert built_plainly(forge, roots[1], *words) == restored
+
+
+@pytest.mark.needs("ccache")
+def test_a_launcher_comes_and_goes_without_a_build_of_what_is_fresh(forge: Forge, tree: Tree) -> None:
+    """It does not change what is made; what is built next, for whatever reason, is built with it."""
+    root = tree({**package("one"), **package("two")})
+    env = {"CCACHE_DIR": str(root / "cache")}
+    assert forge("build", cwd=root, env=env).code == 0
+    assert launcher_of(root, "one") == []
+    ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    assert "Summary: 0 packages finished, 2 packages unchanged" in ran.out
+    (root / "src/one/one_0.cpp").write_text("int changed;\n")
+    ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    assert "Summary: 1 package finished, 1 package unchanged" in ran.out
+    assert "ccache: 0 of 1 compilation from the cache" in ran.out
+    assert launcher_of(root, "one") == ["/usr/bin/ccache", "ccache"]
+    assert launcher_of(root, "two") == []
+    (root / "src/one/one_0.cpp").write_text("int changed_again;\n")
+    assert "ccache" not in forge("build", cwd=root, env=env).out
+    assert launcher_of(root, "one") == []
+
+
+@pytest.mark.needs("ccache", "distcc")
+def test_the_users_own_definition_wins(forge: Forge, tree: Tree) -> None:
+    root = tree(package("one"))
+    env = {"CCACHE_DIR": str(root / "cache")}
+    own = "-DCMAKE_CXX_COMPILER_LAUNCHER=/usr/bin/ccache"
+    words = ("--compiler-launcher", "distcc", "--cmake-args", own)
+    ran = forge("build", *words, cwd=root, env={**env, "DISTCC_HOSTS": "127.0.0.1:1/2"})
+    assert ran.code == 0, ran.err
+    assert launcher_of(root, "one") == ["/usr/bin/ccache", "ccache"]
+
+
+@pytest.mark.needs("ccache")
+@pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
+def test_a_changed_header_is_noticed_though_the_object_came_from_the_cache(
+    forge: Forge, tree: Tree, generator: str
+) -> None:
+    """Ccache makes paths below the workspace relative, in lists of what a source includes as well."""
+    root = tree(
+        {
+            "src/one/package.xml": manifest_text("one", build_type="cmake"),
+            "src/one/CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(one CXX)\n"
+            "add_subdirectory(deep)\n",
+            "src/one/deep/CMakeLists.txt": "add_executable(one one.cpp)\n"
+            "target_include_directories(one PRIVATE ${PROJECT_SOURCE_DIR}/include)\n"
+            "install(TARGETS one DESTINATION bin)\n",
+            "src/one/deep/one.cpp": '#include "number.hpp"\nint main() { return NUMBER; }\n',
+            "src/one/include/number.hpp": "#define NUMBER 3\n",
+        }
+    )
+    env = {"CCACHE_DIR": str(root / "cache")}
+    words = ("--compiler-launcher", "ccache", "--cmake-args", f"-G{generator}")
+    for code in (3, 3, 5):
+        if code == 3:
+            shutil.rmtree(root / "build", ignore_errors=True)
+        (root / "src/one/include/number.hpp").write_text(f"#define NUMBER {code}\n")
+        assert forge("build", *words, cwd=root, env=env).code == 0
+        assert subprocess.run([root / "install/one/bin/one"], check=False).returncode == code
+
+
+@pytest.mark.needs("ccache")
+def test_an_error_names_its_file_as_without_ccache(forge: Forge, tree: Tree) -> None:
+    root = tree({**package("one"), "src/one/one_0.cpp": "int wrong( {\n"})
+    env = {"CCACHE_DIR": str(root / "cache")}
+    plain = forge("build", cwd=root, env=env)
+    cached = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    place = f"{root}/src/one/one_0.cpp:1:13: error:"
+    assert (place in plain.err, place in cached.err) == (True, True)
+    assert first_error(cached) == first_error(plain)
+
+
+def first_error(ran: Ran) -> list[str]:
+    """Return the lines below 'first error'."""
+    lines = ran.err.splitlines()
+    begin = next(number for number, line in enumerate(lines) if "first error" in line)
+    return [line for line in lines[begin:] if line.startswith("    ")]
+
+
+@dataclass(frozen=True, slots=True)
+class Server:
+    """A distccd on this machine, what it logs, and where it listens."""
+
+    process: subprocess.Popen[bytes]
+    log: Path
+    port: int
+
+    @property
+    def compiled(self) -> int:
+        """How many sources it compiled."""
+        return self.log.read_text(errors="replace").count(" COMPILE_OK ")
+
+    def end(self) -> None:
+        """Kill it with the children that it keeps ready."""
+        os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+@contextmanager
+def servers(folder: Path, count: int) -> Iterator[list[Server]]:
+    """Run distccd on free ports of the loopback, as many as asked for; they end in any case."""
+    running: list[Server] = []
+    try:
+        running += [started(folder / f"server_{number}.log") for number in range(count)]
+        for server in running:
+            wait_for(partial(answers, server.port), server)
+        yield running
+    finally:
+        for server in running:
+            if server.process.poll() is None:
+                server.end()
+
+
+def started(log: Path) -> Server:
+    """Start one server. It gives up root's rights, so the log is opened for it."""
+    port = free_port()
+    words = ("--no-detach", "--daemon", "--log-stderr", "--log-level", "info", "--jobs", "4")
+    with log.open("wb") as stderr:
+        process = subprocess.Popen(
+            ["distccd", *words, "--listen", "127.0.0.1", "--allow", "127.0.0.1", "--port", str(port)],
+            env={"PATH": os.environ["PATH"], "TMPDIR": "/tmp"},  # noqa: S108  (whoever it becomes may write there)
+            cwd="/",
+            stdin=subprocess.DEVNULL,
+            stdout=stderr,
+            stderr=stderr,
+            start_new_session=True,
+        )
+    return Server(process, log, port)
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port: int = listening.getsockname()[1]
+    return port
+
+
+def answers(port: int) -> bool:
+    with socket.socket() as asking:
+        return asking.connect_ex(("127.0.0.1", port)) == 0
+
+
+def wait_for(condition: Callable[[], object], server: Server) -> None:
+    """Wait until something is so; fails with the server's log when it ends, or takes too long."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, server.log.read_text()
+        assert server.process.poll() is None, server.log.read_text()
+        time.sleep(0.02)
+
+
+@pytest.mark.needs("distcc", "distccd")
+def test_two_servers_compile_and_one_is_killed_meanwhile(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+    """What comes is what a plain build makes."""
+    root = tree({**package("one", 6), **package("two", 2)})
+    env = {**surroundings(tmp_path), "DISTCC_DIR": str(tmp_path)}
+    with servers(tmp_path, 2) as (first, second):
+        env["DISTCC_HOSTS"] = f"127.0.0.1:{first.port}/1 127.0.0.1:{second.port}/1"
+        argv = [sys.executable, "-m", "forge", "build", "--compiler-launcher", "distcc"]
+        with subprocess.Popen(argv, cwd=root, env=env, stdout=subprocess.PIPE, text=True) as build:
+            wait_for(lambda: second.compiled and first.compiled, second)
+            assert build.poll() is None
+            second.end()
+            out, _ = build.communicate(timeout=PATIENCE)
+        assert build.returncode == 0, out
+        assert "distcc: 2 hosts with 2 slots" in out
+        assert first.compiled > 0
+        assert 0 < second.compiled < 8
+    farmed = installed(root)
+    assert built_plainly(forge, root) == farmed
