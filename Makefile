@@ -52,7 +52,8 @@ scale: .venv/.ready
 # Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output. SEED=2 makes other sequences.
 soak: .venv/.ready
 	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
-	  FORGE_TEST_EXAMPLES=60 $(PYTEST) tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_incremental.py
+	  FORGE_TEST_EXAMPLES=60 $(PYTEST) tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_incremental.py \
+	  tests/e2e/test_cache.py
 
 peers: .venv-peers/.ready
 

@@ -90,12 +90,13 @@ def _started(folder: Path, server: str, scheme: str) -> Nginx:
     server = server.replace("/srv/forge-cache", str(files)).replace("/etc/", f"{folder}/etc/")
     text = _ROOM.format(user="user root;" if os.geteuid() == 0 else "", folder=folder, server=server)
     (folder / "nginx.conf").write_text(text, encoding="utf-8")
-    argv = [PROGRAM, "-e", str(folder / "error.log"), "-p", str(folder), "-c", str(folder / "nginx.conf")]
-    process = subprocess.Popen(argv, stdin=subprocess.DEVNULL)
+    argv = [PROGRAM, "-p", str(folder), "-c", str(folder / "nginx.conf")]
+    with (folder / "said").open("wb") as said:  # among others that it may not write to the system's log
+        process = subprocess.Popen(argv, stdin=subprocess.DEVNULL, stderr=said)
     running = Nginx(f"{scheme}://127.0.0.1:{port}", files, folder, process)
     if not _answers(process, port):
         running.stop()
-        raise ConnectionError((folder / "error.log").read_text("utf-8"))
+        raise ConnectionError((folder / "said").read_text("utf-8"))
     return running
 
 

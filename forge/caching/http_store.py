@@ -91,7 +91,7 @@ class HttpStore:
         self.name = f"{parts.scheme}://{host}{self._path}"
         self._seconds = seconds
         self._errands = Errands()
-        self._spoilt: set[Digest] = set()
+        self._doubtful = False
         self._sockets: list[ref[socket.socket]] = []
         self._pool = connection_from_url(
             f"{parts.scheme}://{host}",
@@ -130,15 +130,13 @@ class HttpStore:
                 found = self._within(lambda patience: self._receive(arrival, patience))
                 return found and arrival.whole()
             except BlobFault:
-                self._spoilt.add(digest)
+                self._doubtful = True
                 raise
 
     def put(self, digest: Digest, source: Path) -> None:
-        """Keep the bytes of a file, unless they are there; what was found spoilt is not."""
+        """Keep the bytes of a file, unless they are there; where one blob was spoilt, others may be."""
         path = f"cas/{digest.hash}"
-        if digest not in self._spoilt and self._within(
-            lambda patience: self._has(path, patience, digest.size)
-        ):
+        if not self._doubtful and self._within(lambda patience: self._has(path, patience, digest.size)):
             return
         with opened(source) as stream:
 
@@ -150,7 +148,6 @@ class HttpStore:
                     _Call("PUT", path, patience, digest.size, lambda: body(patience))
                 )
             )
-        self._spoilt.discard(digest)
 
     def close(self) -> None:
         """Let go of connections, also of those by which a thread that was left behind still talks."""

@@ -17,7 +17,7 @@ from forge.caching.lineage import Lineage, unfit
 from forge.caching.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
 from forge.caching.relocation import ODD
 from forge.caching.restoring import Contents, Planter
-from forge.caching.trees import Unfit, index_of, survey, tree_of
+from forge.caching.trees import Unfit, index_of, strays, survey, tree_of
 from forge.errors import Problem
 from forge.frozen import frozen
 
@@ -56,6 +56,18 @@ class Circle:
 
 
 @frozen
+class Held:
+    """A result that waits until it is known what else was written between two times, in seconds."""
+
+    package: str
+    first: str
+    inputs: keys.Inputs
+    result: ActionResult
+    began: float
+    ended: float
+
+
+@frozen
 class Found:
     """A tree of the cache with its open, verified contents; `externals` are what its build had read."""
 
@@ -90,6 +102,7 @@ class PackageCache:
         self._keys: dict[str, str] = {}
         self._lists: dict[str, tuple[keys.Inputs, ...]] = {}
         self._complained = False
+        self._held_back: list[Held] = []
         self.notes: dict[str, str] = {}
         """What the cache had to do with each package, in words."""
         self.restored: set[str] = set()
@@ -140,6 +153,23 @@ class PackageCache:
             return record
         self.notes[task.name] = f"kept for this path alone: {tree.bound}" if tree.bound else KEPT
         return replace(record, tree=tree.digest)
+
+    def settle(self) -> None:
+        """Let keys lead to what was kept, once all packages have ended.
+
+        In a merged prefix nobody can tell whose a file is that no tool lists, as one that CMake code writes:
+        what was built while it appeared is not kept.
+        """
+        since = min((held.began for held in self._held_back), default=0.0)
+        found = strays(self._circle.layout.install, self._circle.records, since) if self._held_back else {}
+        for held in self._held_back:
+            near = (path for path, at in found.items() if held.began - _TICK <= at <= held.ended + _TICK)
+            stray = next(near, None)
+            if stray is None:
+                self._publish(held)
+            else:
+                self.notes[held.package] = f"not kept: '{stray}' appeared meanwhile, which no tool lists"
+        self._held_back.clear()
 
     def _concerns(self, task: Task) -> bool:
         """Tell if the cache has to do with a task, and if not, why."""
@@ -240,12 +270,20 @@ class PackageCache:
         places = self._circle.places
         inputs = keys.Inputs(tuple(map(places.loose_word, record.externals)), tree.bound, places.kind)
         result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
-        self._remember(first, inputs, result)
-        if self._uploads is not None:
-            paths = {digest: self._local.blob_path(digest.hash) for digest in blobs.values()}
-            self._uploads.add(self._second_key(first, inputs), result, paths)
-            self._uploads.add(first, ActionResult(stdout=keys.written(self._lists[first])), {})
+        held = Held(task.name, first, inputs, result, record.began, time.time())
+        if self._circle.layout.merged:
+            self._held_back.append(held)
+        else:
+            self._publish(held)
         return tree
+
+    def _publish(self, held: Held) -> None:
+        """Let both keys of a result lead to it, here and in the remote store."""
+        self._remember(held.first, held.inputs, held.result)
+        if self._uploads is not None:
+            paths = {file.digest: self._local.blob_path(file.digest.hash) for file in held.result.files}
+            self._uploads.add(self._second_key(held.first, held.inputs), held.result, paths)
+            self._uploads.add(held.first, ActionResult(stdout=keys.written(self._lists[held.first])), {})
 
     def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
         """Put index, pack and large files of a tree into the local folder; return them by name."""
@@ -287,6 +325,9 @@ class PackageCache:
             hint = "packages are built instead; 'forge cache verify' looks for what is spoilt"
             self._warn(Problem(f"the cache: {fault}", hint=hint))
 
+
+_TICK = 0.05
+"""Seconds by which the clocks of files and of processes may differ."""
 
 KEPT, MISSED = "kept", "not in the cache"
 

@@ -55,7 +55,9 @@ class Places:
         self.paths = tuple((name, path.encode(errors="surrogateescape")) for name, path in ordered)
         either = b"|".join(re.escape(path) for _, path in self.paths)
         before = rb"(?:(?<![." + _NAME + rb"])|(" + _GLUED + rb"))"
-        self._ours = re.compile(before + rb"(" + either + rb")(?!" + _GOES_ON + rb"|" + _UNCLEAR + rb")")
+        # A lookahead keeps to the longest path: what is unclear about that is not taken for one above it.
+        longest = rb"(?=((?:" + either + rb")(?!" + _GOES_ON + rb")))\2"
+        self._ours = re.compile(before + longest + rb"(?!" + _UNCLEAR + rb")")
         spelled = {other for _, path in self.paths for other in _other_spellings(path)}
         known = [re.escape(path) for _, path in self.paths] + [re.escape(path) for path in sorted(spelled)]
         self._any = re.compile(b"(?:" + b"|".join(known) + rb")(?!" + _GOES_ON + rb")")

@@ -20,10 +20,12 @@ from forge.caching.relocation import Bound
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
 
     from forge.caching.relocation import Places
     from forge.layout import Layout
+    from forge.model import Record
 
 LARGE = 1 << 20
 """Bytes from which a file is a blob of its own."""
@@ -111,6 +113,23 @@ def survey(
         if why and not bound:
             bound = f"'{name}' has {why} in it"
     return Tree(package, tuple(leaves), folders, 0.0, bound, Digest(whole.hexdigest(), offset))
+
+
+def strays(install: Path, records: Mapping[str, Record], since: float) -> dict[str, float]:
+    """Return what appeared in a merged prefix that no package's tools list: when, in seconds, by path.
+
+    Not what forge writes beside all packages, nor what Python compiles for itself.
+    """
+    listed = {path for record in records.values() for path in record.files}
+    found = {}
+    for folder, folders, files in os.walk(install):
+        if "__pycache__" in folders:
+            folders.remove("__pycache__")
+        for name in files if folder != str(install) else ():
+            path = f"{folder}/{name}"
+            if path not in listed and (changed := os.lstat(path).st_ctime) >= since:
+                found[path[len(str(install)) + 1 :]] = changed
+    return found
 
 
 def index_of(tree: Tree) -> bytes:

@@ -302,7 +302,8 @@ def test_a_bug_in_a_thread_is_not_lost() -> None:
         uploads.finish(5)
 
 
-def test_an_interrupt_leaves_at_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("wait", ["uploads.finish(60)", "remote.result('b' * 64)"])
+def test_an_interrupt_leaves_at_once(wait: str, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "import sys\n"
@@ -313,7 +314,7 @@ def test_an_interrupt_leaves_at_once(tmp_path: Path) -> None:
         "uploads = Uploads(remote)\n"
         "uploads.add('a' * 64, ActionResult(), {})\n"
         "print('waiting', flush=True)\n"
-        "uploads.finish(60)\n",
+        f"{wait}\n",
         encoding="utf-8",
     )
     with rude(lambda _: (60.0,)) as server:

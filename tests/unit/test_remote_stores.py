@@ -15,6 +15,7 @@ import fsspec
 import pytest
 import urllib3
 
+from forge.caching import action_result
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import ActionResult, Digest, OutputFile
 from forge.caching.remote import Remote, open_remote
@@ -212,3 +213,56 @@ def test_what_a_library_raises_is_told_without_passwords(
     store = open_remote(url, seconds=5, writable=True, variables={}, report=said.append)
     assert not store.fetch(DIGEST, tmp_path / "target")
     assert said == ["memory://host/x: RuntimeError: cannot reach sftp://host/x; it is not asked again"]
+
+
+def test_a_place_that_cannot_be_written_is_told(url: str, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(url)
+    store.put(DIGEST, source)
+    for target, words in (
+        (tmp_path / "none" / "blob", "No such file"),
+        (source, "File exists"),
+        (source / "blob", "Not a directory"),
+    ):
+        with pytest.raises(BlobFault, match=f"cannot write .*{words}"):
+            store.fetch(DIGEST, target)
+    assert source.read_bytes() == BYTES
+    store.close()
+
+
+def test_a_name_that_is_no_text_cannot_be_sent(url: str) -> None:
+    store = opened(url)
+    with pytest.raises(BlobFault, match="name of a file cannot be sent"):
+        store.put_result(KEY, ActionResult((OutputFile(os.fsdecode(b"\xff"), DIGEST),)))
+    assert store.result(KEY) is None
+    store.close()
+
+
+@pytest.mark.parametrize(
+    ("data", "words"), [(b"<html>", "is no result"), (b"x" * 2000, "too long for a result")]
+)
+def test_what_is_no_result_is_told(
+    data: bytes, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(action_result, "LARGEST", 1000)
+    (tmp_path / "ac").mkdir()
+    (tmp_path / "ac" / KEY).write_bytes(data)
+    store = opened(f"file://{tmp_path}")
+    with pytest.raises(BlobFault, match=words):
+        store.result(KEY)
+    store.close()
+
+
+def test_in_a_bucket_nothing_is_moved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files appear whole there, folders are none, and moving would be copying."""
+    monkeypatch.setattr("forge.caching.fsspec_store._BUCKETS", frozenset({"memory"}))
+    kind = fsspec.get_filesystem_class("memory")
+    for name in ("mv", "makedirs"):
+        monkeypatch.setattr(kind, name, lambda *_, **__: pytest.fail("moved"))
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(f"memory://{uuid.uuid4().hex}")
+    store.put(DIGEST, source)
+    assert store.fetch(DIGEST, tmp_path / "target")
+    store.close()

@@ -316,6 +316,17 @@ def test_what_is_there_is_not_sent_again_unless_it_is_spoilt(source: Path, tmp_p
         assert shelf.files[path] == BYTES
 
 
+def test_a_server_may_know_no_head(source: Path) -> None:
+    shelf = Shelf()
+
+    def answer(request: Request) -> Moves:
+        return reply(405) if request.method == "HEAD" else shelf(request)
+
+    with rude(answer) as server, asking(server.url) as store:
+        store.put(DIGEST, source)
+    assert shelf.files == {f"/cas/{DIGEST.hash}": BYTES}
+
+
 def test_a_file_that_changes_while_it_is_sent_is_not_kept(source: Path) -> None:
     shelf = Shelf()
     with rude(shelf) as server, asking(server.url) as store:

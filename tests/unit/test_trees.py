@@ -57,9 +57,10 @@ def look(prefix: Path) -> dict[str, tuple[int, bytes]]:
     found = {}
     for path in sorted(prefix.rglob("*")):
         status = path.lstat()
-        content = (
-            os.readlink(path).encode() if path.is_symlink() else path.read_bytes() if path.is_file() else b""
-        )
+        if path.is_symlink():
+            content = bytes(path.readlink())
+        else:
+            content = path.read_bytes() if path.is_file() else b""
         found[str(path.relative_to(prefix))] = (stat.S_IMODE(status.st_mode), content)
     return found
 
@@ -82,16 +83,16 @@ def test_a_tree_is_planted_as_it_was(tmp_path: Path) -> None:
 
 def test_paths_move_along(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
-    layout = installed(
-        one, {"setup.sh": f"x={one}/install/a\n".encode(), "big.txt": f"{one}\n".encode() * LARGE}
-    )
+    times = LARGE // 10
+    files = {"setup.sh": f"x={one}/install/a\n", "big.txt": f"{one}\n" * times}
+    layout = installed(one, {name: text.encode() for name, text in files.items()})
     (layout.prefix("a") / "link").symlink_to(one / "install" / "a" / "setup.sh")
     tree = surveyed(layout, tmp_path / "pack")
     assert not tree.bound
     other = planted(tree, tmp_path / "pack", layout.prefix("a"), two).prefix("a")
     assert (other / "setup.sh").read_text() == f"x={two}/install/a\n"
     assert (other / "link").readlink() == two / "install" / "a" / "setup.sh"
-    assert (other / "big.txt").read_bytes() == f"{two}\n".encode() * (LARGE // 10)
+    assert (other / "big.txt").read_text() == f"{two}\n" * times
 
 
 @pytest.mark.parametrize("size", [10, LARGE])
