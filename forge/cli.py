@@ -41,6 +41,7 @@ COMMANDS = {
     "run": "run an executable of an installed package",
     "env": "print what sourcing the workspace sets",
     "shell": "start a shell, or a command, that needs no sourcing",
+    "cache": "look after what builds keep for others",
     "bundle": "pack what running needs into one archive",
 }
 

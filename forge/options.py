@@ -147,7 +147,7 @@ def add_cache(parser: Parser) -> None:
     )
     group.add_argument(
         "--cache-size",
-        type=_bytes,
+        type=byte_count,
         metavar="SIZE",
         help="what the folder may take; what was used least of late goes first (default: 20G)",
     )
@@ -241,9 +241,10 @@ def _seconds(text: str) -> float:
     return found
 
 
-def _bytes(text: str) -> int:
+def byte_count(text: str) -> int:
+    """Return how many bytes '500M', '20G' or '0' are, as the type of an option."""
     try:
-        size = memory_limit(text).size
+        size = 0 if text == "0" else memory_limit(text).size
     except ValueError:
         size = None
     if size is None:

@@ -121,7 +121,7 @@ def carry_out(
             if handlers["compile_commands"]:
                 merge_compile_commands(layout.build)
             report.outcomes = account.settle()
-            _tell_of_cache(cache, options, view.screen)
+            _settle(cache, options, view.screen)
             passed = time.monotonic() - begun
             manner.conclude(plan, report, passed)
             if usage := watch.usage():
@@ -156,9 +156,12 @@ def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManag
     return open_cache(options, circle, records, variables)
 
 
-def _tell_of_cache(cache: PackageCache | None, options: argparse.Namespace, screen: Screen) -> None:
-    """Say what the cache had to do with each package, where it was asked why things are as they are."""
-    if cache and options.explain and not options.json:
+def _settle(cache: PackageCache | None, options: argparse.Namespace, screen: Screen) -> None:
+    """Let the cache keep what was built; say what it had to do with each package, if why was asked."""
+    if cache is None:
+        return
+    cache.settle()
+    if options.explain and not options.json:
         lines = (f"{name}: {note}\n" for name, note in sorted(cache.notes.items()))
         screen.write("".join(lines).encode(errors="surrogateescape"))
 

@@ -62,7 +62,7 @@ class Nginx:
 
 
 def documented(number: int = 0) -> str:
-    """Return a configuration that the page gives."""
+    """Return a configuration that the page gives; what it has in /etc is below the server's folder then."""
     blocks = re.findall(r"^```text\n(server \{\n.*?)^```$", PAGE.read_text("utf-8"), re.MULTILINE | re.DOTALL)
     block: str = blocks[number]
     return block
@@ -86,15 +86,17 @@ def _started(folder: Path, server: str, scheme: str) -> Nginx:
     files.mkdir(parents=True, exist_ok=True)
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
-    server = server.replace("listen 8", f"listen 127.0.0.1:{port}; #").replace("/srv/forge-cache", str(files))
+    server = re.sub(r"listen \d+", f"listen 127.0.0.1:{port}", server)
+    server = server.replace("/srv/forge-cache", str(files)).replace("/etc/", f"{folder}/etc/")
     text = _ROOM.format(user="user root;" if os.geteuid() == 0 else "", folder=folder, server=server)
     (folder / "nginx.conf").write_text(text, encoding="utf-8")
-    argv = [PROGRAM, "-e", str(folder / "error.log"), "-p", str(folder), "-c", str(folder / "nginx.conf")]
-    process = subprocess.Popen(argv, stdin=subprocess.DEVNULL)
+    argv = [PROGRAM, "-p", str(folder), "-c", str(folder / "nginx.conf")]
+    with (folder / "said").open("wb") as said:  # among others that it may not write to the system's log
+        process = subprocess.Popen(argv, stdin=subprocess.DEVNULL, stderr=said)
     running = Nginx(f"{scheme}://127.0.0.1:{port}", files, folder, process)
     if not _answers(process, port):
         running.stop()
-        raise ConnectionError((folder / "error.log").read_text("utf-8"))
+        raise ConnectionError((folder / "said").read_text("utf-8"))
     return running
 
 

@@ -133,10 +133,12 @@ def _nest(groups: list[int], number: int, kind: int) -> None:
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
     """Return a number and where it ends: seven bits in each byte, the lowest first, 64 bits at most."""
+    if at < len(data) and data[at] < 0x80:  # noqa: PLR2004  (the bit that says that more follow)
+        return data[at], at + 1
     value = 0
     for place, byte in enumerate(data[at : at + 10]):
         value |= (byte & 0x7F) << (7 * place)
-        if byte < 0x80:  # noqa: PLR2004  (the bit that says that more follow)
+        if byte < 0x80:  # noqa: PLR2004  (as above)
             return value & 0xFFFF_FFFF_FFFF_FFFF, at + place + 1
     raise ValueError("a number does not end")
 

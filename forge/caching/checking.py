@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 from typing import TYPE_CHECKING
 
+from forge.caching.action_result import encode
 from forge.caching.faults import BlobFault
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-    from forge.caching.model import Digest
+    from forge.caching.model import ActionResult, Digest
 
 
 class Arrival:
@@ -79,6 +80,14 @@ def departing(source: Path, stream: BinaryIO, digest: Digest, block: int) -> Ite
             raise BlobFault(f"{source} became shorter while it was sent")
         left -= len(data)
         yield data
+
+
+def encoded(result: ActionResult) -> bytes:
+    """Return a result as it is sent; one that cannot be a message is a fault of its own."""
+    try:
+        return encode(result)
+    except ValueError as error:
+        raise BlobFault(f"the name of a file cannot be sent: {error}") from None
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from forge.caching import action_result
-from forge.caching.checking import arriving, departing, opened
+from forge.caching.checking import arriving, departing, encoded, opened
 from forge.caching.faults import BlobFault
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
@@ -55,7 +55,7 @@ class FsspecStore:
         self._errands = Errands()
         self._lock = threading.Lock()
         self._known: tuple[_FileSystem, str] | None = None
-        self._spoilt: set[Digest] = set()
+        self._doubtful = False
 
     def result(self, key: str) -> ActionResult | None:
         """Return what a key leads to, or None."""
@@ -67,7 +67,7 @@ class FsspecStore:
 
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result, whose blobs are there already."""
-        data = action_result.encode(result)
+        data = encoded(result)
         self._within(lambda patience: self._write(f"ac/{key}", patience.counted([data])))
 
     def fetch(self, digest: Digest, target: Path) -> bool:
@@ -77,18 +77,17 @@ class FsspecStore:
                 found = self._within(lambda patience: self._receive(arrival, patience))
                 return found and arrival.whole()
             except BlobFault:
-                self._spoilt.add(digest)
+                self._doubtful = True
                 raise
 
     def put(self, digest: Digest, source: Path) -> None:
-        """Keep the bytes of a file, unless they are there; what was found spoilt is not."""
+        """Keep the bytes of a file, unless they are there; where one blob was spoilt, others may be."""
         path = f"cas/{digest.hash}"
-        if digest not in self._spoilt and self._within(lambda _: self._has(path, digest.size)):
+        if not self._doubtful and self._within(lambda _: self._has(path, digest.size)):
             return
         with opened(source) as stream:
             blocks = departing(source, stream, digest, _BLOCK)
             self._within(lambda patience: self._write(path, patience.counted(blocks)))
-        self._spoilt.discard(digest)
 
     def close(self) -> None:
         """Let nobody wait any more; fsspec keeps its connections itself."""

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import re
+import socket
 from base64 import b64encode
 from http import HTTPStatus
 from netrc import NetrcParseError, netrc
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote, urlsplit
+from weakref import ref
 
 from forge import __version__
 from forge.caching import action_result
-from forge.caching.checking import arriving, departing, opened
+from forge.caching.checking import arriving, departing, encoded, opened
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
+from forge.errors import ForgeError, Problem
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -23,14 +28,13 @@ if TYPE_CHECKING:
     from urllib.parse import SplitResult
 
     from urllib3 import BaseHTTPResponse
+    from urllib3.connection import HTTPConnection
     from urllib3.exceptions import HTTPError
 
     from forge.caching.checking import Arrival
     from forge.caching.model import ActionResult, Digest
 
     _Answer = TypeVar("_Answer")
-    _Body = Callable[[], Iterable[bytes]]
-    """What is sent, from its beginning each time it is called."""
 
 _BLOCK: Final = 1 << 16
 """Bytes that are read or sent at a time."""
@@ -63,6 +67,17 @@ _MEANINGS: Final[dict[int, str]] = {
 }
 
 
+@frozen
+class _Call:
+    """What is asked of the server; a body is made anew each time it is sent."""
+
+    method: str
+    path: str
+    patience: Patience
+    size: int = 0
+    body: Callable[[], Iterable[bytes]] | None = None
+
+
 class HttpStore:
     """Asks one server, and no other: it follows no redirects."""
 
@@ -72,11 +87,12 @@ class HttpStore:
 
         parts = urlsplit(url)
         host = parts.netloc.rpartition("@")[2]
-        self._path = parts.path.rstrip("/")
+        self._path = "".join(f"/{part}" for part in parts.path.split("/") if part)
         self.name = f"{parts.scheme}://{host}{self._path}"
         self._seconds = seconds
         self._errands = Errands()
-        self._spoilt: set[Digest] = set()
+        self._doubtful = False
+        self._sockets: list[ref[socket.socket]] = []
         self._pool = connection_from_url(
             f"{parts.scheme}://{host}",
             maxsize=_CONNECTIONS,
@@ -87,6 +103,7 @@ class HttpStore:
                 **_authorization(parts, variables),
             },
         )
+        self._pool.ConnectionCls = _noting(self._pool.ConnectionCls, self._sockets)
 
     def result(self, key: str) -> ActionResult | None:
         """Return what a key leads to, or None."""
@@ -99,8 +116,12 @@ class HttpStore:
 
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result, whose blobs are there already."""
-        data = action_result.encode(result)
-        self._within(lambda _: self._write(f"ac/{key}", len(data), lambda: (data,)))
+        data = encoded(result)
+
+        def send(patience: Patience) -> None:
+            self._write(_Call("PUT", f"ac/{key}", patience, len(data), lambda: (data,)))
+
+        self._within(send)
 
     def fetch(self, digest: Digest, target: Path) -> bool:
         """Write a blob to `target`, a new file; tell if there is one."""
@@ -109,27 +130,31 @@ class HttpStore:
                 found = self._within(lambda patience: self._receive(arrival, patience))
                 return found and arrival.whole()
             except BlobFault:
-                self._spoilt.add(digest)
+                self._doubtful = True
                 raise
 
     def put(self, digest: Digest, source: Path) -> None:
-        """Keep the bytes of a file, unless they are there; what was found spoilt is not."""
+        """Keep the bytes of a file, unless they are there; where one blob was spoilt, others may be."""
         path = f"cas/{digest.hash}"
-        if digest not in self._spoilt and self._within(lambda _: self._has(path, digest.size)):
+        if not self._doubtful and self._within(lambda patience: self._has(path, patience, digest.size)):
             return
         with opened(source) as stream:
+
+            def body(patience: Patience) -> Iterable[bytes]:
+                return patience.counted(departing(source, stream, digest, _BLOCK))
+
             self._within(
                 lambda patience: self._write(
-                    path,
-                    digest.size,
-                    lambda: patience.counted(departing(source, stream, digest, _BLOCK)),
+                    _Call("PUT", path, patience, digest.size, lambda: body(patience))
                 )
             )
-        self._spoilt.discard(digest)
 
     def close(self) -> None:
-        """Let go of connections, and of who still waits for an answer."""
+        """Let go of connections, also of those by which a thread that was left behind still talks."""
         self._errands.close()
+        for connected in tuple(self._sockets):
+            with contextlib.suppress(OSError, AttributeError):  # the latter where there is none any more
+                connected().shutdown(socket.SHUT_RDWR)  # type: ignore[union-attr]
         self._pool.close()
 
     def _within(self, job: Callable[[Patience], _Answer]) -> _Answer:
@@ -142,7 +167,7 @@ class HttpStore:
 
     def _read(self, path: str, patience: Patience) -> bytes | None:
         """Return the bytes of a result, which are few; None where there is none."""
-        with self._asked("GET", path) as answer:
+        with self._asked(_Call("GET", path, patience)) as answer:
             if not self._is_there(answer):
                 return None
             data = bytearray()
@@ -154,7 +179,7 @@ class HttpStore:
 
     def _receive(self, arrival: Arrival, patience: Patience) -> bool:
         """Hand a blob over as it comes; tell if there is one."""
-        with self._asked("GET", f"cas/{arrival.digest.hash}") as answer:
+        with self._asked(_Call("GET", f"cas/{arrival.digest.hash}", patience)) as answer:
             if not self._is_there(answer):
                 return False
             arrival.expect(_length(answer))
@@ -162,15 +187,15 @@ class HttpStore:
                 arrival.write(block)
         return True
 
-    def _has(self, path: str, size: int) -> bool:
+    def _has(self, path: str, patience: Patience, size: int) -> bool:
         """Tell if the server has a file of this size; one that answers no HEAD might have none."""
-        with self._asked("HEAD", path) as answer:
+        with self._asked(_Call("HEAD", path, patience)) as answer:
             if answer.status in {HTTPStatus.METHOD_NOT_ALLOWED, HTTPStatus.NOT_IMPLEMENTED}:
                 return False
             return self._is_there(answer) and _length(answer) in {None, size}
 
-    def _write(self, path: str, size: int, body: _Body) -> None:
-        with self._asked("PUT", path, size, body) as answer:
+    def _write(self, call: _Call) -> None:
+        with self._asked(call) as answer:
             if answer.status in _WRITTEN:
                 return
             fault = self._refusal(answer)
@@ -191,18 +216,12 @@ class HttpStore:
         return f"{self.name}: it answers {answer.status}: {meaning}"
 
     @contextlib.contextmanager
-    def _asked(
-        self,
-        method: str,
-        path: str,
-        size: int | None = None,
-        body: _Body | None = None,
-    ) -> Iterator[BaseHTTPResponse]:
+    def _asked(self, call: _Call) -> Iterator[BaseHTTPResponse]:
         """Give the server's answer, whose connection is kept when all of it is read."""
         from urllib3.exceptions import HTTPError  # noqa: PLC0415  (as above)
 
         try:
-            answer = self._sent(method, path, size, body)
+            answer = self._sent(call)
             with contextlib.closing(answer):
                 yield answer
                 if (_length(answer) or 0) <= _BLOCK:
@@ -210,29 +229,41 @@ class HttpStore:
         except HTTPError as error:
             raise StoreFault(f"{self.name}: {_reason(error)}") from None
 
-    def _sent(self, method: str, path: str, size: int | None, body: _Body | None) -> BaseHTTPResponse:
+    def _sent(self, call: _Call) -> BaseHTTPResponse:
         """Send a request; once more where the server has closed a kept connection just then."""
         from urllib3.exceptions import ProtocolError  # noqa: PLC0415  (as above)
 
         try:
-            return self._send(method, path, size, body)
+            return self._send(call)
         except ProtocolError:
-            return self._send(method, path, size, body)
+            if call.patience.left() <= 0:  # who was left behind ends
+                raise
+            return self._send(call)
 
-    def _send(self, method: str, path: str, size: int | None, body: _Body | None) -> BaseHTTPResponse:
+    def _send(self, call: _Call) -> BaseHTTPResponse:
         headers = dict(self._pool.headers)
-        if size is not None:
-            headers |= {"Content-Length": str(size), "Content-Type": "application/octet-stream"}
+        if call.body is not None:
+            headers |= {"Content-Length": str(call.size), "Content-Type": "application/octet-stream"}
         return self._pool.urlopen(
-            method,
-            f"{self._path}/{path}",
-            body=body() if body else None,
+            call.method,
+            f"{self._path}/{call.path}",
+            body=call.body() if call.body else None,
             headers=headers,
             retries=False,
             redirect=False,
             preload_content=False,
             decode_content=False,
         )
+
+
+def _noting(kind: Any, sockets: list[ref[socket.socket]]) -> Any:  # noqa: ANN401  (a class and its heir)
+    """Return a class of connections that notes their sockets, which may outlive them."""
+
+    def connect(self: HTTPConnection) -> None:
+        kind.connect(self)
+        sockets.append(ref(self.sock))
+
+    return type("Connection", (kind,), {"connect": connect})
 
 
 def _length(answer: BaseHTTPResponse) -> int | None:
@@ -267,6 +298,8 @@ def _authorization(parts: SplitResult, variables: Mapping[str, str]) -> dict[str
     if parts.username is not None:
         return _basic(unquote(parts.username), unquote(parts.password or ""))
     if token := variables.get("FORGE_CACHE_TOKEN"):
+        if not re.fullmatch(r"[!-~]+", token):
+            raise ForgeError(Problem("FORGE_CACHE_TOKEN has a blank or another sign that no token has"))
         return {"Authorization": f"Bearer {token}"}
     with contextlib.suppress(OSError, NetrcParseError):
         file = variables.get("NETRC") or Path(variables.get("HOME", "~"), ".netrc").expanduser()

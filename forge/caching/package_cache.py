@@ -17,7 +17,7 @@ from forge.caching.lineage import Lineage, unfit
 from forge.caching.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
 from forge.caching.relocation import ODD
 from forge.caching.restoring import Contents, Planter
-from forge.caching.trees import Unfit, index_of, survey, tree_of
+from forge.caching.trees import TICK, Unfit, index_of, strays, survey, tree_of
 from forge.errors import Problem
 from forge.frozen import frozen
 
@@ -56,6 +56,18 @@ class Circle:
 
 
 @frozen
+class Held:
+    """A result that waits until it is known what else was written between two times, in seconds."""
+
+    package: str
+    first: str
+    inputs: keys.Inputs
+    result: ActionResult
+    began: float
+    ended: float
+
+
+@frozen
 class Found:
     """A tree of the cache with its open, verified contents; `externals` are what its build had read."""
 
@@ -90,6 +102,7 @@ class PackageCache:
         self._keys: dict[str, str] = {}
         self._lists: dict[str, tuple[keys.Inputs, ...]] = {}
         self._complained = False
+        self._held_back: list[Held] = []
         self.notes: dict[str, str] = {}
         """What the cache had to do with each package, in words."""
         self.restored: set[str] = set()
@@ -140,6 +153,23 @@ class PackageCache:
             return record
         self.notes[task.name] = f"kept for this path alone: {tree.bound}" if tree.bound else KEPT
         return replace(record, tree=tree.digest)
+
+    def settle(self) -> None:
+        """Let keys lead to what was kept, once all packages have ended.
+
+        In a merged prefix nobody can tell whose a file is that no tool lists, as one that CMake code writes:
+        what was built while it appeared is not kept.
+        """
+        since = min((held.began for held in self._held_back), default=0.0)
+        found = strays(self._circle.layout.install, self._circle.records, since) if self._held_back else {}
+        for held in self._held_back:
+            near = (path for path, at in found.items() if held.began - TICK <= at <= held.ended + TICK)
+            stray = next(near, None)
+            if stray is None:
+                self._publish(held)
+            else:
+                self.notes[held.package] = f"not kept: '{stray}' appeared meanwhile, which no tool lists"
+        self._held_back.clear()
 
     def _concerns(self, task: Task) -> bool:
         """Tell if the cache has to do with a task, and if not, why."""
@@ -196,20 +226,19 @@ class PackageCache:
             if index is None:
                 return None
             tree = tree_of(_whole(index))
-            large = {
-                leaf.hash: Digest(leaf.hash, leaf.size)
-                for leaf in tree.leaves
-                if leaf.offset < 0 and leaf.hash
-            }
-            descriptors = {}
-            for name, digest in {PACK: tree.pack, **large}.items():
-                descriptor = self._open(store, digest, opened) if digest else None
-                if descriptor is None:
-                    return None
-                descriptors[name] = os.dup(descriptor)
-            pack = descriptors.pop(PACK)
-            externals = tuple(self._circle.places.settled_word(path) for path in inputs.paths)
-            return Found(tree, Contents(pack, descriptors), externals)
+            pack = self._open(store, tree.pack, opened) if tree.pack else None
+            large = {}
+            for digest in {
+                Digest(leaf.hash, leaf.size) for leaf in tree.leaves if leaf.offset < 0 and leaf.hash
+            }:
+                large[digest.hash] = self._open(store, digest, opened)
+            descriptors = {name: number for name, number in large.items() if number is not None}
+            if pack is None or len(descriptors) < len(large):
+                return None
+            opened.pop_all()
+        os.close(index)
+        externals = tuple(self._circle.places.settled_word(path) for path in inputs.paths)
+        return Found(tree, Contents(pack, descriptors), externals)
 
     def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
         """Open a verified blob of the local folder, brought there from `store` if it is not."""
@@ -228,7 +257,7 @@ class PackageCache:
         draft = self._local.draft()
         try:
             with draft.open("xb") as pack:
-                tree = survey(task.name, self._circle.layout, record.files, self._circle.places, pack.write)
+                tree = survey(task.name, self._circle.layout, record, self._circle.places, pack.write)
             if self._circle.places.kind == ODD and not tree.bound:
                 tree = replace(
                     tree, bound="the path of the workspace has other signs than letters and blanks"
@@ -240,12 +269,20 @@ class PackageCache:
         places = self._circle.places
         inputs = keys.Inputs(tuple(map(places.loose_word, record.externals)), tree.bound, places.kind)
         result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
-        self._remember(first, inputs, result)
-        if self._uploads is not None:
-            paths = {digest: self._local.blob_path(digest.hash) for digest in blobs.values()}
-            self._uploads.add(self._second_key(first, inputs), result, paths)
-            self._uploads.add(first, ActionResult(stdout=keys.written(self._lists[first])), {})
+        held = Held(task.name, first, inputs, result, record.began, time.time())
+        if self._circle.layout.merged:
+            self._held_back.append(held)
+        else:
+            self._publish(held)
         return tree
+
+    def _publish(self, held: Held) -> None:
+        """Let both keys of a result lead to it, here and in the remote store."""
+        self._remember(held.first, held.inputs, held.result)
+        if self._uploads is not None:
+            paths = {file.digest: self._local.blob_path(file.digest.hash) for file in held.result.files}
+            self._uploads.add(self._second_key(held.first, held.inputs), held.result, paths)
+            self._uploads.add(held.first, ActionResult(stdout=keys.written(self._lists[held.first])), {})
 
     def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
         """Put index, pack and large files of a tree into the local folder; return them by name."""

@@ -23,10 +23,13 @@ _MARK = b"@FORGE_"
 """How the words begin that stand for paths; what has it already cannot be told from what forge wrote."""
 
 _WORDS = {"install": b"@FORGE_INSTALL@", "build": b"@FORGE_BUILD@", "root": b"@FORGE_ROOT@"}
-_PART_OF_A_NAME = rb"[\w.-]"
-_GLUED = rb"(?<![\w.-])(?:-[A-Z]|-isystem|-iquote|-idirafter)"
+_NAME = rb"\w\x80-\xff-"
+_GOES_ON = rb"(?:[" + _NAME + rb"]|\.[" + _NAME + rb"])"
+"""What follows a path that is the beginning of another folder's name."""
+_UNCLEAR = rb"[+@~%]"
+"""What may go on a name, or end it."""
+_GLUED = rb"(?<![." + _NAME + rb"])(?:-[A-Z]|-isystem|-iquote|-idirafter)"
 """Options of compilers that a path follows without a blank."""
-
 
 PLAIN, SPACED, ODD = "plain", "spaced", "odd"
 """How paths stand in scripts: as they are, in quotes, or in ways that differ from language to language."""
@@ -45,26 +48,19 @@ class Places:
     def __init__(self, root: Path, layout: Layout) -> None:
         """Remember the folders; equal ones and those within others are told apart by length."""
         found = {"install": str(layout.install), "build": str(layout.build), "root": str(root)}
-        whole = "".join(found.values())
-        self.kind = (
-            PLAIN
-            if re.fullmatch(r"[\w/.+-]*", whole)
-            else SPACED
-            if re.fullmatch(r"[\w/.+ -]*", whole)
-            else ODD
-        )
+        self.kind = _kind_of("".join(found.values()))
         """What has been written for one kind of paths may lack the quotes that another takes."""
         # The longest first: install and build usually lie below the root.
         ordered = sorted(found.items(), key=lambda entry: -len(entry[1]))
         self.paths = tuple((name, path.encode(errors="surrogateescape")) for name, path in ordered)
         either = b"|".join(re.escape(path) for _, path in self.paths)
-        after = rb"(?!" + _PART_OF_A_NAME + rb")"
-        self._ours = re.compile(
-            rb"(?:(?<!" + _PART_OF_A_NAME + rb")|(" + _GLUED + rb"))(" + either + rb")" + after
-        )
+        before = rb"(?:(?<![." + _NAME + rb"])|(" + _GLUED + rb"))"
+        # A lookahead keeps to the longest path: what is unclear about that is not taken for one above it.
+        longest = rb"(?=((?:" + either + rb")(?!" + _GOES_ON + rb")))\2"
+        self._ours = re.compile(before + longest + rb"(?!" + _UNCLEAR + rb")")
         spelled = {other for _, path in self.paths for other in _other_spellings(path)}
         known = [re.escape(path) for _, path in self.paths] + [re.escape(path) for path in sorted(spelled)]
-        self._any = re.compile(b"(?:" + b"|".join(known) + rb")(?!" + _PART_OF_A_NAME + rb")")
+        self._any = re.compile(b"(?:" + b"|".join(known) + rb")(?!" + _GOES_ON + rb")")
         self._of_word = {_WORDS[name]: path for name, path in self.paths}
         self._word_of = {path: _WORDS[name] for name, path in reversed(self.paths)}
         self._words = re.compile(b"|".join(re.escape(word) for word in _WORDS.values()))
@@ -109,6 +105,12 @@ _NAMES = {
     "build": "the path of the build folder",
     "root": "the path of the workspace",
 }
+
+
+def _kind_of(paths: str) -> str:
+    if re.fullmatch(r"[\w/.+-]*", paths):
+        return PLAIN
+    return SPACED if re.fullmatch(r"[\w/.+ -]*", paths) else ODD
 
 
 def _other_spellings(path: bytes) -> Iterator[bytes]:

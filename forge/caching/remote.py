@@ -130,7 +130,7 @@ class Remote:
                 self._slow += late
             if self._slow > self._seconds:
                 self._give_up(
-                    StoreFault(f"{self.name}: it is slow, this build waits {self._slow:.0f} s for it")
+                    StoreFault(f"{self.name}: it is slow, this build has waited {self._slow:.1f} s for it")
                 )
 
     def _may_write(self) -> bool:

@@ -37,7 +37,8 @@ class Uploads:
         self._store, self._most = store, most
         self._change = threading.Condition()
         self._waiting: deque[_Upload] = deque()
-        self._ends: dict[int, float] = {}
+        self._ends: dict[str, float] = {}
+        self._error: BaseException | None = None
         self._threads = self._failed = 0
         self._moved = time.monotonic()
         self._kept: set[Digest] = set()
@@ -63,6 +64,8 @@ class Uploads:
                 self._change.wait(left)
             unsent = self._threads + len(self._waiting) + self._failed
             self._waiting.clear()
+            if self._error is not None:
+                raise self._error
             return unsent
 
     def _patience(self, seconds: float) -> float:
@@ -71,31 +74,40 @@ class Uploads:
 
     def _work(self) -> None:
         """Send one result after the other until there is none."""
-        while True:
-            with self._change:
-                self._change.notify_all()
-                if not self._waiting:
-                    self._threads -= 1
-                    return
-                upload = self._waiting.popleft()
+        while (upload := self._next()) is not None:
+            error: BaseException | None = None
             try:
                 self._send(upload)
-            except StoreFault:
-                with self._change:
-                    self._failed += 1
+            except BaseException as raised:  # noqa: BLE001  (raised again where all is awaited)
+                error = raised
+            with self._change:
+                self._ends.pop(upload.key, None)
+                self._moved = time.monotonic()
+                self._failed += error is not None
+                if not isinstance(error, StoreFault | None):
+                    self._error = error
+                self._change.notify_all()
+
+    def _next(self) -> _Upload | None:
+        with self._change:
+            if self._waiting:
+                return self._waiting.popleft()
+            self._threads -= 1
+            self._change.notify_all()
+            return None
 
     def _send(self, upload: _Upload) -> None:
         for digest, path in upload.blobs.items():
             if digest not in self._kept:
-                self._expect(digest.size)
+                self._expect(upload, digest.size)
                 self._store.put(digest, path)
                 self._kept.add(digest)
-        self._expect(0)
+        self._expect(upload, 0)
         self._store.put_result(upload.key, upload.result)
 
-    def _expect(self, size: int) -> None:
-        """Note a sign of life, and how long the next may take."""
+    def _expect(self, upload: _Upload, size: int) -> None:
+        """Note a sign of life, and until when the next one is not late."""
         with self._change:
             self._moved = time.monotonic()
-            self._ends[threading.get_ident()] = self._moved + size / RATE
+            self._ends[upload.key] = self._moved + size / RATE
             self._change.notify_all()

@@ -25,6 +25,7 @@ from forge.testing.preparing import (
     absent_problems,
     make_test_plan,
     needs_of_tests,
+    not_built_here,
     open_test_budget,
     prepare_bench,
     tested_names,
@@ -32,7 +33,7 @@ from forge.testing.preparing import (
 from forge.testing.running import TestJobs, failures_of, note_result
 from forge.testing.showing import table
 from forge.transcript import open_transcript
-from forge.workspace import load_workspace
+from forge.workspace import load_workspace, warn
 
 if TYPE_CHECKING:
     import argparse
@@ -69,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
     absent = absent_problems(needs, layout, variables)
     if absent and len(absent) == len(names):
         raise WorkspaceError(*absent.values())
+    warn(not_built_here([name for name in names if name not in absent], loaded, layout))
     bench = prepare_bench(options, loaded, names, layout)
     plan = make_test_plan([name for name in names if name not in absent], loaded, bench)
     with (

@@ -50,6 +50,8 @@ class _Module:
 
     layouts: Layouts
     own: frozenset[TypeName]
+    all_classes: frozenset[str]
+    """The names of all classes of the catalog, one set for all modules."""
     classes: dict[TypeName, str] = field(default_factory=dict)
     modules: dict[str, str] = field(default_factory=dict)
 
@@ -72,10 +74,11 @@ class _Module:
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return what yields the module of serializers for one interface of the catalog."""
     layouts = Layouts(catalog.known)
+    all_classes = frozenset(name.name for name in catalog.known)
 
     def module(interface: Interface) -> Iterator[File]:
         path = f"{_module(interface.name).replace('.', '/')}__cdr.py"
-        yield File(path, _serializers(interface, layouts))
+        yield File(path, _serializers(interface, layouts, all_classes))
 
     return module
 
@@ -84,10 +87,10 @@ def _module(name: TypeName) -> str:
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
-def _serializers(interface: Interface, layouts: Layouts) -> str:
+def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[str]) -> str:
     """Return the module of one interface file."""
     own = [message.name for message in messages_of(interface)]
-    module = _Module(layouts, frozenset(own))
+    module = _Module(layouts, frozenset(own), all_classes)
     for name in own:
         module.class_of(name)
     functions = [function for name in own for function in _functions(name, module)]
@@ -163,4 +166,4 @@ def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _
 
 def _names(module: _Module) -> Names:
     """Return the names of a function; the classes of the whole catalog are taken, whichever it uses."""
-    return Names({"message", "read", "write", *(name.name for name in module.layouts.known)})
+    return Names({"message", "read", "write"}, module.all_classes)

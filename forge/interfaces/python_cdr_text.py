@@ -12,7 +12,7 @@ from forge.interfaces.python_types import TYPE_CODES
 from forge.interfaces.wire import Block, Chars, Count, Loop, Numbers, Phase, Run, Shared, Value
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from forge.interfaces.wire import Member, Path, Step
 
@@ -112,14 +112,16 @@ def unpacked(start: str, targets: Sequence[str], end: str) -> list[str]:
 
 @dataclass(slots=True)
 class Names:
-    """The local names of a function: each is used for one thing."""
+    """The local names of a function: each is used for one thing, and none of `others` at all."""
 
     taken: set[str] = field(default_factory=set)
+    others: Collection[str] = ()
+    """Shared by many functions, since there may be thousands of them."""
 
     def new(self, wish: str) -> str:
         """Return a name like the wish that nothing else has."""
         name, number = wish, 1
-        while name in self.taken or name in _RESERVED:
+        while name in self.taken or name in self.others or name in _RESERVED:
             number += 1
             name = f"{wish}_{number}"
         self.taken.add(name)

@@ -87,6 +87,17 @@ def absent_problems(
     return found
 
 
+def not_built_here(names: Sequence[str], loaded: Loaded, layout: Layout) -> tuple[Problem, ...]:
+    """Return what is to be said of packages whose tests are not there, since they came from a cache."""
+    here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
+    gone = [name for name in here if not (layout.build_dir(name) / "CMakeCache.txt").is_file()]
+    if not gone:
+        return ()
+    who = ", ".join(f"'{name}'" for name in gone)
+    message = f"no tests run of {who}: only what is installed came from the cache"
+    return (Problem(message, hint=f"forge build --force --packages-select {' '.join(gone)}"),)
+
+
 def prepare_bench(options: argparse.Namespace, loaded: Loaded, names: Sequence[str], layout: Layout) -> Bench:
     """Return the programs and options of the tests; raises EnvironmentFault for what is missing."""
     types = {loaded.packages[name].build_type for name in names}

@@ -196,7 +196,7 @@ def warm_ccache(sitting: Sitting) -> Iterator[Case]:
     kind = ament(sitting)
     for size in sitting.sizes(3, 10, 30):
         argvs = {
-            "forge": forge_build("--cmake-args", _LAUNCHER),
+            "forge": forge_build("--compiler-launcher", "ccache"),
             "forge, no ccache": forge_build(),
         }
         for name, argv in tools(sitting).items():

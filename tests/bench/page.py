@@ -83,6 +83,7 @@ _MAIN: Mapping[str, tuple[str, ...]] = {
     "no-op": ("plain CMake", "ament_python"),
     "one-line": ("one .cpp of a leaf",),
     "cold": ("ament_cmake", "ament_python"),
+    "cache-restore": ("compiled packages",),
     "cold-ccache": ("ament_cmake, warm ccache",),
     "one-interface": ("one .msg, forge's generators",),
     "cold-interfaces": ("packages of 5 messages",),
@@ -120,7 +121,7 @@ def _growth(name: str, growth: Growth) -> dict[str, str]:
         "scenario": SCENARIOS[name].title,
         "case": growth.case,
         "variant": growth.variant,
-        "sizes": f"{', '.join(f'{size:,}' for size, _ in growth.points)} {SCENARIOS[name].per}",
+        "sizes": f"{', '.join(f'{size:,}' for size, _ in growth.points)} {SCENARIOS[name].per}".strip(),
         "exponent": f"{growth.exponent:.2f}",
         "last": f"{growth.last_exponent:.2f}",
     }
@@ -160,11 +161,9 @@ def _scenario(name: str, result: Result | None, found: Mapping[str, str]) -> dic
 
 
 def _rows(case: Case, per: str) -> Iterator[Row]:
-    name = (
-        case.name
-        if case.size is None
-        else f"{case.name}, {case.size:,} {per[: -1 if case.size == 1 else None]}"
-    )
+    name = case.name
+    if case.size is not None:
+        name = f"{name}, {case.size:,} {per[: -1 if case.size == 1 else None]}".strip()
     counts = "; ".join(f"{word}: {count:g}" for word, count in case.counts.items())
     for number, (variant, series) in enumerate(case.series.items()):
         spread = series.spread

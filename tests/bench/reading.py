@@ -84,6 +84,19 @@ def times_beyond(scenario: str, case: str, other: str, floor: str, size: int | N
     return Question(scenario, ask)
 
 
+def times_without(scenario: str, case: str, other: str, start: str, size: int | None = None) -> Question:
+    """Ask how many times another one's time forge takes, less what a start takes."""
+
+    def ask(results: Results) -> Answer | None:
+        found = _case(results, scenario, case, size, other)
+        if found is None or start not in found.series:
+            return None
+        columns = (found.series[name].values for name in (SUBJECT, other, start))
+        return Answer(median((a - c) / b for a, b, c in zip(*columns, strict=True)))
+
+    return Question(scenario, ask)
+
+
 def mean_times(scenario: str, beginning: str, other: str) -> Question:
     """Ask for the geometric mean of the ratios of all cases whose names begin so."""
 

@@ -15,6 +15,7 @@ from tests.bench import (
     interface_builds,
     messages,
     occupancy,
+    restoring,
     sourcing,
     starting,
     watching,
@@ -87,6 +88,14 @@ SCENARIOS: Mapping[str, Scenario] = {
         builds.warm_ccache,
         2.5,
         "Each tool has a cache of its own, filled by one build at the same place.",
+    ),
+    "cache-restore": Scenario(
+        "Packages from forge's cache",
+        restoring.restoring,
+        3.0,
+        "`forge build --cache` where nothing is built and everything is in a local cache, beside the same "
+        "build without a cache, and beside `cp -r` of one large package's files. colcon has no such cache.",
+        per="",
     ),
     "shapes": Scenario(
         "Shapes of workspaces",

@@ -19,7 +19,9 @@ from tests.bench.reading import (
     time_of,
     times_beyond,
     times_of,
+    times_without,
 )
+from tests.bench.restoring import BUILDING, COPYING, START
 from tests.bench.sourcing import EMPTY
 from tests.bench.targets import ByHand, Target
 
@@ -323,6 +325,24 @@ TARGETS = (
         200,
         "",
         ByHand("280 rounds", met=True, date="2026-11-22", how="[by hand](explanation/trust.md)"),
+    ),
+    Target(
+        11,
+        "100 compiled packages from the local cache, beside building them",
+        ">=",
+        20,
+        "times",
+        times_of("cache-restore", "compiled packages", BUILDING, 100),
+        1,
+    ),
+    Target(
+        11,
+        "20,000 files from the local cache, start-up excluded, beside `cp -r`",
+        "<=",
+        2,
+        "times",
+        times_without("cache-restore", "files of one package", COPYING, START, 20_000),
+        2,
     ),
 )
 """In the order of the issues."""

@@ -46,21 +46,28 @@ UNDERLAY = manifest_text(
 
 
 class Clean:
-    """Builds from nothing, in the folder of the workspace itself; equal ones are made once."""
+    """Builds from nothing, in the folder of the workspace itself; equal ones are made once.
 
-    def __init__(self) -> None:
+    With `cached` they are told of a cache, an empty one, since that changes what compilers are told.
+    """
+
+    def __init__(self, *, cached: bool = False) -> None:
         """Begin with none."""
+        self._cached = cached
         self._trees: dict[str, Mapping[str, Entry]] = {}
 
-    def tree(self, workspace: Evolving, build: Callable[[Evolving], Ran]) -> Mapping[str, Entry]:
+    def tree(self, workspace: Evolving, build: Callable[..., Ran]) -> Mapping[str, Entry]:
         """Return the install tree of a clean build."""
         key = workspace.key()
         if key not in self._trees:
             parked = workspace.root / "parked"
             workspace.home.rename(parked)
             shutil.copytree(parked / "src", workspace.home / "src", symlinks=True)
-            ran = build(workspace)
+            empty = workspace.root / "empty"
+            ran = build(workspace, *(("--cache", str(empty)) if self._cached else ()))
+            shutil.rmtree(empty, ignore_errors=True)
             assert ran.code == 0, f"a clean build fails: {ran.err}"
+            assert "came from the cache" not in ran.out
             self._trees[key] = look(workspace.home / "install")
             shutil.rmtree(workspace.home)
             parked.rename(workspace.home)
@@ -78,26 +85,33 @@ def underlay(root: Path) -> dict[str, str]:
     return {n: v for n, v in variables.items() if n == "PYTHONPATH" or n.endswith("PREFIX_PATH")}
 
 
-def play(forge: Forge, clean: Clean, workspace: Evolving, steps: Sequence[Sequence[tuple[str, int]]]) -> None:
+def play(
+    forge: Forge,
+    clean: Clean,
+    workspace: Evolving,
+    steps: Sequence[Sequence[tuple[str, int]]],
+    *cache: str,
+) -> None:
     """Build after each step and hold what is installed against a clean build."""
 
-    def build(workspace: Evolving) -> Ran:
+    def build(workspace: Evolving, *cache: str) -> Ran:
         return forge(
             "--log-base",
             "/dev/null",
             "build",
             *workspace.options(),
+            *cache,
             cwd=workspace.home,
             env=workspace.variables,
         )
 
-    ran = build(workspace)
+    ran = build(workspace, *cache)
     assert ran.code == 0, ran.err
     may: set[str] = set()
     for step in steps:
         for name, number in step:
             may |= EDITS[name](workspace, number)
-        ran = build(workspace)
+        ran = build(workspace, *cache)
         started = {line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")}
         if workspace.broken:
             assert ran.code in {1, 2}, ran.out  # 2 where a damaged hook of ours stays, too
@@ -116,14 +130,20 @@ class Stage:
 
     root: Path
     clean: Clean
+    cached: Clean
     underlay: dict[str, str]
+
+    @property
+    def cache(self) -> tuple[str, str]:
+        """One cache for all plays: what one of them built another finds."""
+        return "--cache", str(self.root.with_name("cache"))
 
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
     """Return a folder for all plays, which is the same for each, and an underlay."""
     root = tmp_path_factory.mktemp("stage")
-    return Stage(root / "play", Clean(), underlay(root / "underlay"))
+    return Stage(root / "play", Clean(), Clean(cached=True), underlay(root / "underlay"))
 
 
 @given(merged=st.booleans(), python=st.booleans(), steps=STEPS)
@@ -145,3 +165,24 @@ def test_interface_packages_are_as_built_anew(
     workspace.write(MESSAGES)
     workspace.variables.update(stage.underlay)
     play(forge, stage.clean, workspace, steps)
+
+
+@given(merged=st.booleans(), python=st.booleans(), steps=STEPS)
+@SETTINGS
+def test_what_comes_from_the_cache_is_as_built_anew(
+    forge: Forge, stage: Stage, *, merged: bool, python: bool, steps: list[list[tuple[str, int]]]
+) -> None:
+    workspace = Evolving(stage.root, merged=merged)
+    workspace.write({**PLAIN, **(PYTHON if python else {})})
+    play(forge, stage.cached, workspace, steps, *stage.cache)
+
+
+@given(merged=st.booleans(), steps=STEPS)
+@SETTINGS
+def test_interfaces_from_the_cache_are_as_built_anew(
+    forge: Forge, stage: Stage, *, merged: bool, steps: list[list[tuple[str, int]]]
+) -> None:
+    workspace = Evolving(stage.root, merged=merged)
+    workspace.write(MESSAGES)
+    workspace.variables.update(stage.underlay)
+    play(forge, stage.cached, workspace, steps, *stage.cache)

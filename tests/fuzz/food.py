@@ -148,6 +148,11 @@ _CTEST: Final = b"""<Site><Testing><Test Status="failed"><Name>a</Name><Results>
 <Value>out</Value></Measurement></Results></Test><Test Status="passed"><Name>b</Name></Test></Testing></Site>
 """
 _FLAGS: Final = b"kw -j8 -l2.5 --jobserver-auth=3,4 --jobserver-fds=5,6 --no-print-directory -- A=b"
+_ACTION: Final = (
+    b"\x12O\n\x04pack\x12E\n@"
+    + b"0123456789abcdef" * 4
+    + b"\x10\x80\x02 \x01*\x04note2\x08\n\x04some\x10\x05kl"
+)
 _SECTION: Final = b"=" * 80 + b"\n"
 
 SEEDS: Final[dict[str, tuple[bytes, ...]]] = {
@@ -177,6 +182,7 @@ SEEDS: Final[dict[str, tuple[bytes, ...]]] = {
     "build-logs": (_NINJA, b"\x0c\0\0\0/a/b.h\0\0\xff\xff\xff\xff\x10\0\0\x80\0\0\0\0" + bytes(12)),
     "test-results": (_RESULT, _CTEST, b"20260101-0000\nNightly\n"),
     "make-flags": (_FLAGS,),
+    "action-result": (_ACTION, b"*\x04note"),
     "generator-arguments": (b"--package\np\n--include\nq=/x\n--file\n/src:msg/X.msg\n@other\n",),
 }
 """Good bytes for each harness."""

@@ -296,5 +296,17 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
         Shape("dashes", b"-- "),
         Shape("letters j", b"j"),
     ),
+    "action-result": (
+        Shape("files", b"\x12J\n\x02ab\x12D\n@" + b"0123456789abcdef" * 4 + b"\x10\x01"),
+        Shape("unknown numbers", b"8\x01"),
+        Shape("empty fields", b"2\x00"),
+        Shape("notes", b"*\x01a"),
+        Shape("open groups", b"k"),
+        Shape("groups", b"kl"),
+        Shape("nested groups", b"k", b"", b"l"),
+        Shape("long numbers", b"8" + b"\x80" * 9 + b"\x01"),
+        Shape("numbers without end", b"\x80"),
+        Shape("a long name", b"a", b"\x12\xff\xff\x7f\n\xfa\xff\x7f"),
+    ),
     "generator-arguments": (Shape("words", b"--include\na=/b\n"), Shape("a long word", b"a", b"--package\n")),
 }

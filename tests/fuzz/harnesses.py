@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge import conditions, sourcing
+from forge.caching import action_result as action_results
 from forge.cli import Parser
 from forge.compile_commands import merge_compile_commands
 from forge.completion_words import _load
@@ -363,6 +364,14 @@ def generator_arguments(data: bytes) -> None:
         contextlib.suppress(SystemExit),
     ):
         assert main(argv) in {0, 2}
+
+
+@harness
+def action_result(data: bytes) -> None:
+    """Read what a cache on a server says that a key leads to; what was read can be written."""
+    with contextlib.suppress(ValueError):
+        found = action_results.decode(data)
+        assert action_results.decode(action_results.encode(found)) == found
 
 
 PLAIN = b"""<package format="3"><name>p</name><version>1.0.0</version><description>A</description>

@@ -95,7 +95,7 @@ def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
     cmake, build = Path(shutil.which("cmake") or ""), root / "build"
     build.mkdir()
     assert Toolchain(root / "cache", cmake, ("-G", "Ninja"), ()).seed(root / "src", build, os.environ)
-    argv = [str(word) for word in (cmake, "-S", root / "src", "-B", build, "-G", "Ninja")]
+    argv = [str(cmake), "-S", str(root / "src"), "-B", str(build), "-G", "Ninja"]
     subprocess.run(argv, check=True, capture_output=True, env={**os.environ, "CXXFLAGS": "-DMAPPED"})
     assert "FLAGS = -DMAPPED" in (build / "build.ninja").read_text()
 

@@ -1,0 +1,83 @@
+"""What forge's cache of packages brings back, beside building it and beside copying it.
+
+What is to be restored is moved away before each turn, not deleted: for some seconds after the deletion of
+thousands of files ext4 takes three times as long to make a file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tests.bench.builds import ament
+from tests.bench.commands import forge_build
+from tests.bench.sitting import run
+from tests.bench.timing import Variant
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.bench.figures import Case
+    from tests.bench.sitting import Sitting
+
+BUILDING = "building"
+COPYING = "cp -r"
+START = "a tree of one file"
+_AWAY = ("sh", "-c", 'gone=$(mktemp -d gone.XXXXXX) && touch "$gone/COLCON_IGNORE" && mv {} "$gone"')
+_CMAKE = """cmake_minimum_required(VERSION 3.22)
+project({name} NONE)
+install(CODE [[
+  foreach(number RANGE 1 {files})
+    math(EXPR folder "${{number}} % 100")
+    file(WRITE "${{CMAKE_INSTALL_PREFIX}}/share/{name}/${{folder}}/${{number}}.txt" "${{number}} of many")
+  endforeach()
+]])
+"""
+
+
+def restoring(sitting: Sitting) -> Iterator[Case]:
+    """Measure restoring beside building, then beside copying."""
+    kind = ament(sitting)
+    for size in sitting.sizes(10, 30, 100):
+        argv = forge_build("--cache", str(sitting.new_folder("cache")))
+        cached = replace(kind.tool(sitting, "forge", argv, size), before=_away("build", "install"))
+        run(cached.argv, cached.cwd, dict(cached.env))
+        building = replace(kind.built(sitting, BUILDING, forge_build(), size), before=cached.before)
+        yield sitting.turns_of("compiled packages", (cached, building), 3, size=size)
+    for size in sitting.sizes(1000, 5000, 20_000):
+        cached, start = (_cached(sitting, name, files) for name, files in (("forge", size), (START, 1)))
+        copying = Variant(COPYING, ("cp", "-r", "install", "copied"), _built(sitting, size), _away("copied"))
+        (copying.cwd / "copied").mkdir()
+        yield sitting.turns_of("files of one package", (cached, copying, start), 7, size=size)
+
+
+def _away(*folders: str) -> tuple[str, ...]:
+    *words, script = _AWAY
+    return (*words, script.format(" ".join(folders)))
+
+
+def _cached(sitting: Sitting, name: str, files: int) -> Variant:
+    """Return what restores a package of so many files."""
+    root = sitting.new_folder("restored")
+    _write(root, files)
+    argv = forge_build("--cache", str(sitting.new_folder("cache")))
+    run(argv, root)
+    return Variant(name, argv, root, _away("build", "install"))
+
+
+def _built(sitting: Sitting, files: int) -> Path:
+    root = sitting.new_folder("copied")
+    _write(root, files)
+    run(forge_build(), root)
+    return root
+
+
+def _write(root: Path, files: int) -> None:
+    """Write a package that installs many files and has few."""
+    folder = root / "src" / "many"
+    folder.mkdir(parents=True)
+    (folder / "package.xml").write_text(manifest_text("many", build_type="cmake"), encoding="utf-8")
+    text = _CMAKE.format(name="many", files=files)
+    (folder / "CMakeLists.txt").write_text(text, encoding="utf-8")

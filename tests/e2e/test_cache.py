@@ -1,0 +1,343 @@
+"""Builds that take from a cache what others have built: the tree is that of a build, whatever goes wrong."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.evolving import PYTHON, differences, look
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran
+
+pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
+
+LIBRARY = """cmake_minimum_required(VERSION 3.18)
+project(library CXX)
+add_library(library SHARED library.cpp)
+target_include_directories(library PUBLIC $<INSTALL_INTERFACE:include>)
+install(TARGETS library EXPORT library DESTINATION lib)
+install(FILES library.h DESTINATION include)
+install(EXPORT library FILE libraryConfig.cmake DESTINATION lib/cmake/library)
+install(CODE [[file(WRITE "${CMAKE_INSTALL_PREFIX}/share/library/unlisted" "${CMAKE_INSTALL_PREFIX}")]])
+install(DIRECTORY DESTINATION share/library/hollow)
+"""
+USING = """cmake_minimum_required(VERSION 3.18)
+project(using CXX)
+find_package(library REQUIRED)
+add_executable(using main.cpp)
+target_link_libraries(using library)
+install(TARGETS using DESTINATION bin)
+"""
+PLAIN = {
+    "src/library/package.xml": manifest_text("library", build_type="cmake"),
+    "src/library/CMakeLists.txt": LIBRARY,
+    "src/library/library.cpp": "int answer() { return 42; }\n",
+    "src/library/library.h": "int answer();\n",
+    "src/using/package.xml": manifest_text("using", "<depend>library</depend>", build_type="cmake"),
+    "src/using/CMakeLists.txt": USING,
+    "src/using/main.cpp": "#include <library.h>\nint main() { return answer() - 42; }\n",
+}
+SPEAKING = """cmake_minimum_required(VERSION 3.18)
+project(speaking CXX)
+add_executable(speak main.cpp)
+target_compile_definitions(speak PRIVATE HOME="${CMAKE_CURRENT_BINARY_DIR}")
+install(TARGETS speak DESTINATION bin)
+"""
+BOUND = {
+    "src/speaking/package.xml": manifest_text("speaking", build_type="cmake"),
+    "src/speaking/CMakeLists.txt": SPEAKING,
+    "src/speaking/main.cpp": "#include <cstdio>\nint main() { std::puts(HOME); }\n",
+}
+
+
+def write(root: Path, files: Mapping[str, str]) -> Path:
+    """Write a workspace."""
+    for name, text in files.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return root
+
+
+class Users:
+    """Builds with one cache, each in its own workspace."""
+
+    def __init__(self, forge: Forge, cache: Path) -> None:
+        """Begin with an empty cache."""
+        self.forge = forge
+        self.cache = cache
+
+    def build(self, root: Path, *options: str, code: int = 0) -> Ran:
+        """Build a workspace; what it leaves is to be a whole build."""
+        ran = self.forge("build", "--cache", str(self.cache), *options, cwd=root)
+        assert ran.code == code, ran.err
+        return ran
+
+    def begin_anew(self, root: Path) -> None:
+        """Remove what was built, as a fresh clone has it."""
+        for name in ("build", "install", "log"):
+            shutil.rmtree(root / name, ignore_errors=True)
+
+
+@pytest.fixture
+def users(forge: Forge, tmp_path: Path) -> Users:
+    """Return builds with one cache."""
+    return Users(forge, tmp_path / "cache")
+
+
+def restored(ran: Ran) -> int:
+    """Return how many packages came from the cache."""
+    found = re.search(r"(\d+) packages? came from the cache", ran.out)
+    return int(found[1]) if found else 0
+
+
+_KEPT = [line for line in LIBRARY.splitlines() if "CODE" not in line and "hollow" not in line]
+LISTED = {**PLAIN, "src/library/CMakeLists.txt": "\n".join(_KEPT)}
+"""The same, but for what no tool lists as installed."""
+
+
+@pytest.mark.parametrize("layout", [(), ("--merge-install",)])
+def test_a_restored_tree_is_the_built_one(users: Users, tmp_path: Path, layout: tuple[str, ...]) -> None:
+    """At the same path to the byte; then there is nothing to do, and an edit is built."""
+    root = write(tmp_path / "a b", {**(LISTED if layout else PLAIN), **PYTHON})
+    first = users.build(root, *layout)
+    built = look(root / "install")
+    assert restored(first) == 0
+    users.begin_anew(root)
+    ran = users.build(root, *layout)
+    assert restored(ran) == ran.out.count("Finished <<<") > 0
+    assert not list((root / "build").glob("*/CMakeCache.txt"))
+    assert not differences(look(root / "install"), built)
+    assert "unchanged" in users.build(root, *layout).out
+    changed = next(path for path in sorted(root.glob("src/**/*.cpp")))
+    changed.write_text(changed.read_text() + "int one_more() { return 1; }\n")
+    assert restored(users.build(root, *layout)) == 0
+
+
+def test_what_no_tool_lists_in_a_merged_prefix_is_whose_nobody_knows(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", PLAIN)
+    ran = users.build(root, "--merge-install", "--explain", "--executor", "sequential")
+    assert "library: not kept: 'share/library/unlisted' appeared meanwhile, which no tool lists" in ran.out
+    built = look(root / "install")
+    users.begin_anew(root)
+    users.build(root, "--merge-install")
+    assert not differences(look(root / "install"), built)
+
+
+def test_another_path_gets_the_same_with_its_own_paths(users: Users, tmp_path: Path) -> None:
+    one, two = (
+        write(tmp_path / "one", {**PLAIN, **PYTHON}),
+        write(tmp_path / "deeper" / "two", {**PLAIN, **PYTHON}),
+    )
+    users.build(one)
+    ran = users.build(two)
+    assert restored(ran) == ran.out.count("Finished <<<")
+    elsewhere = [
+        path for path in (two / "install").rglob("*") if path.is_file() and bytes(one) in path.read_bytes()
+    ]
+    assert elsewhere == []
+    subprocess.run(["sh", "-c", ". install/setup.sh"], cwd=two, check=True)
+    users.begin_anew(two)
+    shutil.rmtree(users.cache)
+    users.build(two)
+    assert restored(users.build(two)) == 0
+
+
+def test_what_has_a_path_in_it_is_for_that_path_alone(users: Users, tmp_path: Path) -> None:
+    one, two = write(tmp_path / "one", BOUND), write(tmp_path / "two", BOUND)
+    ran = users.build(one, "--explain")
+    assert "speaking: kept for this path alone: 'bin/speak' has the path of the build folder in it" in ran.out
+    assert restored(users.build(two, "--explain")) == 0
+    users.begin_anew(two)
+    assert restored(users.build(two)) == 1
+    said = subprocess.run([two / "install/speaking/bin/speak"], check=True, capture_output=True, text=True)
+    assert said.stdout == f"{two}/build/speaking\n"
+
+
+def test_paths_of_sources_are_kept_out_of_what_is_compiled(users: Users, tmp_path: Path) -> None:
+    """__FILE__ and debug information are the same everywhere; the flags of the user stay."""
+    main = "#include <cstdio>\nint main() { std::puts(__FILE__); }\n"
+    files = {**BOUND, "src/speaking/main.cpp": main}
+    one, two = write(tmp_path / "one", files), write(tmp_path / "two", files)
+    flags = ("--cmake-args", "-DCMAKE_CXX_FLAGS=-g -DMINE=1")
+    users.build(one, *flags)
+    assert restored(users.build(two, *flags)) == 1
+    said = subprocess.run([two / "install/speaking/bin/speak"], check=True, capture_output=True, text=True)
+    assert said.stdout == "./src/speaking/main.cpp\n"
+    ninja = (one / "build/speaking/build.ninja").read_text()
+    assert "-g -DMINE=1" in ninja
+    assert "-ffile-prefix-map=" in ninja
+
+
+def test_paths_with_blanks_take_only_what_was_quoted_for_them(users: Users, tmp_path: Path) -> None:
+    plain, spaced = write(tmp_path / "plain", PLAIN), write(tmp_path / "with blank", PLAIN)
+    users.build(plain)
+    ran = users.build(spaced, "--explain")
+    assert restored(ran) == 0
+    assert "lacks the quotes that it takes" not in ran.err
+    users.begin_anew(plain)
+    shutil.rmtree(users.cache)
+    users.begin_anew(spaced)
+    users.build(spaced)
+    ran = users.build(plain)
+    assert restored(ran) == ran.out.count("Finished <<<")
+
+
+@pytest.mark.parametrize("harm", ["flip", "cut", "remove", "empty"])
+def test_a_spoilt_cache_is_no_worse_than_none(users: Users, tmp_path: Path, harm: str) -> None:
+    root = write(tmp_path / "ws", PLAIN)
+    users.build(root)
+    built = look(root / "install")
+    chance = random.Random(harm)  # noqa: S311  (a reproducible choice, not a secret)
+    for path in sorted(path for path in users.cache.rglob("*") if path.is_file()):
+        if chance.random() < 0.5:
+            spoil(path, harm)
+    users.begin_anew(root)
+    users.build(root)
+    assert not differences(look(root / "install"), built)
+    assert users.forge("cache", "verify", "--cache", str(users.cache), cwd=root).code in {0, 1}
+    assert users.forge("cache", "verify", "--cache", str(users.cache), cwd=root).code == 0
+    users.begin_anew(root)
+    users.build(root)
+    assert not differences(look(root / "install"), built)
+
+
+def spoil(path: Path, harm: str) -> None:
+    """Do a file some harm, as a failing disk or a stranger might."""
+    content = bytearray(path.read_bytes())
+    if harm == "remove":
+        path.unlink()
+    elif harm == "flip" and content:
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+    else:
+        path.write_bytes(content[: len(content) // 2] if harm == "cut" else b"")
+
+
+def test_a_cache_that_cannot_be_written_is_told_once(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", PLAIN)
+    users.cache.write_text("a file is in the way")
+    ran = users.build(root)
+    assert ran.err.count("the cache: ") == 1
+    assert "Traceback" not in ran.err
+
+
+def test_force_builds_though_the_cache_has_it(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", BOUND)
+    users.build(root)
+    users.begin_anew(root)
+    assert restored(users.build(root, "--force")) == 0
+    assert (root / "build/speaking/CMakeCache.txt").is_file()
+
+
+def test_links_into_sources_are_nobody_elses(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", BOUND)
+    assert (
+        "speaking: not kept: it is installed by links"
+        in users.build(root, "--symlink-install", "--explain").out
+    )
+    users.begin_anew(root)
+    assert restored(users.build(root, "--symlink-install")) == 0
+
+
+def test_tests_of_restored_packages_are_missed_aloud(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", BOUND)
+    users.build(root)
+    users.begin_anew(root)
+    users.build(root)
+    ran = users.forge("test", cwd=root)
+    assert ran.code == 0
+    assert "no tests run of 'speaking': only what is installed came from the cache" in ran.err
+    assert "forge build --force --packages-select speaking" in ran.err
+
+
+def test_a_file_outside_of_the_workspace_counts(users: Users, tmp_path: Path) -> None:
+    """Either state of it has its result; the older one is found again."""
+    header = tmp_path / "outside" / "answer.h"
+    write(header.parent, {"answer.h": '#define HOME "one"\n'})
+    definitions = re.compile(r"target_compile_definitions.*")
+    found = f"target_include_directories(speak PRIVATE {header.parent})"
+    own = {
+        "src/speaking/CMakeLists.txt": definitions.sub(found, SPEAKING),
+        "src/speaking/main.cpp": "#include <answer.h>\n#include <cstdio>\nint main() { std::puts(HOME); }\n",
+    }
+    root = write(tmp_path / "ws", {**BOUND, **own})
+    seen = []
+    for said, count in (("one", 0), ("two", 0), ("one", 1)):
+        header.write_text(f'#define HOME "{said}"\n')
+        users.begin_anew(root)
+        assert restored(users.build(root)) == count
+        seen.append(subprocess.check_output([root / "install/speaking/bin/speak"], text=True))
+    assert seen == ["one\n", "two\n", "one\n"]
+
+
+def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", {**PLAIN, **BOUND})
+    users.build(root)
+    whole = sum(path.stat().st_size for path in users.cache.rglob("*") if path.is_file())
+    users.begin_anew(root)
+    shutil.rmtree(users.cache)
+    users.build(root, "--cache-size", f"{whole // 2048}K")
+    assert sum(path.stat().st_size for path in users.cache.rglob("*") if path.is_file()) < whole * 0.6
+    users.begin_anew(root)
+    assert restored(users.build(root)) > 0
+    emptied = users.forge("cache", "prune", "--size", "0", "--cache", str(users.cache), cwd=root)
+    assert "0 bytes are left" in emptied.out
+    stats = users.forge("cache", "stats", "--cache", str(users.cache), cwd=root)
+    assert "0 bytes in 0 blobs" in stats.out
+
+
+def test_builds_that_share_a_cache_do_not_disturb_each_other(users: Users, tmp_path: Path) -> None:
+    roots = [write(tmp_path / f"ws{number}", PLAIN) for number in range(3)]
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-m", "forge", "build", "--cache", str(users.cache)],
+            cwd=root,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        for root in roots
+    ]
+    for process in running:
+        _, err = process.communicate()
+        assert (process.returncode, err) == (0, b"")
+    trees = [look(root / "install") for root in roots]
+    assert len({frozenset(tree) for tree in trees}) == 1
+    assert users.forge("cache", "verify", "--cache", str(users.cache), cwd=tmp_path).code == 0
+
+
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_KILLS", "3"))))
+def test_a_restore_that_is_killed_deceives_nobody(users: Users, tmp_path: Path, seed: int) -> None:
+    chance = random.Random(seed)  # noqa: S311  (a reproducible choice, not a secret)
+    many = {f"src/speaking/data/{number}": "x" * number for number in range(3000)}
+    text = SPEAKING + "install(DIRECTORY data DESTINATION share/speaking)\n"
+    root = write(tmp_path / "ws", {**BOUND, **many, "src/speaking/CMakeLists.txt": text, **PLAIN})
+    users.build(root)
+    built = look(root / "install")
+    users.begin_anew(root)
+    argv = [sys.executable, "-m", "forge", "build", "--cache", str(users.cache)]
+    process = subprocess.Popen(
+        argv, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    assert process.stdout
+    process.stdout.readline()
+    time.sleep(chance.random() * 0.3)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    ran = users.build(root, *(("--cache", str(tmp_path / "none")) if chance.random() < 0.5 else ()))
+    assert ran.code == 0
+    assert not differences(look(root / "install"), built)

@@ -1,0 +1,218 @@
+"""A team's cache behind nginx: clones at other paths get what was built, whatever becomes of the server."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import shutil
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.evolving import PLAIN, differences, look
+from tests.nginx import serving
+from tests.rude import rude
+from tests.snippets import ROOT, shell
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran
+    from tests.evolving import Entry
+    from tests.nginx import Nginx
+    from tests.rude import Moves
+
+pytestmark = pytest.mark.needs("/usr/sbin/nginx", "cmake", "g++")
+
+SMALL = {name: text for name, text in PLAIN.items() if name.startswith(("src/data/", "src/reader/"))}
+"""Two packages, of which one needs the other, and no compiler."""
+
+
+@pytest.fixture
+def nginx(tmp_path: Path) -> Iterator[Nginx]:
+    """Run a server with an empty cache."""
+    with serving(tmp_path / "nginx") as running:
+        yield running
+
+
+@dataclass(frozen=True, slots=True)
+class Clone:
+    """A folder with the sources of the others, and with a local cache of its own, which is empty."""
+
+    folder: Path
+    forge: Forge
+
+    @property
+    def cache(self) -> Path:
+        """The local cache."""
+        return self.folder.with_name(f"{self.folder.name} cache")
+
+    def build(self, *words: str, env: Mapping[str, str] | None = None) -> Ran:
+        """Build what is new; this must work."""
+        argv = ("--log-base", "/dev/null", "build", "--cache", str(self.cache), *words)
+        ran = self.forge(*argv, cwd=self.folder, env=env)
+        assert ran.code == 0, ran.err
+        return ran
+
+    def tree(self) -> Mapping[str, Entry]:
+        """Return what is installed."""
+        return look(self.folder / "install")
+
+    def forget(self) -> None:
+        """Remove what was built, and the local cache."""
+        for folder in (self.folder / "build", self.folder / "install", self.cache):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def written(folder: Path) -> Path:
+    """Write the two packages into a new folder."""
+    for path, text in SMALL.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def clone(tmp_path: Path, forge: Forge) -> Callable[[str], Clone]:
+    """Make clones of the two packages."""
+    return lambda name: Clone(written(tmp_path / name), forge)
+
+
+def restored(ran: Ran) -> int:
+    """Return how many packages came from the cache."""
+    found = re.search(r"(\d+) packages? came from the cache", ran.out)
+    return int(found[1]) if found else 0
+
+
+def watched_compilers(folder: Path) -> dict[str, str]:
+    """Return the environment in which each start of a compiler is written down, in FOLDER/started."""
+    folder.mkdir()
+    for name in ("cc", "gcc", "c++", "g++"):
+        real = shutil.which(name)
+        text = f'#!/bin/sh\necho "$0 $*" >> "{folder}/started"\nexec "{real}" "$@"\n'
+        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).chmod(0o755)
+    return {"PATH": f"{folder}:{os.environ['PATH']}"}
+
+
+def test_a_clone_at_another_path_gets_all_of_it(nginx: Nginx, forge: Forge, tmp_path: Path) -> None:
+    """No compiler is started for it, and nothing is installed but what a clean build there installs."""
+    env = watched_compilers(tmp_path / "compilers")
+    some = ("--packages-up-to", "plain_cmake_math", "robot_control_interfaces", "robot_configs")
+    words = (*some, "--remote-cache", nginx.url)
+    first, second = (Clone(tmp_path / name, forge) for name in ("first clone", "the other clone"))
+    for each in (first, second):
+        shutil.copytree(ROOT / "examples_ws/src", each.folder / "src")
+    first.build(*words, env=env)
+    started = tmp_path / "compilers/started"
+    assert " -c " in started.read_text("utf-8")
+    started.unlink()
+    ran = second.build(*words, env=env)
+    assert ran.out.count("Finished <<<") == ran.out.count("[ from the cache ]") == restored(ran)
+    assert restored(ran) > 4
+    assert not started.exists()
+    found = second.tree()
+    second.forget()
+    assert restored(second.build(*some, env=env)) == 0
+    assert differences(found, second.tree()) == []
+
+
+def test_who_only_reads_sends_nothing(nginx: Nginx, clone: Callable[[str], Clone]) -> None:
+    clone("reader").build("--remote-cache", nginx.url, "--cache-read-only")
+    assert {request.split()[0] for request in nginx.requests()} == {"GET"}
+    clone("writer").build(env={"FORGE_REMOTE_CACHE": nginx.url})
+    assert restored(clone("another").build("--remote-cache", nginx.url, "--cache-read-only")) == 2
+
+
+@dataclass(frozen=True, slots=True)
+class Clean:
+    """What a build without a server installs in a folder, and how long it takes."""
+
+    folder: Path
+    tree: Mapping[str, Entry]
+    seconds: float
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Clean:
+    """Build once for all tests of this module."""
+    folder = written(tmp_path_factory.mktemp("clean") / "clone")
+    begun = time.monotonic()
+    shell("forge build --cache ../cache", folder)
+    seconds = time.monotonic() - begun
+    return Clean(folder, look(folder / "install"), seconds)
+
+
+@pytest.fixture
+def one(built: Clean, forge: Forge) -> Clone:
+    """Give the clone in that folder, as if nothing had been built."""
+    clone = Clone(built.folder, forge)
+    clone.forget()
+    return clone
+
+
+@pytest.mark.parametrize(
+    ("answer", "most"),
+    [
+        (lambda _: (60.0,), 1),
+        (lambda _: itertools.cycle([b"H", 0.1]), 1),
+        (lambda _: (), 2),
+        (lambda _: (b"HTTP/1.1 500 Oh\r\nContent-Length: 0\r\n\r\n",), 1),
+        (lambda _: (b"HTTP/1.1 200 OK\r\nContent-Length: 6\r\n\r\n<html>",), 30),
+    ],
+    ids=["hangs", "drips", "goes away", "is broken", "lies"],
+)
+def test_a_bad_server_costs_no_more_than_the_timeout(
+    answer: Callable[..., Moves], most: int, one: Clone, built: Clean
+) -> None:
+    with rude(answer) as server:
+        begun = time.monotonic()
+        ran = one.build("--remote-cache", server.url, "--cache-timeout", "1")
+        assert time.monotonic() - begun < 2 * built.seconds + 1 + 1
+        assert 1 <= len(server.requests) <= most
+    assert restored(ran) == 0
+    assert "warning: " in ran.err
+    assert differences(one.tree(), built.tree) == []
+
+
+def test_a_server_that_is_gone_costs_nothing(nginx: Nginx, one: Clone, built: Clean) -> None:
+    nginx.stop()
+    ran = one.build("--remote-cache", nginx.url)
+    assert f"{nginx.url}: no connection: Connection refused; it is not asked again" in ran.err
+    assert differences(one.tree(), built.tree) == []
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        ("cas", lambda data: bytes([data[0] ^ 0x40]) + data[1:]),
+        ("cas", lambda data: data[:-1]),
+        ("cas", None),
+        ("ac", lambda data: bytes([data[0] ^ 0x40]) + data[1:]),
+        ("ac", lambda _: b""),
+    ],
+    ids=["other bytes", "too few bytes", "no blobs", "no messages", "empty messages"],
+)
+def test_what_is_spoilt_there_is_built_and_mended(
+    damage: tuple[str, Callable[[bytes], bytes] | None],
+    nginx: Nginx,
+    clone: Callable[[str], Clone],
+    one: Clone,
+    built: Clean,
+) -> None:
+    clone("writer").build("--remote-cache", nginx.url)
+    folder, spoil = damage
+    for path in (nginx.files / folder).iterdir():
+        if spoil is None:
+            path.unlink()
+        else:
+            path.write_bytes(spoil(path.read_bytes()))
+    assert restored(one.build("--remote-cache", nginx.url)) == 0
+    assert differences(one.tree(), built.tree) == []
+    one.forget()
+    assert restored(one.build("--remote-cache", nginx.url)) == 2
+    assert differences(one.tree(), built.tree) == []
