@@ -49,6 +49,8 @@ class _Module:
     """What one generated module refers to."""
 
     layouts: Layouts
+    words: frozenset[str]
+    """What no local name may be: the classes of the whole catalog are taken, whichever a function uses."""
     own: frozenset[TypeName]
     classes: dict[TypeName, str] = field(default_factory=dict)
     modules: dict[str, str] = field(default_factory=dict)
@@ -72,10 +74,11 @@ class _Module:
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return what yields the module of serializers for one interface of the catalog."""
     layouts = Layouts(catalog.known)
+    words = frozenset({"message", "read", "write", *(name.name for name in catalog.known)})
 
     def module(interface: Interface) -> Iterator[File]:
         path = f"{_module(interface.name).replace('.', '/')}__cdr.py"
-        yield File(path, _serializers(interface, layouts))
+        yield File(path, _serializers(interface, layouts, words))
 
     return module
 
@@ -84,10 +87,10 @@ def _module(name: TypeName) -> str:
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
-def _serializers(interface: Interface, layouts: Layouts) -> str:
+def _serializers(interface: Interface, layouts: Layouts, words: frozenset[str]) -> str:
     """Return the module of one interface file."""
     own = [message.name for message in messages_of(interface)]
-    module = _Module(layouts, frozenset(own))
+    module = _Module(layouts, words, frozenset(own))
     for name in own:
         module.class_of(name)
     functions = [function for name in own for function in _functions(name, module)]
@@ -141,7 +144,7 @@ def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
 
 
 def _writing(name: str, inner: str, layout: Layout, module: _Module) -> _Function:
-    lines = Lines(_names(module))
+    lines = Lines(Names(module.words))
 
     def shared(other: TypeName) -> str:
         return lines.table(f"write_{snake_case(other.name)}", module.maker("part_writer", other))
@@ -151,7 +154,7 @@ def _writing(name: str, inner: str, layout: Layout, module: _Module) -> _Functio
 
 
 def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _Module) -> _Function:
-    lines = Lines(_names(module))
+    lines = Lines(Names(module.words))
 
     def shared(other: TypeName) -> str:
         return lines.table(f"read_{snake_case(other.name)}", module.maker("part_reader", other))
@@ -159,8 +162,3 @@ def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _
     others = Others(module.class_of, shared)
     (read_part if layout.start == ANYWHERE else read_whole)(lines, message, layout, others)
     return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
-
-
-def _names(module: _Module) -> Names:
-    """Return the names of a function; the classes of the whole catalog are taken, whichever it uses."""
-    return Names({"message", "read", "write", *(name.name for name in module.layouts.known)})

@@ -112,14 +112,18 @@ def unpacked(start: str, targets: Sequence[str], end: str) -> list[str]:
 
 @dataclass(slots=True)
 class Names:
-    """The local names of a function: each is used for one thing."""
+    """The local names of a function: each is used for one thing.
 
+    `others` are names of the module: many, shared by all of its functions.
+    """
+
+    others: frozenset[str] = frozenset()
     taken: set[str] = field(default_factory=set)
 
     def new(self, wish: str) -> str:
         """Return a name like the wish that nothing else has."""
         name, number = wish, 1
-        while name in self.taken or name in _RESERVED:
+        while name in self.taken or name in self.others or name in _RESERVED:
             number += 1
             name = f"{wish}_{number}"
         self.taken.add(name)
