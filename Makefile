@@ -13,7 +13,7 @@ help:
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
 	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
-	@echo "make scale   list, order and plan 5,000 packages, chains of 3,000, and generate 20,000 interfaces"
+	@echo "make scale   list, order, build 5,000 packages and chains of 3,000, generate 20,000 interfaces: 25 minutes"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
 	@echo "make peers   install colcon, rosdep, rosbags and mcap-ros2-support, which tests and bench compare forge with"
 	@echo "make lint    check style and format"
@@ -52,7 +52,8 @@ scale: .venv/.ready
 # Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output. SEED=2 makes other sequences.
 soak: .venv/.ready
 	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
-	  FORGE_TEST_EXAMPLES=60 $(PYTEST) tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_incremental.py
+	  FORGE_TEST_EXAMPLES=60 $(PYTEST) tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_incremental.py \
+	  tests/e2e/test_cache.py
 
 peers: .venv-peers/.ready
 

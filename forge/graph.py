@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import compress
 from typing import TYPE_CHECKING
 
@@ -73,6 +73,32 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
     return frozenset(found)
 
 
+class Below(Collection[str]):
+    """What a name needs, however deep, in topological order; names are put together when they are asked for.
+
+    Tasks of a chain of thousands, each with all that it needs in a tuple, would hold millions of entries.
+    """
+
+    __slots__ = ("_bits", "_ordered")
+
+    def __init__(self, ordered: tuple[str, ...], bits: int) -> None:
+        """Take the order, shared with many others, and a number whose bits are places in it."""
+        self._ordered = ordered
+        self._bits = bits
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names, each after what it needs."""
+        return compress(self._ordered, f"{self._bits:b}"[::-1].encode().translate(_BITS))
+
+    def __len__(self) -> int:
+        """Count the names."""
+        return self._bits.bit_count()
+
+    def __contains__(self, name: object) -> bool:
+        """Tell if a name is among them."""
+        return any(name == other for other in self)
+
+
 class Closures(Mapping[str, frozenset[str]]):
     """What each name needs, however deep; put together when it is asked for.
 
@@ -94,8 +120,11 @@ class Closures(Mapping[str, frozenset[str]]):
 
     def __getitem__(self, name: str) -> frozenset[str]:
         """Return all that a name needs, itself left out; raises KeyError."""
-        signs = f"{self._bits[name]:b}"[::-1].encode().translate(_BITS)
-        return frozenset(compress(self._ordered, signs))
+        return frozenset(self.below(name))
+
+    def below(self, name: str) -> Below:
+        """Return the same in topological order, without holding it; raises KeyError."""
+        return Below(self._ordered, self._bits[name])
 
     def __iter__(self) -> Iterator[str]:
         """Go through the names in their order."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shlex
 import sys
 from contextlib import closing
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from forge import fallback, folders, installation
@@ -13,14 +15,16 @@ from forge.frozen import frozen
 from forge.model import RUN_KINDS
 from forge.occupancy import VARIABLE
 from forge.runner import Frame, ProcessRunner
-from forge.sourcing import build_environment
+from forge.sourcing import build_environment, package_edits
 from forge.tools import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from forge.budget import Budget
     from forge.caching.package_cache import PackageCache
+    from forge.environment import Edit, Script
     from forge.interpreter import Interpreter
     from forge.layout import Layout
     from forge.model import Record, Task
@@ -39,6 +43,10 @@ class Jobs:
     variables: Mapping[str, str]
     records: Records
     cache: PackageCache | None = None
+    edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
+        default_factory=lambda: functools.cache(package_edits)
+    )
+    """What an installed package does to the environment, looked up once: whoever asks comes after it."""
 
     def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
         """Return a runner that starts programs here; the rest as `frame`."""
@@ -55,8 +63,8 @@ class Jobs:
         return Frame(self._environment, begin, self._install, self._undo, self._restore, self._remark)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
-        below = [(need, self.layout.prefix(need)) for need in task.needs]
-        found = build_environment(below, self.variables)
+        below = ((need, self.layout.prefix(need)) for need in task.needs)
+        found = build_environment(below, self.variables, self.edits)
         found[VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join((sys.executable, "-m", "forge"))
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)

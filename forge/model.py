@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
     from pathlib import Path
 
     from forge.errors import Problem
@@ -295,7 +295,7 @@ class Task:
     package: Package
     prefix: Path
     build_dir: Path
-    needs: tuple[str, ...]
+    needs: Collection[str]
     steps: tuple[Step, ...]
     reason: str
     parts: Parts = Parts()  # complete but for `needs` when the task is conditional

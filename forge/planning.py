@@ -15,7 +15,7 @@ from forge.recipes import RECIPES
 from forge.recipes.cmake import leftovers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from forge.model import Package, Pairs, Record, Selection, Snapshot
     from forge.provision import Provision
@@ -49,16 +49,15 @@ def make_plan(
     and for needs that are not installed.
     """
     ordered = ordered_names(provision.needs)
-    below = closures(provision.needs, ordered)
+    closed = closures(provision.needs, ordered)
     raise_if_any(
-        (*_unknown_types(names, provision), *_not_installed(names, provision, below, snapshot)),
+        (*_unknown_types(names, provision), *_not_installed(names, provision, closed, snapshot)),
         WorkspaceError,
     )
     outlook = Outlook(provision.needs, {name: mark.digest for name, mark in snapshot.installed.items()})
-    position = {name: index for index, name in enumerate(ordered)}
     tasks: dict[str, Task] = {}
     for name in names:
-        needs = tuple(sorted(below[name], key=position.__getitem__))
+        needs = closed.below(name)
         package = provision.packages[name]
         given = outlook.needs_of(name, needs)
         parts = _parts(package, given or (), snapshot, kitchen, standing)
@@ -122,7 +121,7 @@ def _reason(parts: Parts, given: Pairs | None, snapshot: Snapshot, *, forced: st
 
 def _task(
     package: Package,
-    needs: tuple[str, ...],
+    needs: Collection[str],
     parts: Parts,
     snapshot: Snapshot,
     kitchen: Kitchen,

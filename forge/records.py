@@ -215,6 +215,8 @@ class Records:
 
     def _remove_stale(self, name: str, paths: set[str]) -> None:
         """Remove files that this package no longer installs, unless another package does."""
+        if not paths:
+            return
         others = (record for other, record in list(self.journal.records.items()) if other != name)
         kept = {path for record in others for path in record.files if path in paths}
         for path in sorted(paths - kept, reverse=True):

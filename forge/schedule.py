@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
-from forge.graph import reduced
+from forge.graph import closures, reduced, reverse
 from forge.model import Aborted, Finished, Fresh, Skipped, Started
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from forge.model import BuildPlan, Event
 
@@ -36,17 +37,23 @@ class Board:
         # be looked at whenever anything ends.
         direct = reduced({name: task.needs for name, task in plan.tasks.items()}, [*plan.tasks])
         self._needs = {name: frozenset(needs) for name, needs in direct.items()}
+        self._dependents = reverse(self._needs)
+        self._open = {name: len(needs) for name, needs in direct.items()}
         self._limit = limit or len(plan.tasks) + 1
         self._continue = continue_on_error
-        self._done: set[str] = set()
         self._running: set[str] = set()
         self._failed: dict[str, str] = {}
         self._stopped_by: str | None = None
-        self._waiting = list(self._needs)
+        ordered = [*self._needs]
         if not in_order:
-            weights = _weights(plan, seconds or {})
+            weights = _weights(self._dependents, seconds or {})
             # Sorting is stable: ties keep the plan's topological order.
-            self._waiting.sort(key=weights.__getitem__, reverse=True)
+            ordered.sort(key=weights.__getitem__, reverse=True)
+        self._place = {name: place for place, name in enumerate(ordered)}
+        self._waiting = dict.fromkeys(ordered)
+        # Heaps, whose first comes first: what could start, and what never will since a need of it failed.
+        self._ready = [(place, name) for place, name in enumerate(ordered) if not self._open[name]]
+        self._blocked: list[tuple[int, str]] = []
 
     @property
     def running(self) -> frozenset[str]:
@@ -59,38 +66,28 @@ class Board:
         return self._stopped_by is not None
 
     def advance(self) -> list[Started | Skipped]:
-        """Return what happens now: tasks that start, and tasks that never will."""
-        events: list[Started | Skipped] = []
-        left: list[str] = []
-        if self._idle():
-            return events
-        for name in self._waiting:
-            because = self._stopped_by or self._blocker(name)
-            if because is not None:
-                self._failed[name] = because
-                events.append(Skipped(name, because))
-            elif self._may_start(name):
-                self._running.add(name)
-                events.append(Started(name))
-            else:
-                left.append(name)
-        self._waiting = left
-        return events
+        """Return what happens now: tasks that never will start, and tasks that do."""
+        if self._stopped_by is not None:
+            skipped = [Skipped(name, self._stopped_by) for name in self._waiting]
+            self._waiting.clear()
+            return [*skipped]
+        return [*self._skip(), *self._start()]
 
     def note(self, event: Event) -> None:
         """Take note of how a task ended; other events change nothing."""
         match event:
             case Finished(task, 0) | Fresh(task):
                 self._running.discard(task)
-                self._done.add(task)
+                for dependent in self._dependents[task]:
+                    self._open[dependent] -= 1
+                    if not self._open[dependent]:
+                        heappush(self._ready, (self._place[dependent], dependent))
             case Finished(task):
-                self._running.discard(task)
-                self._failed[task] = task
+                self._fail(task, task)
                 if not self._continue:
                     self.stop(task)
             case Aborted(task):
-                self._running.discard(task)
-                self._failed[task] = task
+                self._fail(task, task)
             case _:
                 pass
 
@@ -98,34 +95,43 @@ class Board:
         """Start nothing any more; the first reason counts."""
         self._stopped_by = self._stopped_by or because
 
-    def _idle(self) -> bool:
-        """Tell if nothing can happen: all that may run does, and nothing went wrong."""
-        return not self._failed and self._stopped_by is None and len(self._running) >= self._limit
+    def _start(self) -> Iterator[Started]:
+        while self._ready and len(self._running) < self._limit:
+            _, name = heappop(self._ready)
+            del self._waiting[name]
+            self._running.add(name)
+            yield Started(name)
 
-    def _blocker(self, name: str) -> str | None:
-        """Return the package whose failure keeps a task from ever starting, if there is one."""
-        blockers = self._needs[name].intersection(self._failed) if self._failed else ()
-        return min((self._failed[need] for need in blockers), default=None)
+    def _skip(self) -> Iterator[Skipped]:
+        while self._blocked:
+            _, name = heappop(self._blocked)
+            if name in self._waiting:
+                del self._waiting[name]
+                because = min(self._failed[need] for need in self._needs[name] if need in self._failed)
+                self._fail(name, because)
+                yield Skipped(name, because)
 
-    def _may_start(self, name: str) -> bool:
-        return len(self._running) < self._limit and self._needs[name] <= self._done
+    def _fail(self, name: str, because: str) -> None:
+        self._running.discard(name)
+        self._failed[name] = because
+        for dependent in self._dependents[name]:
+            heappush(self._blocked, (self._place[dependent], dependent))
 
 
-def _weights(plan: BuildPlan, seconds: Mapping[str, float]) -> dict[str, tuple[float, int]]:
+def _weights(
+    dependents: Mapping[str, frozenset[str]], seconds: Mapping[str, float]
+) -> dict[str, tuple[float, int]]:
     """Return for each task how long the longest chain from it to the end takes, and how many wait for it.
 
-    A task of which nothing is known takes as long as the usual one; where nothing is known of any, chains
-    count nothing.
+    `dependents` is in topological order. A task of which nothing is known takes as long as the usual one;
+    where nothing is known of any, chains count nothing.
     """
-    needs = {name: task.needs for name, task in plan.tasks.items()}
-    known = sorted(seconds[name] for name in needs if name in seconds)
+    known = sorted(seconds[name] for name in dependents if name in seconds)
     usual = known[len(known) // 2] if known else 0.0
-    chain = dict.fromkeys(needs, 0.0)
-    waiting = dict.fromkeys(needs, 0)
-    for name in reversed(list(needs)):
-        chain[name] += seconds.get(name, usual)
-        for need in needs[name]:
-            if need in chain:
-                chain[need] = max(chain[need], chain[name])
-                waiting[need] += 1
-    return {name: (chain[name], waiting[name]) for name in needs}
+    backwards = [*dependents][::-1]
+    waiting = closures(dependents, backwards)
+    chain: dict[str, float] = {}
+    for name in backwards:
+        behind = max((chain[dependent] for dependent in dependents[name]), default=0.0)
+        chain[name] = behind + seconds.get(name, usual)
+    return {name: (chain[name], len(waiting.below(name))) for name in dependents}

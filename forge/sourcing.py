@@ -16,20 +16,26 @@ from forge.prefixes import LAYOUT_MARKER, installed_packages
 from forge.results import recorded_underlays
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
 _NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
 _SHELL_S_OWN = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
 
 
-def build_environment(packages: Sequence[tuple[str, Path]], variables: Mapping[str, str]) -> dict[str, str]:
+def build_environment(
+    packages: Iterable[tuple[str, Path]],
+    variables: Mapping[str, str],
+    edits_of: Callable[[str, Path], tuple[Edit | Script, ...]] | None = None,
+) -> dict[str, str]:
     """Return `variables` after sourcing the packages (name, prefix), lowest first, each in front of all.
 
-    Computed from the dsv files; only hooks that are nothing but a shell script run, in sh.
+    Computed from the dsv files, or from what `edits_of` knows of them; only hooks that are nothing but a
+    shell script run, in sh.
     Raises WorkspaceError for a dsv file that cannot be read, EnvironmentFault for a hook that exits.
     """
-    edits = [(prefix, edit) for name, prefix in packages for edit in package_edits(name, prefix)]
+    known = edits_of or package_edits
+    edits = [(prefix, edit) for name, prefix in packages for edit in known(name, prefix)]
     return _apply(edits, variables, first=True)
 
 

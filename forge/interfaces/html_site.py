@@ -68,6 +68,7 @@ def site(catalogs: Iterable[Catalog], abouts: Mapping[str, About], title: str) -
 
     Links lead to interfaces of the catalogs only.
     """
+    title = visible(title)
     catalog = _together(catalogs)
     names = defaultdict(list)
     for name in catalog.interfaces:
@@ -110,8 +111,9 @@ def _chapter(
     order = [*(kind for kind in KINDS if kind in kinds), *sorted(kinds.keys() - KINDS.keys())]
     groups = tuple(Group(_title(kind), tuple(kinds[kind])) for kind in order)
     counts = ", ".join(_plural(len(kinds[kind]), *KINDS.get(kind, (f"in '{kind}'",) * 2)) for kind in order)
-    about = abouts.get(package, About())
-    description = paragraphs((" ".join(about.description.split()),))
+    said = abouts.get(package, About())
+    about = About(visible(said.version), visible(said.description), visible(said.origin))
+    description = paragraphs((" ".join(said.description.split()),))
     return Chapter(package, about, description, counts, groups)
 
 

@@ -49,9 +49,9 @@ class _Module:
     """What one generated module refers to."""
 
     layouts: Layouts
-    words: frozenset[str]
-    """What no local name may be: the classes of the whole catalog are taken, whichever a function uses."""
     own: frozenset[TypeName]
+    all_classes: frozenset[str]
+    """The names of all classes of the catalog, one set for all modules."""
     classes: dict[TypeName, str] = field(default_factory=dict)
     modules: dict[str, str] = field(default_factory=dict)
 
@@ -74,11 +74,11 @@ class _Module:
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return what yields the module of serializers for one interface of the catalog."""
     layouts = Layouts(catalog.known)
-    words = frozenset({"message", "read", "write", *(name.name for name in catalog.known)})
+    all_classes = frozenset(name.name for name in catalog.known)
 
     def module(interface: Interface) -> Iterator[File]:
         path = f"{_module(interface.name).replace('.', '/')}__cdr.py"
-        yield File(path, _serializers(interface, layouts, words))
+        yield File(path, _serializers(interface, layouts, all_classes))
 
     return module
 
@@ -87,10 +87,10 @@ def _module(name: TypeName) -> str:
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
-def _serializers(interface: Interface, layouts: Layouts, words: frozenset[str]) -> str:
+def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[str]) -> str:
     """Return the module of one interface file."""
     own = [message.name for message in messages_of(interface)]
-    module = _Module(layouts, words, frozenset(own))
+    module = _Module(layouts, frozenset(own), all_classes)
     for name in own:
         module.class_of(name)
     functions = [function for name in own for function in _functions(name, module)]
@@ -144,7 +144,7 @@ def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
 
 
 def _writing(name: str, inner: str, layout: Layout, module: _Module) -> _Function:
-    lines = Lines(Names(module.words))
+    lines = Lines(_names(module))
 
     def shared(other: TypeName) -> str:
         return lines.table(f"write_{snake_case(other.name)}", module.maker("part_writer", other))
@@ -154,7 +154,7 @@ def _writing(name: str, inner: str, layout: Layout, module: _Module) -> _Functio
 
 
 def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _Module) -> _Function:
-    lines = Lines(Names(module.words))
+    lines = Lines(_names(module))
 
     def shared(other: TypeName) -> str:
         return lines.table(f"read_{snake_case(other.name)}", module.maker("part_reader", other))
@@ -162,3 +162,8 @@ def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _
     others = Others(module.class_of, shared)
     (read_part if layout.start == ANYWHERE else read_whole)(lines, message, layout, others)
     return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
+
+
+def _names(module: _Module) -> Names:
+    """Return the names of a function; the classes of the whole catalog are taken, whichever it uses."""
+    return Names({"message", "read", "write"}, module.all_classes)

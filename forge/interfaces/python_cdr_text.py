@@ -12,7 +12,7 @@ from forge.interfaces.python_types import TYPE_CODES
 from forge.interfaces.wire import Block, Chars, Count, Loop, Numbers, Phase, Run, Shared, Value
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from forge.interfaces.wire import Member, Path, Step
 
@@ -112,13 +112,11 @@ def unpacked(start: str, targets: Sequence[str], end: str) -> list[str]:
 
 @dataclass(slots=True)
 class Names:
-    """The local names of a function: each is used for one thing.
+    """The local names of a function: each is used for one thing, and none of `others` at all."""
 
-    `others` are names of the module: many, shared by all of its functions.
-    """
-
-    others: frozenset[str] = frozenset()
     taken: set[str] = field(default_factory=set)
+    others: Collection[str] = ()
+    """Shared by many functions, since there may be thousands of them."""
 
     def new(self, wish: str) -> str:
         """Return a name like the wish that nothing else has."""

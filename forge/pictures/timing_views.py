@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.caching.model import RESTORED
 from forge.durations import duration
 from forge.frozen import frozen
 from forge.pictures.charts import printable
-from forge.pictures.timings import ABORTED, FAILED, FINISHED, at_work, critical_path, rows, waited
+from forge.pictures.timings import ABORTED, FAILED, FINISHED, TAKEN, at_work, critical_path, rows, waited
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -165,6 +166,7 @@ def _remarks(build: Build) -> Iterator[str]:
     outcomes = [run.outcome for run in build.packages]
     counts = {
         "built": outcomes.count(FINISHED),
+        RESTORED: outcomes.count(TAKEN),
         "failed": outcomes.count(FAILED),
         "stopped half-way": outcomes.count(ABORTED),
         "not begun": len(build.skipped),

@@ -6,13 +6,15 @@ import json
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
+from forge.caching.model import RESTORED
 from forge.frozen import frozen
 from forge.launching.outcome import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-FINISHED, FAILED, ABORTED = "finished", "failed", "aborted"
+FINISHED, FAILED, ABORTED, TAKEN = "finished", "failed", "aborted", "taken"
+"""How a package ended; what was taken came from the package cache."""
 
 
 @frozen
@@ -176,11 +178,19 @@ def _package(told: Sequence[Mapping[str, Any]], ended: float, needs: frozenset[s
         reason=started["reason"],
         begun=started["time"],
         ended=stop["time"],
-        outcome=ABORTED if end is None else FAILED if end["code"] else FINISHED,
+        outcome=_outcome_of(end),
         steps=tuple(_steps(told, stop["time"])),
         needs=tuple(sorted(needs)),
         last=planned.get("last"),
     )
+
+
+def _outcome_of(end: Mapping[str, Any] | None) -> str:
+    if end is None:
+        return ABORTED
+    if end["code"]:
+        return FAILED
+    return TAKEN if end.get("cache") == RESTORED else FINISHED
 
 
 def _steps(told: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRun]:

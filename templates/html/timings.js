@@ -122,7 +122,7 @@ function choose(number) {
 }
 
 function tell(item, needs, needed) {
-  const words = { finished: "took", failed: "failed after", aborted: "was stopped after" };
+  const words = { finished: "took", taken: "came from the cache in", failed: "failed after", aborted: "was stopped after" };
   $("name").textContent = item.name;
   const last = item.last ? `, last time ${item.last}` : "";
   const waited = item.waited ? `, having waited ${item.waited} for a job` : "";

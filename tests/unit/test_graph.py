@@ -43,6 +43,8 @@ def test_closures_agree_with_networkx(graph: dict[str, frozenset[str]]) -> None:
     found = closures(graph, order(graph) or ())
     for name in graph:
         assert found[name] == nx.descendants(picture, name)
+        assert tuple(found.below(name)) == tuple(each for each in found if each in found[name])
+        assert len(found.below(name)) == len(found[name])
         assert closure(graph, [name]) == found[name] | {name}
 
 

@@ -160,6 +160,15 @@ def test_the_page_tells_it_in_words() -> None:
     ]
 
 
+def test_what_came_from_the_cache_was_not_built() -> None:
+    taken = event("Finished", 2.1, "e", code=0, seconds=0.1, cache="from the cache")
+    lines = [planned("e", last=9.0), event("Started", 2.0, "e", reason="new"), taken]
+    shown = page(read_build([*DIAMOND[:-1], *lines, SUMMARY]))
+    assert shown.remarks[0] == "4 built, 1 from the cache."
+    assert [row.change[1] for row in shown.rows if row.name == "e"] == [""]
+    assert {bar.name: bar.outcome for bar in shown.bars}["e"] == "taken"
+
+
 def test_bars_and_strips_are_where_the_time_was() -> None:
     shown = page(read_build(DIAMOND))
     assert [(bar.name, bar.left, bar.width, bar.critical) for bar in shown.bars] == [

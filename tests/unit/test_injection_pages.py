@@ -1,0 +1,220 @@
+"""What packages say never becomes markup or script: pages and pictures have the elements that they should."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import pytest
+from hypothesis import example, given
+
+from forge.interfaces.html_site import About, site
+from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
+from forge.pictures.charts import Chart, mermaid, printable
+from forge.pictures.drawing import drawn, facts
+from forge.pictures.timing_views import STEP_KINDS, page, trace
+from forge.pictures.timing_views import facts as timing_facts
+from forge.pictures.timings import read_build
+from forge.templating import render
+from tests.hostile import FRAGMENTS, hostile
+from tests.packages import manifest_text, package
+from tests.sites import read_page
+from tests.unit.test_injection import everywhere, quick
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tests.conftest import Forge, Tree
+
+_UNSEEN = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""What nobody sees, and what turns the rest of a line; none of it belongs into a page."""
+
+
+def elements(text: str) -> set[tuple[str, tuple[str, ...]]]:
+    """Return what kinds of elements a page has, each with the names of its attributes; all are closed."""
+    contents = read_page(text)
+    assert contents.faults == []
+    assert contents.open == []
+    assert not _UNSEEN.search(text), text
+    return {(tag, tuple(sorted(attributes))) for tag, attributes in contents.tags}
+
+
+def scripts(text: str) -> tuple[list[str], list[str]]:
+    """Return the scripts of a page, and its blocks of JSON."""
+    found = re.findall(r"<script(?: ([^>]*))?>(.*?)</script", text, re.DOTALL)
+    blocks = [body for attributes, body in found if "application/json" in attributes]
+    return [body for attributes, body in found if "application/json" not in attributes], blocks
+
+
+def texts(value: object) -> set[str]:
+    """Return all texts in a value that JSON gave."""
+    if isinstance(value, dict):
+        return {found for each in value.values() for found in texts(each)}
+    if isinstance(value, list):
+        return {found for each in value for found in texts(each)}
+    return {value} if isinstance(value, str) else set()
+
+
+# --- Pages about interfaces ---------------------------------------------------------------------------------
+
+
+def site_of(text: str) -> dict[str, str]:
+    """Return the pages about a message of which everybody says the same wherever anything may be said."""
+    name, doc = TypeName("demo", "msg", "Thing"), tuple(text.split("\n"))
+    number = Field("a", Primitive("int8"), 5, doc, text)
+    message = Message(
+        name, (number, Field("text", Text(), text, doc)), (Constant("A", Text(), text, doc),), doc
+    )
+    source = Source(
+        "demo", "msg/Thing.msg", Path("Thing.msg"), f"# {text}\nint8 a # {text}\nstring b '{text}'\n"
+    )
+    catalog = Catalog("demo", {name: message}, {name: message}, {name: source})
+    files = site([catalog], {"demo": About(text, text, text)}, f"About {text}")
+    return {file.path: file.text for file in files if file.path.endswith((".html", ".js"))}
+
+
+@quick
+@given(hostile("\r"))
+def test_pages_about_interfaces_have_no_element_of_their_subjects(text: str) -> None:
+    # A comment may make paragraphs and drawings, and there may be nothing to be seen of it.
+    plain = site_of("x\n\n  a   b\n")
+    for path, found in site_of(text).items():
+        if path.endswith(".js"):
+            assert found == plain[path]
+        else:
+            assert elements(found) <= elements(plain[path]), path
+            assert scripts(found) == scripts(plain[path])
+
+
+@everywhere
+def test_pages_about_interfaces_say_every_fragment(fragment: str) -> None:
+    said = read_page(site_of(f"x{fragment}x")["demo/msg/Thing.html"]).text
+    letters = "".join(char for char in fragment if char.isascii() and char.isprintable() and char != " ")
+    assert letters in re.sub(r"\s", "", said)
+
+
+# --- Pictures of the graph ----------------------------------------------------------------------------------
+
+
+def chart_of(text: str, name: str) -> Chart:
+    """Return a graph of two packages that say a text wherever that is taken; one is called `name`."""
+    below, above = package("below"), package("above", "below")
+    said = replace(below.manifest, name=name, version=text, description=text, build_type=text)
+    packages = {name: replace(below, path=Path("src") / f"x{text}", manifest=said), "above": above}
+    needs = {name: frozenset[str](), "above": frozenset({name})}
+    return Chart((name, "above"), needs, packages, frozenset(packages))
+
+
+def picture_of(chart: Chart, form: str) -> str:
+    """Return the page or the picture of a graph whose packages took a second each."""
+    seconds = dict.fromkeys(chart.ordered, 1.0)
+    about: dict[str, object] = {"title": chart.ordered[0], "picture": drawn(chart, seconds)}
+    if form == "html":
+        about["facts"] = facts(chart, seconds)
+    about["title"] = printable(chart.ordered[0])
+    return render(f"html/graph.{form}.j2", **about)
+
+
+named = hostile("/", "\0").filter(lambda text: text not in {"", ".", "..", "above"})
+
+
+@quick
+@given(hostile("/", "\0"), named)
+def test_the_page_of_a_graph_has_no_element_of_its_packages(text: str, name: str) -> None:
+    plain, found = picture_of(chart_of("x", "below"), "html"), picture_of(chart_of(text, name), "html")
+    assert elements(found) == elements(plain)
+    assert scripts(found)[0] == scripts(plain)[0]
+    (block,) = scripts(found)[1]
+    first, _ = json.loads(block)
+    assert first["name"] == printable(name)
+    assert first["version"] == printable(text)
+    assert printable(name) in read_page(found).text
+
+
+@quick
+@given(named)
+def test_the_picture_of_a_graph_has_no_element_of_its_packages(name: str) -> None:
+    found, plain = (
+        # Our own text, and an attack on its reader is what is sought.
+        list(ET.fromstring(picture_of(chart_of("x", each), "svg")).iter())  # noqa: S314
+        for each in (name, "below")
+    )
+    assert [(each.tag, sorted(each.attrib)) for each in found] == [
+        (each.tag, sorted(each.attrib)) for each in plain
+    ]
+    assert printable(name) in {each.text for each in found}
+
+
+@pytest.mark.parametrize("form", ["--svg", "--html"])
+def test_the_folder_of_a_workspace_is_no_element(form: str, forge: Forge, tree: Tree) -> None:
+    folder = "<b>&\x0b\u202e"
+    root = tree({f"{folder}/src/demo/package.xml": manifest_text("demo")}) / folder
+    found = forge("graph", form, cwd=root)
+    assert (found.code, found.err) == (0, "")
+    assert not _UNSEEN.search(found.out)
+    assert "b" not in {tag for tag, _ in read_page(found.out).tags}
+    assert printable(folder) in read_page(found.out).text
+
+
+@quick
+@given(named)
+def test_a_flowchart_has_no_line_of_its_packages(name: str) -> None:
+    lines = list(mermaid(chart_of("x", name)))
+    assert [re.sub(r'"[^"\n]*"', "T", line) for line in lines] == [
+        *("flowchart TD", "  p0[T]", "  p1[T]", "  p0 --> p1"),
+    ]
+    (said,) = re.findall(r'p1\["(.*)"\]$', lines[2])
+    assert not re.search(r"[<>&`|(){}\[\]]", said)
+    assert re.sub(r"#(\d+);", lambda code: chr(int(code[1])), said) == printable(name)
+
+
+# --- Where the time of a build went -------------------------------------------------------------------------
+
+
+def events_of(text: str, name: str) -> list[str]:
+    """Return the events of a build that say a text wherever a package, its steps or its builder may."""
+    about: Mapping[str, object] = {"package": name, "embedded": False}
+    told: list[dict[str, object]] = [
+        {"event": "Planned", **about, "reason": text, "conditional": False, "needs": [], "last": 9.0},
+        {"event": "Started", **about, "reason": text},
+        {"event": "StepStarted", **about, "step": text, "argv": [text], "cwd": text},
+        {"event": "StepFinished", **about, "step": text, "code": 0},
+        {"event": "Finished", **about, "code": 0, "seconds": 2.0, "log": text, "test_failures": False},
+        {"event": "Fresh", "package": f"fresh {name}", "embedded": False},
+        {"event": "Skipped", "package": f"skipped {name}", "embedded": False, "because": text},
+        {"event": "Summary", "code": 0, "seconds": 10.0, "log": text},
+    ]
+    return [json.dumps({**event, "time": float(time)}) for time, event in enumerate(told)]
+
+
+def timings_of(text: str, name: str) -> str:
+    """Return the page about such a build."""
+    build = read_build(events_of(text, name))
+    words = {"title": "build", "kinds": STEP_KINDS, "trace": "trace.json"}
+    return render("html/timings.html.j2", page=page(build), facts=timing_facts(build), **words)
+
+
+@quick
+@given(hostile(), named)
+@example("</script><script>alert(1)</script>", "x")
+def test_the_page_of_a_build_has_no_element_of_its_packages(text: str, name: str) -> None:
+    plain, found = timings_of("x", "demo"), timings_of(text, name)
+    assert elements(found) == elements(plain)
+    assert scripts(found)[0] == scripts(plain)[0]
+    (block,) = scripts(found)[1]
+    assert {printable(text), printable(name)} <= texts(json.loads(block))
+    words = read_page(found).text
+    assert printable(f"fresh {name}") in words
+    assert printable(f"skipped {name}") in words
+    assert {text, name} <= texts(json.loads(json.dumps(trace(read_build(events_of(text, name))))))
+
+
+def test_there_are_fragments_that_would_show() -> None:
+    """A page that did not escape would fail: the fragments hold the ends of elements, attributes, scripts."""
+    assert {"<script>", "</script>", "<img src=x>", "'>", '"', "<!--"} <= set(FRAGMENTS)
+    broken = site_of("x")["demo/msg/Thing.html"].replace("About x", "About <img src=x>")
+    assert not elements(broken) <= elements(site_of("x")["demo/msg/Thing.html"])
