@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from forge.recipes.kitchen import Kitchen
     from forge.records import Records
     from forge.reporting import Screen
+    from forge.runner import Runner
     from forge.workspace import Loaded
 
 
@@ -85,7 +86,7 @@ def carry_out(
     seconds = records.seconds()
     account = _account(plan, undertaking)
     with (
-        joined(options, kitchen) if options.executor == CLUSTER else nullcontext() as line,
+        joined(options, kitchen, variables) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
         manner.worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan, account.farm)) as budget,
@@ -103,9 +104,10 @@ def carry_out(
         surroundings = {**without_jobs(variables), **account.variables, **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
-        python = kitchen.python if _looks_for_python(plan, loaded.provision) else None
-        toolchain = None if options.no_toolchain_cache else toolchain_of(kitchen, variables, python)
-        runner = remote_runner(line, jobs, toolchain) if line else jobs.runner(budget, toolchain)
+        toolchain = _toolchain(plan, undertaking)
+        runner: Runner = jobs.runner(budget, toolchain)
+        if line:
+            runner = remote_runner(line, undertaking, jobs.frame(toolchain), runner, cache)
         board = _board(plan, options, places_of(options, line) if line else _places(options, budget), seconds)
         feed.announce(seconds=seconds)
         try:
@@ -197,6 +199,15 @@ def _jobs_said(options: argparse.Namespace, variables: Mapping[str, str]) -> int
 
 def _compiles(plan: BuildPlan) -> bool:
     return any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+
+
+def _toolchain(plan: BuildPlan, undertaking: Undertaking) -> Toolchain | None:
+    """Return what spares the packages of a plan the examination of the compilers, unless nobody wants it."""
+    kitchen = undertaking.kitchen
+    if undertaking.options.no_toolchain_cache:
+        return None
+    python = kitchen.python if _looks_for_python(plan, undertaking.loaded.provision) else None
+    return toolchain_of(kitchen, undertaking.variables, python)
 
 
 def _looks_for_python(plan: BuildPlan, provision: Provision) -> bool:

@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = {
     4: """
-        __main__ cli commands commands.* manner options package_options preparation testing.preparing
-        undertaking watching worker workspace caching.opening
+        __main__ cli cluster.joining cluster.telling commands commands.* manner options package_options
+        preparation testing.preparing undertaking watching worker workspace caching.opening
     """,
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
