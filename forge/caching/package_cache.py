@@ -127,6 +127,9 @@ class PackageCache:
             found = self._find_in(self._remote, key)
         self.notes[task.name] = RESTORED if found else self._why_not(key)
         (self.restored if found else self.missed).add(task.name)
+        if found:
+            # Another machine may have built it since it was missed.
+            self.missed.discard(task.name)
         return found
 
     def restore(self, task: Task, found: Found) -> tuple[str, ...]:

@@ -48,9 +48,14 @@ def main(argv: list[str]) -> int:
     # What surrounds the steps is done by the client.
     frame = Frame(lambda _: errand.environment, lambda _: None, lambda _: Record(Parts()))
     runner = ProcessRunner(frame, budget)
-    threading.Thread(target=_heed, args=(source, runner), daemon=True).start()
+    gently = errand.parcel is not None
+    threading.Thread(target=_heed, args=(source, runner), kwargs={"gently": gently}, daemon=True).start()
     put = partial(_write, target, threading.Lock())
     name, begun = errand.task.name, time.monotonic()
+    if errand.parcel is not None:
+        from forge.cluster.sources import lay_out  # noqa: PLC0415  (only where folders are not shared)
+
+        lay_out(errand.parcel)
     with contextlib.closing(budget), _held(errand.lock), budget.package() as has_begun:
         stopped = None if has_begun else Aborted(name, 0.0)
         failure = stopped or runner.run_steps(errand.task, errand.environment, put, begun)
@@ -97,15 +102,15 @@ def _write(target: BinaryIO, lock: threading.Lock, event: Event) -> None:
         target.flush()
 
 
-def _heed(source: BinaryIO, runner: ProcessRunner) -> None:
-    """Do as the words say, until there are no more."""
+def _heed(source: BinaryIO, runner: ProcessRunner, *, gently: bool) -> None:
+    """Do as the words say, until there are no more; `gently` with a forge, which must end what it started."""
     for line in source:
         word = line.decode().strip()
         if word == FINISH:
             runner.finish_steps()
         else:
-            runner.interrupt(kill=word != INTERRUPT)
-    runner.interrupt(kill=True)
+            runner.interrupt(kill=word != INTERRUPT and not gently)
+    runner.interrupt(kill=not gently)
 
 
 @contextlib.contextmanager
