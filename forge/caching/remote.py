@@ -111,7 +111,9 @@ class Remote:
                 self._store.put(digest, source)
 
     def close(self) -> None:
-        """Let go of connections."""
+        """Let go of connections; whoever still waits is left without an answer, and nobody is blamed."""
+        with self._lock:
+            self._readable = self._accepting = False
         self._store.close()
 
     @contextlib.contextmanager
