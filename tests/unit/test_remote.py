@@ -308,6 +308,12 @@ def test_waiting_ends_without_progress_and_goes_on_with_it() -> None:
     stuck.close()
 
 
+def test_patience_without_end_is_patience_for_days(source: Path) -> None:
+    """The system's clocks know no more."""
+    with rude(Shelf()) as server:
+        assert sent(server.url, 2, source, seconds=1e30) == 0
+
+
 def test_a_bug_in_a_thread_is_not_lost() -> None:
     store = Fake()
     store.put_result = None  # type: ignore[assignment,method-assign]
