@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
 from forge.launching.farms import Farm, distcc_farm
-from forge.launching.icecream import icecc_farm
 from forge.launching.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -68,6 +67,8 @@ def _of_farm(launcher: Path, variables: Mapping[str, str]) -> Account:
         case "distcc":
             farm, problem = distcc_farm(launcher, variables)
         case "icecc":
+            from forge.launching.icecream import icecc_farm  # noqa: PLC0415  (others ask no server)
+
             farm, unsure = icecc_farm(variables)
         case _:
             return Account()

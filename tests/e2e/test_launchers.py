@@ -106,6 +106,32 @@ def test_ccache_gives_another_workspace_what_it_has(forge: Forge, tmp_path: Path
 
 
 @pytest.mark.needs("ccache")
+@pytest.mark.parametrize(("words", "hits"), [((), 0), (("--cache", "packages"), 1)])
+def test_debug_information_is_shared_where_it_names_no_folder(
+    forge: Forge, tree: Tree, words: tuple[str, ...], hits: int
+) -> None:
+    """Else a debugger would look for sources where another workspace is, or was."""
+    root = tree({f"{place}/{name}": text for place in "ab" for name, text in package("one").items()})
+    env = {"CCACHE_DIR": str(root / "cache")}
+    words = ("--compiler-launcher", "ccache", *words, "--cmake-args", "-DCMAKE_BUILD_TYPE=Debug")
+    for place, expected in (("a", 0), ("b", hits)):
+        out = forge("build", *words, cwd=root / place, env=env).out
+        assert f"ccache: {expected} of 1 compilation from the cache" in out
+    library = (root / "b/install/one/lib/libone.so").read_bytes()
+    assert str(root / "a").encode() not in library
+
+
+@pytest.mark.needs("ccache")
+def test_the_package_cache_has_a_package_whatever_compiled_it(forge: Forge, tree: Tree) -> None:
+    root = tree({f"{place}/{name}": text for place in "ab" for name, text in package("one").items()})
+    env = {"CCACHE_DIR": str(root / "cache"), "FORGE_CACHE_DIR": str(root / "packages")}
+    ran = forge("build", "--cache", "--compiler-launcher", "ccache", cwd=root / "a", env=env)
+    assert "ccache: 0 of 1 compilation from the cache" in ran.out
+    ran = forge("build", "--cache", cwd=root / "b", env=env)
+    assert "1 package came from the cache" in ran.out
+
+
+@pytest.mark.needs("ccache")
 def test_a_launcher_comes_and_goes_without_a_build_of_what_is_fresh(forge: Forge, tree: Tree) -> None:
     """It does not change what is made; what is built next, for whatever reason, is built with it."""
     root = tree({**package("one"), **package("two")})
