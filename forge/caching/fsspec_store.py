@@ -39,7 +39,7 @@ _BLOCK: Final = 1 << 18
 _BUCKETS: Final = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oss", "oci", "tos"})
 """What has no folders, and shows a file only when all of it is there; moving would be copying."""
 
-_USER: Final = re.compile(r"(?<=//)[^/@]*@")
+_USER: Final = re.compile(r"(?<=//)[^/]*@")
 
 
 class FsspecStore:

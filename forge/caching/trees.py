@@ -160,7 +160,7 @@ def tree_of(index: bytes) -> Tree:
             package=_text(said["package"]),
             leaves=tuple(_leaf_of(entry) for entry in said["leaves"]),
             folders=tuple(map(_safe, said["folders"])),
-            seconds=float(said["seconds"]),
+            seconds=_duration(said["seconds"]),
             bound=_text(said["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
         )
@@ -291,6 +291,13 @@ def _text(said: object) -> str:
     if not isinstance(said, str):
         raise TypeError("no text")
     return said
+
+
+def _duration(said: object) -> float:
+    seconds = float(said) if isinstance(said, int | float) else -1.0
+    if not 0 <= seconds < float("inf"):
+        raise ValueError("no duration")
+    return seconds
 
 
 def _number(said: object) -> int:

@@ -150,6 +150,21 @@ def test_whoever_waits_when_it_fails_waits_no_longer(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_leaving_is_no_fault_of_the_server(tmp_path: Path) -> None:
+    """After an interrupt nobody says that the server took too long."""
+    said: list[str] = []
+    with rude(lambda _: (60.0,)) as server:
+        remote = open_remote(server.url, seconds=20, writable=True, variables={}, report=said.append)
+        waiting = threading.Thread(target=remote.fetch, args=(DIGEST, tmp_path / "blob"))
+        waiting.start()
+        while not server.requests:
+            time.sleep(0.01)
+        remote.close()
+        waiting.join(5)
+        assert not waiting.is_alive()
+    assert said == []
+
+
 def test_many_slow_answers_are_a_fault_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("forge.caching.remote._FORGIVEN", 0.05)
     store, said = Fake(seconds=0.25), list[str]()
@@ -291,6 +306,12 @@ def test_waiting_ends_without_progress_and_goes_on_with_it() -> None:
     assert uploads.finish(0.3) == 4
     assert time.monotonic() - begun < 2
     stuck.close()
+
+
+def test_patience_without_end_is_patience_for_days(source: Path) -> None:
+    """The system's clocks know no more."""
+    with rude(Shelf()) as server:
+        assert sent(server.url, 2, source, seconds=1e30) == 0
 
 
 def test_a_bug_in_a_thread_is_not_lost() -> None:

@@ -205,11 +205,11 @@ def test_what_a_library_raises_is_told_without_passwords(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
-        raise RuntimeError("cannot reach sftp://me:secret@host/x\nand more")
+        raise RuntimeError("cannot reach sftp://me:sec@ret@host/x\nand more")
 
     monkeypatch.setattr(fsspec.get_filesystem_class("memory"), "open", fail)
     said: list[str] = []
-    url = "memory://me:secret@host/x"
+    url = "memory://me:sec@ret@host/x"
     store = open_remote(url, seconds=5, writable=True, variables={}, report=said.append)
     assert not store.fetch(DIGEST, tmp_path / "target")
     assert said == ["memory://host/x: RuntimeError: cannot reach sftp://host/x; it is not asked again"]
