@@ -138,10 +138,10 @@ def test_a_launcher_comes_and_goes_without_a_build_of_what_is_fresh(forge: Forge
     env = {"CCACHE_DIR": str(root / "cache")}
     assert forge("build", cwd=root, env=env).code == 0
     assert launcher_of(root, "one") == []
-    ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    ran = forge("build", "--mixin", "ccache", cwd=root, env=env)
     assert "Summary: 0 packages finished, 2 packages unchanged" in ran.out
     (root / "src/one/one_0.cpp").write_text("int changed;\n")
-    ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    ran = forge("build", "--mixin", "ccache", cwd=root, env=env)
     assert "Summary: 1 package finished, 1 package unchanged" in ran.out
     assert "ccache: 0 of 1 compilation from the cache" in ran.out
     assert launcher_of(root, "one") == ["/usr/bin/ccache", "ccache"]
