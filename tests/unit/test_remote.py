@@ -208,6 +208,7 @@ def test_a_url_that_is_none_is_a_mistake_of_the_user(url: str, words: str) -> No
     [
         ("s3", "s3fs", "pip install s3fs"),
         ("gs", "gcsfs", "pip install gcsfs"),
+        ("ssh", "paramiko", "pip install sshfs"),
         ("s3", "fsspec", r"ros-forge\[remote\]"),
     ],
 )
@@ -220,6 +221,20 @@ def test_a_library_that_is_missing_is_named(scheme: str, module: str, words: str
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert "forge.errors.EnvironmentFault" in ran.stderr
     assert re.search(words, ran.stderr)
+
+
+def test_no_server_is_believed_to_be_the_right_one_unseen(tmp_path: Path) -> None:
+    """The SSH of fsspec itself takes any key that a server shows."""
+    stand_in = "def __getattr__(name):\n    return type(name, (), {})\n"
+    (tmp_path / "paramiko.py").write_text(stand_in, encoding="utf-8")
+    script = (
+        "from forge.caching.remote import open_remote\n"
+        "open_remote('sftp://host/x', seconds=1, writable=True, variables={}, report=print)\n"
+    )
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, env=env)
+    assert "SSH believes every server" in ran.stderr
+    assert "pip install sshfs" in ran.stderr
 
 
 def sent(url: str, count: int, source: Path, seconds: float = 10, most: int = 4) -> int:
