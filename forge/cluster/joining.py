@@ -6,8 +6,6 @@ import contextlib
 import sys
 from typing import TYPE_CHECKING
 
-from forge.cluster.connection import FOLDER, connected
-from forge.cluster.model import Terms
 from forge.errors import EnvironmentFault, Problem, raise_if_any
 from forge.options import remote_cache
 from forge.preparation import force_of
@@ -27,6 +25,9 @@ if TYPE_CHECKING:
 @contextlib.contextmanager
 def joined(options: argparse.Namespace, kitchen: Kitchen, variables: Mapping[str, str]) -> Iterator[Line]:
     """Yield the line to the workers of the scheduler that the options name; raises EnvironmentFault."""
+    from forge.cluster.connection import connected  # noqa: PLC0415  (most builds have no cluster)
+    from forge.cluster.model import Terms  # noqa: PLC0415
+
     terms = Terms(options.jobs, options.memory_limit, kitchen.load_limit, tuple(options.worker_resources))
     programs = {name: said.rsplit(" ", 2)[0] for name, said in kitchen.tools}
     with connected(options.scheduler, kitchen.layout.build, programs, sys.executable) as cluster:
@@ -57,6 +58,7 @@ def remote_runner(
         from forge.cluster.dask_runner import DaskRunner  # noqa: PLC0415  (with the line)
 
         return DaskRunner(line, frame, layout)
+    from forge.cluster.connection import FOLDER  # noqa: PLC0415  (with the line)
     from forge.cluster.shipping_runner import ShippingRunner  # noqa: PLC0415  (with the line)
     from forge.cluster.sources import Stock  # noqa: PLC0415
     from forge.cluster.telling import manifesto  # noqa: PLC0415
