@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,8 @@ class Loopback:
     """A scheduler that runs, and the workers that were started for it."""
 
     folder: Path
+    hidden: Path | None = None
+    """A folder that workers find empty, as on a machine that has it not."""
     address: str = ""
     workers: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     _programs: list[subprocess.Popen[bytes]] = field(default_factory=list)
@@ -52,16 +55,16 @@ class Loopback:
         self.workers[name].kill()
         self.workers.pop(name).wait()
 
-    def holder(self, build: Path) -> str:
-        """Return the worker that runs something for a build folder."""
+    def holder(self, word: Path) -> str:
+        """Return the worker that runs a program whose command line has a path in it."""
         by_process = {program.pid: name for name, program in self.workers.items()}
-        for process in _processes_of(build):
+        for process in _naming(word):
             above = process
             while above > 1 and above not in by_process:
                 above = _parent(above)
             if above in by_process:
                 return by_process[above]
-        raise LookupError(build)
+        raise LookupError(word)
 
     def stop(self) -> None:
         """End everything."""
@@ -75,7 +78,7 @@ class Loopback:
     ) -> subprocess.Popen[bytes]:
         with (self.folder / f"{name}.log").open("wb") as log:
             program = subprocess.Popen(
-                (sys.executable, "-m", f"distributed.cli.{module}", *words),
+                (*self._apart(name), sys.executable, "-m", f"distributed.cli.{module}", *words),
                 cwd=self.folder,
                 env={**surroundings(self.folder), "PYTHONPATH": str(ROOT), **(env or {})},
                 stdin=subprocess.DEVNULL,
@@ -84,6 +87,13 @@ class Loopback:
             )
         self._programs.append(program)
         return program
+
+    def _apart(self, name: str) -> tuple[str, ...]:
+        """Return the words in front of a worker that must not see the hidden folder."""
+        if self.hidden is None or name == "scheduler":
+            return ()
+        script = f'mount -t tmpfs none {self.hidden} && exec "$@"'
+        return (*alone(), "sh", "-c", script, "sh")
 
     def _await(self, is_there: Callable[[], bool], name: str) -> None:
         until = time.monotonic() + _PATIENCE_SECONDS
@@ -96,10 +106,21 @@ class Loopback:
             time.sleep(0.05)
 
 
+@cache
+def alone() -> tuple[str, ...]:
+    """Return the words that start a program with mounts of its own; nothing where that is not allowed."""
+    for words in (("unshare", "-m"), ("unshare", "-Urm"), ("sudo", "-n", "unshare", "-m")):
+        with contextlib.suppress(OSError):
+            script = ("sh", "-c", "mount -t tmpfs none /mnt")
+            if subprocess.run((*words, *script), capture_output=True, check=False).returncode == 0:
+                return words
+    return ()
+
+
 @contextlib.contextmanager
-def loopback(folder: Path) -> Iterator[Loopback]:
+def loopback(folder: Path, hidden: Path | None = None) -> Iterator[Loopback]:
     """Yield a scheduler without workers, below a folder; end it with whatever was started."""
-    cluster = Loopback(folder)
+    cluster = Loopback(folder, hidden)
     try:
         cluster.start()
         yield cluster
@@ -109,11 +130,24 @@ def loopback(folder: Path) -> Iterator[Loopback]:
 
 def programs_of(build: Path) -> list[str]:
     """Return the command lines of what runs for a build folder."""
-    found = []
-    for process in _processes_of(build):
-        with contextlib.suppress(OSError):
-            found.append(Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\0", b" ").decode())
-    return found
+    return [_command(process) for process in _processes_of(build)]
+
+
+def programs_naming(word: Path) -> list[str]:
+    """Return the command lines that have a path in them."""
+    return [line for line in map(_command, _naming(word)) if line]
+
+
+def _naming(word: Path) -> list[int]:
+    found = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
+    return [process for process in found if str(word) in _command(process)]
+
+
+def _command(process: int) -> str:
+    try:
+        return Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+    except OSError:
+        return ""
 
 
 def _processes_of(build: Path) -> list[int]:

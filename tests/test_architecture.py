@@ -20,8 +20,8 @@ ROOT = Path(__file__).parents[1]
 
 FLOORS = {
     4: """
-        __main__ cli commands commands.* manner options package_options preparation testing.preparing
-        undertaking watching worker workspace caching.opening
+        __main__ cli cluster.joining cluster.telling commands commands.* manner options package_options
+        preparation testing.preparing undertaking watching worker workspace caching.opening
     """,
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
@@ -36,7 +36,7 @@ FLOORS = {
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
         caching caching.* cluster cluster.*
-        launching.accounts launching.farms
+        launching.accounts launching.farms launching.icecream
     """,
     2: """
         cmake_reading conditions constraints creation diagnosis environment formats freshness

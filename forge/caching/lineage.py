@@ -55,7 +55,7 @@ class Lineage:
 
     def _look(self, name: str, record: Record) -> str:
         try:
-            return survey(name, self._layout, record.files, self._places).digest
+            return survey(name, self._layout, record, self._places).digest
         except (Unfit, OSError):
             return unfit(record)
 

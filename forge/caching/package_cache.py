@@ -17,7 +17,7 @@ from forge.caching.lineage import Lineage, unfit
 from forge.caching.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
 from forge.caching.relocation import ODD
 from forge.caching.restoring import Contents, Planter
-from forge.caching.trees import Unfit, index_of, strays, survey, tree_of
+from forge.caching.trees import TICK, Unfit, index_of, strays, survey, tree_of
 from forge.errors import Problem
 from forge.frozen import frozen
 
@@ -127,6 +127,9 @@ class PackageCache:
             found = self._find_in(self._remote, key)
         self.notes[task.name] = RESTORED if found else self._why_not(key)
         (self.restored if found else self.missed).add(task.name)
+        if found:
+            # Another machine may have built it since it was missed.
+            self.missed.discard(task.name)
         return found
 
     def restore(self, task: Task, found: Found) -> tuple[str, ...]:
@@ -163,7 +166,7 @@ class PackageCache:
         since = min((held.began for held in self._held_back), default=0.0)
         found = strays(self._circle.layout.install, self._circle.records, since) if self._held_back else {}
         for held in self._held_back:
-            near = (path for path, at in found.items() if held.began - _TICK <= at <= held.ended + _TICK)
+            near = (path for path, at in found.items() if held.began - TICK <= at <= held.ended + TICK)
             stray = next(near, None)
             if stray is None:
                 self._publish(held)
@@ -226,20 +229,19 @@ class PackageCache:
             if index is None:
                 return None
             tree = tree_of(_whole(index))
-            large = {
-                leaf.hash: Digest(leaf.hash, leaf.size)
-                for leaf in tree.leaves
-                if leaf.offset < 0 and leaf.hash
-            }
-            descriptors = {}
-            for name, digest in {PACK: tree.pack, **large}.items():
-                descriptor = self._open(store, digest, opened) if digest else None
-                if descriptor is None:
-                    return None
-                descriptors[name] = os.dup(descriptor)
-            pack = descriptors.pop(PACK)
-            externals = tuple(self._circle.places.settled_word(path) for path in inputs.paths)
-            return Found(tree, Contents(pack, descriptors), externals)
+            pack = self._open(store, tree.pack, opened) if tree.pack else None
+            large = {}
+            for digest in {
+                Digest(leaf.hash, leaf.size) for leaf in tree.leaves if leaf.offset < 0 and leaf.hash
+            }:
+                large[digest.hash] = self._open(store, digest, opened)
+            descriptors = {name: number for name, number in large.items() if number is not None}
+            if pack is None or len(descriptors) < len(large):
+                return None
+            opened.pop_all()
+        os.close(index)
+        externals = tuple(self._circle.places.settled_word(path) for path in inputs.paths)
+        return Found(tree, Contents(pack, descriptors), externals)
 
     def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
         """Open a verified blob of the local folder, brought there from `store` if it is not."""
@@ -258,7 +260,7 @@ class PackageCache:
         draft = self._local.draft()
         try:
             with draft.open("xb") as pack:
-                tree = survey(task.name, self._circle.layout, record.files, self._circle.places, pack.write)
+                tree = survey(task.name, self._circle.layout, record, self._circle.places, pack.write)
             if self._circle.places.kind == ODD and not tree.bound:
                 tree = replace(
                     tree, bound="the path of the workspace has other signs than letters and blanks"
@@ -325,9 +327,6 @@ class PackageCache:
             hint = "packages are built instead; 'forge cache verify' looks for what is spoilt"
             self._warn(Problem(f"the cache: {fault}", hint=hint))
 
-
-_TICK = 0.05
-"""Seconds by which the clocks of files and of processes may differ."""
 
 KEPT, MISSED = "kept", "not in the cache"
 

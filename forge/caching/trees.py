@@ -20,7 +20,7 @@ from forge.caching.relocation import Bound
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from forge.caching.relocation import Places
@@ -32,6 +32,9 @@ LARGE = 1 << 20
 
 _SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
 """Rights that nothing restored may bring along."""
+
+TICK = 0.05
+"""Seconds by which the clocks of files and of processes may differ."""
 
 _VERSION = 1
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
@@ -90,17 +93,18 @@ class Unfit(Exception):  # noqa: N818  (it is told, and ends nothing)
 def survey(
     package: str,
     layout: Layout,
-    listed: Iterable[str],
+    record: Record,
     places: Places,
     pack: Callable[[bytes], object] = lambda _: None,
 ) -> Tree:
     """Read what a package installed, and hand the contents of its pack to `pack`, in order.
 
-    `listed` are absolute paths; in a prefix of its own all else belongs to the package, too, but for what
-    Python compiles for itself. Raises Unfit for what cannot be kept and OSError for what is not there.
+    Tools list its files; in a prefix of its own, what else appeared since its build began belongs to it, too,
+    but for what Python compiles for itself. Raises Unfit for what cannot be kept, such as a file of which
+    nobody knows whose it is, and OSError for what is not there.
     """
     prefix = str(layout.prefix(package))
-    names, folders = _below(prefix, listed, alone=not layout.merged)
+    names, folders = _below(prefix, record, alone=not layout.merged)
     leaves, offset, bound = [], 0, ""
     whole = hashlib.sha256()
     for name, is_listed in sorted(names.items()):
@@ -127,7 +131,7 @@ def strays(install: Path, records: Mapping[str, Record], since: float) -> dict[s
             folders.remove("__pycache__")
         for name in files if folder != str(install) else ():
             path = f"{folder}/{name}"
-            if path not in listed and (changed := os.lstat(path).st_ctime) >= since:
+            if path not in listed and (changed := os.lstat(path).st_ctime) >= since - TICK:
                 found[path[len(str(install)) + 1 :]] = changed
     return found
 
@@ -156,7 +160,7 @@ def tree_of(index: bytes) -> Tree:
             package=_text(said["package"]),
             leaves=tuple(_leaf_of(entry) for entry in said["leaves"]),
             folders=tuple(map(_safe, said["folders"])),
-            seconds=float(said["seconds"]),
+            seconds=_duration(said["seconds"]),
             bound=_text(said["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
         )
@@ -169,23 +173,23 @@ def tree_of(index: bytes) -> Tree:
     return tree
 
 
-def _below(prefix: str, listed: Iterable[str], *, alone: bool) -> tuple[dict[str, bool], tuple[str, ...]]:
+def _below(prefix: str, record: Record, *, alone: bool) -> tuple[dict[str, bool], tuple[str, ...]]:
     """Return the names of a package's files, each with whether tools list it, and of empty folders."""
     names: dict[str, bool] = {}
-    for path in listed:
+    for path in record.files:
         if not path.startswith(f"{prefix}/"):
             raise Unfit(f"it installs '{path}', outside of its prefix")
         names[path[len(prefix) + 1 :]] = True
-    if not alone:
-        return names, ()
     empty = []
-    for folder, folders, files in os.walk(prefix):
+    for folder, folders, files in os.walk(prefix) if alone else ():
         if "__pycache__" in folders:
             folders.remove("__pycache__")
         below = folder[len(prefix) + 1 :]
         links = [name for name in folders if os.path.islink(f"{folder}/{name}")]  # noqa: PTH114
-        for name in (*files, *links):
-            names.setdefault(f"{below}/{name}" if below else name, False)
+        for name in (f"{below}/{name}" if below else name for name in (*files, *links)):
+            if name not in names and os.lstat(f"{prefix}/{name}").st_ctime < record.began - TICK:
+                raise Unfit(f"'{name}' is in its prefix, and nobody knows who put it there")
+            names.setdefault(name, False)
         if not folders and not files and below:
             empty.append(below)
     return names, tuple(sorted(empty))
@@ -287,6 +291,13 @@ def _text(said: object) -> str:
     if not isinstance(said, str):
         raise TypeError("no text")
     return said
+
+
+def _duration(said: object) -> float:
+    seconds = float(said) if isinstance(said, int | float) else -1.0
+    if not 0 <= seconds < float("inf"):
+        raise ValueError("no duration")
+    return seconds
 
 
 def _number(said: object) -> int:

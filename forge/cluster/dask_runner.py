@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.cluster.line import Line
+    from forge.cluster.model import Knock
     from forge.layout import Layout
     from forge.model import Event, Task
     from forge.runner import Frame
@@ -54,7 +55,7 @@ class DaskRunner:
         lock = self._folder / f"{task.name}.lock"
         seen = dict(environment)
 
-        def errand(attempts: int) -> Errand:
+        def errand(attempts: int, _knock: Knock) -> Errand:
             if attempts:
                 seen.update(self._begin_again(task, lock))
             return Errand(task, seen, self._line.terms, lock)

@@ -8,21 +8,23 @@ import threading
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from forge.cluster.model import FINISH, INTERRUPT, KILL, Knock
+from forge.cluster.model import FINISH, INTERRUPT, KILL, Knock, Lacks
 from forge.cluster.post import Post
-from forge.cluster.remote_task import attend, forget, hand_over, tell
+from forge.cluster.remote_task import attend, forget, hand_over, supply, tell
 from forge.errors import EnvironmentFault, Problem
 from forge.model import Aborted, Finished, Output
 from forge.runner import GRACE_SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from distributed import Future
 
     from forge.cluster.connection import Cluster
     from forge.cluster.model import Errand, Terms
     from forge.cluster.post import Box
+    from forge.cluster.sources import Stock
     from forge.model import Event
 
 _GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
@@ -41,16 +43,18 @@ class Line:
         self.cluster = cluster
         self.terms = terms
         self.topic = f"forge-{uuid.uuid4().hex}"
+        self.stock: Stock | None = None
+        """The archives of sources, where workers do not see our folders."""
         self.word = ""
         """What all were told last; empty while the build goes on."""
         self._client = cluster.client
         self._post = Post()
         self._client.subscribe_topic(self.topic, self._post.deliver)
 
-    def events(self, name: str, errand: Callable[[int], Errand]) -> Iterator[Event]:
+    def events(self, name: str, errand: Callable[[int, Knock], Errand]) -> Iterator[Event]:
         """Have a task carried out by some worker and yield what happens, the last a Finished or an Aborted.
 
-        `errand` is asked when a worker takes the task up, with the number of attempts before: there is a
+        `errand` is asked when a worker knocks for the task, with the number of attempts before: there is a
         further one when a worker died.
         """
         key = f"{self.topic}-{name}"
@@ -71,6 +75,19 @@ class Line:
         with contextlib.suppress(OSError, TimeoutError):
             self._client.run(hand_over, knock.visit, packed, workers=[knock.address])
 
+    def digest(self, source: Path) -> str:
+        """Return the digest of the archive of a package's folder; raises Unshippable."""
+        assert self.stock is not None  # noqa: S101  (else nobody asks)
+        return self.stock.digest(source)
+
+    def supply(self, lacks: Lacks) -> None:
+        """Give a worker the archives that it lacks, piece by piece."""
+        assert self.stock is not None  # noqa: S101  (else nobody speaks of archives)
+        with contextlib.suppress(OSError, TimeoutError):
+            for digest in lacks.digests:
+                for piece, last in self.stock.pieces(digest):
+                    self._client.run(supply, lacks.visit, digest, piece, last=last, workers=[lacks.address])
+
     def finish_steps(self) -> None:
         """Let running steps end, and nothing begin."""
         if not self.word:
@@ -85,6 +102,8 @@ class Line:
 
     def close(self) -> None:
         """Let the scheduler forget what was said."""
+        if self.stock:
+            self.stock.close()
         with contextlib.suppress(Exception):  # whatever it is, the build has ended
             self._client.unsubscribe_topic(self.topic)
             self._client.run_on_scheduler(forget, self.topic)
@@ -98,6 +117,7 @@ class Line:
             pure=False,
             retries=_FURTHER_TRIES,
             resources=dict(self.terms.resources) or None,
+            workers=list(self.cluster.fit) or None,
         )
         future.add_done_callback(lambda _: box.note(_ENDED))
         return future
@@ -117,7 +137,7 @@ class Call:
     """One task on its way through the cluster."""
 
     def __init__(
-        self, line: Line, name: str, errand: Callable[[int], Errand], box: Box, future: Future[Any]
+        self, line: Line, name: str, errand: Callable[[int, Knock], Errand], box: Box, future: Future[Any]
     ) -> None:
         """Begin before any worker has the task."""
         self._line = line
@@ -134,6 +154,9 @@ class Call:
             letter = self._box.get()
             if isinstance(letter, Knock):
                 said = self._receive(letter)
+            elif isinstance(letter, Lacks):
+                self._line.supply(letter)
+                said = ()
             elif isinstance(letter, str):
                 said = self._heed(letter)
             else:
@@ -155,7 +178,7 @@ class Call:
         before, self._host = self._host, knock.host
         said = f"the worker on {before} was lost; '{self._name}' begins again on {knock.host}"
         self._box.follow(knock.visit)
-        errand = self._errand(self._attempts)
+        errand = self._errand(self._attempts, knock)
         self._attempts += 1
         self._line.hand_over(knock, errand)
         return (self._told(said),) if before else ()

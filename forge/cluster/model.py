@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from forge.capacity import MemoryLimit
     from forge.model import Task
 
 FINISH, INTERRUPT, KILL = "finish", "interrupt", "kill"
 """Words to what runs steps on a worker: end after this step, end now, end at once."""
+
+
+MACHINE = frozenset(
+    """HOME USER LOGNAME HOSTNAME SHELL TMPDIR TMP TEMP PWD OLDPWD DISPLAY XDG_RUNTIME_DIR XDG_CACHE_HOME
+    SSH_AUTH_SOCK SSH_CONNECTION TERM COLUMNS LINES
+    """.split()  # noqa: SIM905  (as in freshness)
+)
+"""Variables that a worker without our folders has of its own, whatever they are here."""
 
 
 @frozen
@@ -73,20 +80,37 @@ class Errand:
 
 @frozen
 class Parcel:
-    """Sources for a worker without our folders: archives by digest, each with where it belongs.
+    """Sources for a worker without our folders.
 
-    `workspace` is the name of the folder, of the worker's own, in which they are laid out.
+    `packages` are archives by their SHA-256, each behind the folder in the workspace where it belongs;
+    `texts` are further files there. `workspace` tells workspaces apart. The worker says what its own
+    `folder` for all that is, and where its `archives` lie.
     """
 
     workspace: str
-    archives: tuple[tuple[str, str], ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
+    packages: tuple[tuple[str, str], ...] = ()
+    texts: tuple[tuple[str, str], ...] = ()
+    folder: Path = Path()
+    archives: Path = Path()
 
 
 @frozen
 class Knock:
-    """A worker has taken a task up, and asks for its errand; `visit` is this attempt and no other."""
+    """A worker has taken a task up, and asks for its errand; `visit` is this attempt and no other.
+
+    `folder` is where it would lay out sources.
+    """
 
     visit: str
     address: str
     host: str
+    folder: str
+
+
+@frozen
+class Lacks:
+    """A worker has an errand, and asks for archives that it needs."""
+
+    visit: str
+    address: str
+    digests: tuple[str, ...]

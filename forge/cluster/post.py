@@ -12,7 +12,7 @@ from forge.errors import EnvironmentFault, Problem
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from forge.cluster.model import Knock
+    from forge.cluster.model import Knock, Lacks
     from forge.model import Event
 
 
@@ -33,7 +33,7 @@ class Box:
         """Add a word of our own."""
         self.put("", 0, word)
 
-    def get(self) -> Event | Knock | str:
+    def get(self) -> Event | Knock | Lacks | str:
         """Wait for the next letter that still matters: a knock, an event of the visit that counts, or ours.
 
         Raises EnvironmentFault when one was lost on the way.

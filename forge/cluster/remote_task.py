@@ -8,21 +8,27 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
+import itertools
 import os
 import pickle
 import sys
 import uuid
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.cluster.attendant import LENGTH, framed
-from forge.cluster.model import INTERRUPT, Knock, Surveyed
+from forge.cluster.model import INTERRUPT, MACHINE, Knock, Lacks, Surveyed
 from forge.cluster.sharing import Share
 from forge.cluster.surveying import host_name, sees, traits_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from distributed import Scheduler, Worker
 
-    from forge.cluster.model import Errand
+    from forge.cluster.model import Errand, Parcel
 
 _LOOK_SECONDS = 0.5
 """How often a task looks whether anybody still wants it."""
@@ -41,9 +47,19 @@ class Visit:
         self.topic = topic
         self.errand: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self.words: asyncio.Queue[str] = asyncio.Queue()
+        self.lacking: set[str] = set()
+        self.supplied = asyncio.Event()
+        taken = {other.slot for other in _visits.values()}
+        self.slot: int = next(number for number in itertools.count() if number not in taken)
+        self.home = Path(worker.local_directory, "forge")
         self._worker = worker
         self._key = key
         self._sent = 0
+
+    @property
+    def address(self) -> str:
+        """The address of the worker."""
+        return self._worker.address
 
     @property
     def wanted(self) -> bool:
@@ -66,12 +82,16 @@ async def attend(topic: str, key: str) -> None:
     _visits[visit.name] = visit
     watch = asyncio.ensure_future(_watch(visit))
     try:
-        knock = Knock(visit.name, worker.address, host_name())
+        knock = Knock(visit.name, worker.address, host_name(), str(visit.home / str(visit.slot)))
         visit.send(pickle.dumps((key, knock)))
         waiting: set[asyncio.Future[Any]] = {visit.errand, watch}
         await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
         if visit.errand.done():
-            await _carry_out(visit, visit.errand.result(), worker)
+            errand: Errand = pickle.loads(visit.errand.result())  # noqa: S301  (a client may run anything here)
+            if errand.parcel is not None:
+                errand = await _stocked(visit, errand, errand.parcel, watch)
+            if not watch.done():
+                await _carry_out(visit, errand, worker)
     finally:
         watch.cancel()
         del _visits[visit.name]
@@ -98,6 +118,26 @@ async def hand_over(visit: str, errand: bytes) -> bool:
     return found is not None
 
 
+async def supply(visit: str, digest: str, piece: bytes, *, last: bool) -> bool:
+    """Give a visit a piece of an archive that it lacks; tell if it is here. The client calls this, too."""
+    found = _visits.get(visit)
+    if found is None:
+        return False
+    draft = found.home / "archives" / f"{digest}.{visit}"
+    with draft.open("ab") as archive:
+        archive.write(piece)
+    if last:
+        said = await asyncio.to_thread(_digest_of, draft)
+        if said != digest:
+            draft.unlink()
+            raise ValueError(f"an archive of sources came as {said}, not as {digest}")
+        draft.rename(draft.with_name(digest))
+        found.lacking.discard(digest)
+        if not found.lacking:
+            found.supplied.set()
+    return True
+
+
 async def tell(topic: str, word: str, visit: str = "") -> int:
     """Pass a word on to the visits of a build, or to one; return to how many."""
     found = [one for one in _visits.values() if one.topic == topic and visit in {"", one.name}]
@@ -119,8 +159,35 @@ async def _watch(visit: Visit) -> None:
     visit.words.put_nowait(INTERRUPT)
 
 
-async def _carry_out(visit: Visit, packed: bytes, worker: Worker) -> None:
-    errand: Errand = pickle.loads(packed)  # noqa: S301  (of the client, which may run anything here)
+async def _stocked(visit: Visit, errand: Errand, parcel: Parcel, watch: asyncio.Future[None]) -> Errand:
+    """Wait for archives that are not here; return the errand with the places that this worker has for it."""
+    archives = visit.home / "archives"
+    archives.mkdir(parents=True, exist_ok=True)
+    visit.lacking = {digest for _, digest in parcel.packages if not (archives / digest).is_file()}
+    if visit.lacking:
+        visit.send(pickle.dumps(Lacks(visit.name, visit.address, tuple(sorted(visit.lacking)))))
+        waiting: set[asyncio.Future[Any]] = {asyncio.ensure_future(visit.supplied.wait()), watch}
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+    folder = visit.home / str(visit.slot) / parcel.workspace
+    here = replace(parcel, folder=folder, archives=archives)
+    step = errand.task.steps[0]
+    step = replace(step, argv=(sys.executable, *step.argv), cwd=folder)
+    task = replace(errand.task, steps=(step,), build_dir=folder / ".forge_errand")
+    return replace(errand, task=task, environment=_settled(errand.environment), parcel=here)
+
+
+def _settled(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return an environment of the client's with what is this machine's own business."""
+    own = {name: value for name, value in os.environ.items() if name in MACHINE}
+    path = (environment.get("PATH", ""), os.environ.get("PATH", ""))
+    return {**environment, **own, "PATH": os.pathsep.join(filter(None, path))}
+
+
+def _digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+async def _carry_out(visit: Visit, errand: Errand, worker: Worker) -> None:
     share = _shares.setdefault(visit.topic, Share(errand.terms.jobs, worker.state.nthreads))
     styles = await asyncio.to_thread(share.prepare, errand.environment)
     with share.taken() as pool:
@@ -134,7 +201,7 @@ async def _carry_out(visit: Visit, packed: bytes, worker: Worker) -> None:
             start_new_session=True,
         )
         assert process.stdin is not None  # noqa: S101  (asked for above)
-        process.stdin.write(framed(packed))
+        process.stdin.write(framed(pickle.dumps(errand)))
         passing = asyncio.ensure_future(_pass_words(visit, process.stdin))
         try:
             await _pass_letters(visit, process)

@@ -38,38 +38,29 @@ scenarios in which all of the work is forge's own."""
 _MOST = 12
 _TICK = os.sysconf("SC_CLK_TCK")
 _CHECKOUT = Path(__file__).parents[2]
-_SHARED = ("forge/", "lib/")
 
 
 def profiles(sitting: Sitting) -> dict[str, Any]:
     """Return all profiles by their titles."""
-    kind, size = ament(sitting), sitting.size(100)
-    cold = replace(kind.tool(sitting, "forge", forge_build(), size), before=REMOVE)
-    nothing = PLAIN.built(sitting, "forge", forge_build("--merge-install"), sitting.size(1000))
-    messages = sitting.size(1000)
-    definitions = write_definitions(sitting.new_folder("profiled") / "bench_msgs", messages)
+    kind, size, large = ament(sitting), sitting.size(100), sitting.size(1000)
+    cold = kind.tool(sitting, "forge", forge_build(), size)
+    programs = _programs(cold.argv, cold.cwd, cold.env)
+    run(REMOVE, cold.cwd)
+    build, merged = (*QUIET, "build"), (*QUIET, "build", "--merge-install")
+    nothing = PLAIN.built(sitting, "forge", forge_build("--merge-install"), large)
+    definitions = write_definitions(sitting.new_folder("profiled") / "bench_msgs", large)
     words = ("interface", "generate", "--package", "bench_msgs", "--lang", "python", "--lang", "cpp")
-    build = (*QUIET, "build")
+    generate = (*words, "--output", "profiled", str(definitions))
     return {
-        f"Build of {size} packages from nothing: programs": _programs(cold.argv, cold.cwd, cold.env),
+        f"Build of {size} packages from nothing: programs": programs,
         f"Build of {size} packages from nothing: forge itself": _functions(build, cold.cwd, cold.env),
-        f"Build with nothing changed in {nothing_words(sitting)}": _functions(
-            (*build, "--merge-install"), nothing.cwd, {}
-        ),
-        f"{messages:,} messages to Python and C++": _functions(
-            (*words, "--output", "profiled", str(definitions)), definitions.parent, {}
-        ),
+        f"Build with nothing changed in {large:,} packages": _functions(merged, nothing.cwd, {}),
+        f"{large:,} messages to Python and C++": _functions(generate, definitions.parent, {}),
     }
-
-
-def nothing_words(sitting: Sitting) -> str:
-    """Return how many packages have nothing to do."""
-    return f"{sitting.size(1000):,} packages"
 
 
 def _programs(argv: Sequence[str], cwd: Path, variables: Mapping[str, str]) -> dict[str, Any]:
     """Run a command line and return the seconds that each program of its tree worked."""
-    run(REMOVE, cwd)
     worked: dict[int, tuple[str, float]] = {}
     start = time.monotonic()
     process = subprocess.Popen(

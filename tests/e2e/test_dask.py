@@ -8,11 +8,12 @@ import signal
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import pytest
 
-from tests.clusters import Loopback, loopback, programs_of
+from tests import nginx
+from tests.clusters import Loopback, alone, loopback, programs_naming, programs_of
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT, surroundings
@@ -20,6 +21,8 @@ from tests.snippets import ROOT, surroundings
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
+
+    from tests.conftest import Forge, Tree
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 
@@ -59,6 +62,12 @@ def library(name: str, *needs: str) -> dict[str, str]:
     }
 
 
+def plain(name: str, *needs: str) -> dict[str, str]:
+    """Return a package of one file that no compiler sees."""
+    body = f"install(FILES here.txt DESTINATION share/{name})\n"
+    return {**cmake(name, body, *needs), f"src/{name}/here.txt": f"{name}\n"}
+
+
 def python(name: str, *needs: str) -> dict[str, str]:
     """Return a package of Python."""
     depends = "".join(f"<depend>{need}</depend>" for need in needs)
@@ -79,30 +88,33 @@ def write(root: Path, files: Mapping[str, str]) -> Path:
 
 
 class Workspace:
-    """A workspace that is built here and there, by a forge of its own process."""
+    """A workspace that is built here and there."""
+
+    forge: ClassVar[Forge | None] = None
 
     def __init__(self, home: Path, cluster: Loopback, *options: str) -> None:
         """Remember where it is and how it is built on the cluster."""
         self.home = home
         self.options = ("--executor", "dask", "--scheduler", cluster.address, *options)
 
-    def start(self, *words: str) -> subprocess.Popen[str]:
+    def start(self, *words: str, env: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
         """Start a build."""
         return subprocess.Popen(
             (sys.executable, "-m", "forge", "build", *words),
             cwd=self.home,
-            env={**surroundings(self.home.parent), "PYTHONPATH": str(ROOT)},
+            env={**surroundings(self.home.parent), "PYTHONPATH": str(ROOT), **(env or {})},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
         )
 
-    def build(self, *words: str, code: int = 0) -> str:
-        """Build on the cluster to the end; return what was said."""
-        process = self.start(*self.options, *words)
-        said, _ = process.communicate(timeout=120)
-        assert process.returncode == code, said
-        return said
+    def build(self, *words: str, code: int = 0, env: Mapping[str, str] | None = None) -> str:
+        """Build on the cluster to the end, in this process; return what was said."""
+        assert Workspace.forge is not None
+        variables = {"PYTHONPATH": str(ROOT), **(env or {})}
+        ran = Workspace.forge("build", *self.options, *words, cwd=self.home, env=variables)
+        assert ran.code == code, ran.out + ran.err
+        return ran.out + ran.err
 
     def clean(self) -> Mapping[str, tuple[str, ...]]:
         """Return what a build here, of the same sources in the same folder, installs."""
@@ -116,6 +128,12 @@ class Workspace:
         shutil.rmtree(self.home)
         parked.rename(self.home)
         return found
+
+
+@pytest.fixture(autouse=True)
+def _this_process(forge: Forge) -> None:
+    """Let builds that nobody interrupts run here, where Dask is loaded once."""
+    Workspace.forge = forge
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +186,7 @@ def test_output_comes_live_whole_and_in_order(cluster: Loopback, tmp_path: Path)
 
 def test_a_package_that_fails_says_so_as_it_does_here(cluster: Loopback, tmp_path: Path) -> None:
     broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
-    files = {**broken, **library("above", "bad"), **library("other")}
+    files = {**broken, **plain("above", "bad"), **plain("other")}
     workspace = Workspace(write(tmp_path / "ws", files), cluster)
     there = workspace.build("--continue-on-error", code=1)
     shutil.rmtree(workspace.home / "build")
@@ -214,11 +232,11 @@ def test_a_client_that_is_killed_leaves_nothing_running_for_long(cluster: Loopba
 
 def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_path: Path) -> None:
     flag = tmp_path / "flag"
-    files = {**slow("a", flag), **library("b", "a"), **library("c")}
+    files = {**slow("a", flag), **plain("b", "a"), **plain("c")}
     workspace = Workspace(write(tmp_path / "ws", files), cluster)
     process = workspace.start(*workspace.options)
     until(flag.exists)
-    victim = cluster.holder(workspace.home / "build")
+    victim = cluster.holder(flag)
     cluster.kill(victim)
     said, _ = process.communicate(timeout=60)
     cluster.add(f"{victim} again")
@@ -226,3 +244,194 @@ def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_p
     assert "was lost; 'a' begins again on" in said
     assert differences(look(workspace.home / "install"), workspace.clean()) == []
     assert programs_of(workspace.home / "build") == []
+
+
+@pytest.fixture(scope="module")
+def apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Loopback, nginx.Nginx, Path]]:
+    """Two workers that do not see the folder that is returned, and the cache by which results come back."""
+    if not alone():
+        pytest.skip("no program may have mounts of its own here")
+    hidden = tmp_path_factory.mktemp("hidden")
+    with (
+        loopback(tmp_path_factory.mktemp("apart"), hidden) as cluster,
+        nginx.serving(tmp_path_factory.mktemp("cache")) as server,
+    ):
+        cluster.add("one")
+        cluster.add("two")
+        yield cluster, server, hidden
+
+
+@pytest.fixture
+def elsewhere(
+    apart: tuple[Loopback, nginx.Nginx, Path], request: pytest.FixtureRequest
+) -> Callable[[Mapping[str, str]], Workspace]:
+    """Return what makes a workspace that no worker sees."""
+    cluster, server, hidden = apart
+    home = hidden / str(request.node.name)
+
+    def make(files: Mapping[str, str]) -> Workspace:
+        options = ("--remote-cache", server.url, "--cache", str(home / "cache"))
+        return Workspace(write(home / "ws", files), cluster, *options)
+
+    return make
+
+
+def test_workers_without_our_folders_build_what_is_built_here(
+    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
+) -> None:
+    files = {**library("a"), **plain("b"), **library("c", "a", "b"), **python("d", "c")}
+    workspace = elsewhere(files)
+    said = workspace.build()
+    assert "Summary: 4 packages finished" in said
+    assert "4 packages came from the cache" in said
+    assert "stderr" not in said
+    assert differences(look(workspace.home / "install"), workspace.clean()) == []
+    assert "Summary: 0 packages finished" in workspace.build()
+    assert [line for line in apart[1].requests() if line.startswith("PUT /ac/")]
+
+
+def test_a_worker_without_our_folders_that_is_killed_is_replaced_by_another(
+    apart: tuple[Loopback, nginx.Nginx, Path],
+    elsewhere: Callable[[Mapping[str, str]], Workspace],
+    tmp_path: Path,
+) -> None:
+    cluster, flag = apart[0], tmp_path / "flag"
+    workspace = elsewhere({**slow("a", flag), **plain("b", "a"), **plain("c")})
+    process = workspace.start(*workspace.options)
+    until(flag.exists)
+    victim = cluster.holder(flag)
+    cluster.kill(victim)
+    said, _ = process.communicate(timeout=60)
+    cluster.add(f"{victim} again")
+    assert process.returncode == 0, said
+    assert "was lost; 'a' begins again on" in said
+    assert "3 packages came from the cache" in said
+    assert differences(look(workspace.home / "install"), workspace.clean()) == []
+
+
+def test_a_failure_without_our_folders_is_told_as_one_here(
+    elsewhere: Callable[[Mapping[str, str]], Workspace],
+) -> None:
+    broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
+    workspace = elsewhere({**broken, **plain("above", "bad")})
+    there = workspace.build(code=1)
+    shutil.rmtree(workspace.home / "build")
+    shutil.rmtree(workspace.home / "install")
+    process = workspace.start()
+    here, _ = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert _failure(there) == _failure(here)
+    assert f"{workspace.home}/src/bad/two.cpp:1" in there
+
+
+def test_ctrl_c_ends_what_runs_in_other_folders(
+    elsewhere: Callable[[Mapping[str, str]], Workspace], tmp_path: Path
+) -> None:
+    flag = tmp_path / "flag"
+    workspace = elsewhere(slow("a", flag, 60))
+    process = workspace.start(*workspace.options)
+    until(flag.exists)
+    assert programs_naming(flag)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=20)
+    assert process.returncode == 130, said
+    assert "1 package aborted: a" in said
+    assert programs_naming(flag) == []
+
+
+def test_what_holds_its_path_is_built_here(elsewhere: Callable[[Mapping[str, str]], Workspace]) -> None:
+    bound = {
+        **cmake("a", "add_library(a SHARED a.c)\ninstall(TARGETS a)\n", languages="C"),
+        "src/a/a.c": "const char *where(void) { return WHERE; }\n",
+    }
+    bound["src/a/CMakeLists.txt"] += 'target_compile_definitions(a PRIVATE WHERE="${CMAKE_BINARY_DIR}")\n'
+    workspace = elsewhere({**bound, **plain("b", "a"), **plain("c")})
+    said = workspace.build("--event-handlers", "console_direct+")
+    assert "forge: 'a' is built here: " in said
+    assert "the path of the build folder" in said
+    assert "forge: 'b' is built here: it needs 'a', which was" in said
+    assert "1 package came from the cache" in said
+    assert differences(look(workspace.home / "install"), workspace.clean()) == []
+
+
+def test_only_what_changed_is_shipped_again(
+    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
+) -> None:
+    workspace = elsewhere({**plain("a"), **plain("b", "a"), **plain("c", "b")})
+    workspace.build()
+    archives = set((apart[0].folder).rglob("forge/archives/*"))
+    write(workspace.home, {"src/c/here.txt": "other\n"})
+    said = workspace.build()
+    assert "1 package finished, 2 packages unchanged" in said
+    new = {path.name for path in set(apart[0].folder.rglob("forge/archives/*")) - archives}
+    assert len(new - {path.name for path in archives}) == 1
+
+
+def test_workers_without_our_folders_need_a_cache_between(
+    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
+) -> None:
+    workspace = elsewhere(plain("a"))
+    workspace.options = workspace.options[:4]
+    said = workspace.build(code=2)
+    assert "error: the workers do not see the build folder\nhint: give '--remote-cache URL'" in said
+    said = workspace.build("--remote-cache", apart[1].url, "--symlink-install", "--force", code=2)
+    assert "can link to sources here" in said
+    assert "'--force' has no effect" in said
+
+
+def test_a_worker_with_other_programs_is_told_of(
+    elsewhere: Callable[[Mapping[str, str]], Workspace],
+) -> None:
+    workspace = elsewhere(plain("a"))
+    program = workspace.home / "bin" / "cmake"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec {shutil.which("cmake")} "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    path = os.pathsep.join((str(program.parent), surroundings(workspace.home.parent)["PATH"]))
+    said = workspace.build(code=2, env={"PATH": path})
+    assert said.count(f"is not asked: '{program}' is not there") == 2
+
+
+def test_a_first_worker_is_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "cluster").mkdir()
+    with loopback(tmp_path / "cluster") as cluster:
+        workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster)
+        process = workspace.start(*workspace.options)
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        assert first == f"waiting for a worker at {cluster.address}, for 60 seconds at most\n"
+        cluster.add("late")
+        said, _ = process.communicate(timeout=60)
+        assert process.returncode == 0, said
+
+
+def test_what_is_missing_is_said(tree: Tree, forge: Forge) -> None:
+    root = tree(plain("a"))
+    ran = forge("build", "--executor", "dask", cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith("error: '--executor dask' needs '--scheduler ADDRESS'\nhint: ")
+    ran = forge("test", "--executor", "dask", cwd=root)
+    assert ran.code == 2
+    assert "invalid choice: 'dask'" in ran.err
+
+
+def test_a_scheduler_that_does_not_answer_is_said(tmp_path: Path) -> None:
+    workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
+    hasty = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "500ms"}
+    process = workspace.start(*workspace.options, env=hasty)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert said.startswith("error: no scheduler answers at 'tcp://127.0.0.1:9': ")
+    assert len(said.splitlines()) == 2, said
+    said = Workspace(workspace.home, Loopback(tmp_path, address="what is this")).build(code=2, env=hasty)
+    assert said.startswith("error: no scheduler answers at 'what is this': ")
+
+
+def test_without_dask_the_way_to_get_it_is_said(tmp_path: Path) -> None:
+    write(tmp_path / "absent", {"distributed.py": "raise ImportError\n"})
+    workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
+    path = os.pathsep.join((str(tmp_path / "absent"), str(ROOT)))
+    process = workspace.start(*workspace.options, env={"PYTHONPATH": path})
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert said == "error: '--executor dask' needs Dask\nhint: pip install 'ros-forge[dask]'\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import stat
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from forge.caching.relocation import Places
 from forge.caching.restoring import Contents, Planter
 from forge.caching.trees import LARGE, Tree, Unfit, index_of, survey, tree_of
 from forge.layout import Layout
+from forge.model import Parts, Record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,10 +34,11 @@ def installed(root: Path, files: Mapping[str, bytes]) -> Layout:
     return layout
 
 
-def surveyed(layout: Layout, pack: Path, listed: tuple[str, ...] = ()) -> Tree:
+def surveyed(layout: Layout, pack: Path, listed: tuple[str, ...] = (), began: float = 0.0) -> Tree:
     """Return the tree of 'a', with its pack in a file."""
     with pack.open("wb") as stream:
-        return survey("a", layout, listed, Places(layout.install.parent, layout), stream.write)
+        record = Record(Parts(), files=listed, began=began)
+        return survey("a", layout, record, Places(layout.install.parent, layout), stream.write)
 
 
 def planted(tree: Tree, pack: Path, source: Path, root: Path) -> Layout:
@@ -110,6 +113,15 @@ def test_what_nobody_may_restore_is_not_kept(tmp_path: Path) -> None:
         surveyed(installed(tmp_path / "b", {}), tmp_path / "pack", ("/etc/passwd",))
 
 
+def test_a_file_from_before_the_build_is_somebody_elses(tmp_path: Path) -> None:
+    layout = installed(tmp_path, {"share/a/notes.txt": b"mine"})
+    assert surveyed(layout, tmp_path / "pack").leaves
+    with pytest.raises(Unfit, match="nobody knows who put it there"):
+        surveyed(layout, tmp_path / "pack", began=time.time() + 1)
+    listed = (f"{layout.prefix('a')}/share/a/notes.txt",)
+    assert surveyed(layout, tmp_path / "pack", listed, time.time() + 1).leaves
+
+
 def test_what_python_compiled_for_itself_is_left_out(tmp_path: Path) -> None:
     layout = installed(tmp_path, {"lib/m.py": b"", "lib/__pycache__/m.cpython-311.pyc": bytes(tmp_path)})
     assert [leaf.path for leaf in surveyed(layout, tmp_path / "pack").leaves] == ["lib/m.py"]
@@ -164,6 +176,8 @@ def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) ->
         index(pack={"hash": "X" * 64, "size": 1}),
         index(pack=None),
         index(seconds="soon"),
+        index(seconds=float("nan")),
+        index(seconds=10**400),
     ],
 )
 def test_an_index_that_is_none_or_unsafe_is_refused(content: bytes) -> None:

@@ -21,6 +21,7 @@ from hypothesis import HealthCheck, given, settings
 from forge.files import write_if_changed
 from forge.interfaces import python_cdr, python_package
 from forge.interfaces.loading import load
+from forge.interfaces.model import Catalog
 from forge.interfaces.unfolding import LARGE
 from tests.conftest import GOLDEN, Golden
 from tests.generated import catalog_of, generate_embedded, importable, probe_catalog, run_python
@@ -741,3 +742,23 @@ def test_serializers_read_as_if_written_by_hand(golden: Golden) -> None:
 def test_rendering_twice_gives_the_same_text() -> None:
     catalog = catalog_of("vectors", DEFINITIONS)
     assert list(python_package.files(catalog)) == list(python_package.files(catalog))
+
+
+class _Walked(dict[Any, Any]):
+    """A mapping that counts how often somebody goes through all of it."""
+
+    walks = 0
+
+    def __iter__(self) -> Iterator[Any]:
+        self.walks += 1
+        return super().__iter__()
+
+
+def test_a_module_of_a_large_package_is_not_made_by_going_through_the_package() -> None:
+    """Else the time for a package would grow with the square of its size."""
+    catalog = catalog_of("p", {f"msg/M{number}.msg": "int8 a" for number in range(30)})
+    known = _Walked(catalog.known)
+    module = python_cdr.interface_files(Catalog("p", catalog.interfaces, known, catalog.sources))
+    for interface in catalog.interfaces.values():
+        list(module(interface))
+    assert known.walks <= 1
