@@ -357,6 +357,11 @@ def test_a_cluster_within_this_process_builds(forge: Forge, tree: Tree) -> None:
             )
         }
     )
+    program = "for _ in range(150): print('0123456789\\\\n' * 10000, end='', flush=True)"
+    flood = (
+        lists.format("a")
+        + f'add_custom_target(talk ALL COMMAND "{sys.executable}" -c "{program}" VERBATIM)\n'
+    )
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with LocalCluster(
         n_workers=1,
@@ -375,5 +380,11 @@ def test_a_cluster_within_this_process_builds(forge: Forge, tree: Tree) -> None:
         ran = forge("build", "--executor", "dask", "--scheduler", address, cwd=root)
         assert ran.code == 1
         assert "first error in step " in ran.err
+        # More than may be under way at a time.
+        (root / "src/a/CMakeLists.txt").write_text(flood, encoding="utf-8")
+        ran = forge("build", "--executor", "dask", "--scheduler", address, cwd=root)
+        assert ran.code == 0, ran.err
+        log = root / "log/latest_build/a/stdout.log"
+        assert log.read_bytes().count(b"0123456789\n") == 1_500_000
         while remote_task._visits:  # noqa: SLF001  (the last attendant ends a moment after its last word)
             time.sleep(0.01)
