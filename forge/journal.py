@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import json
 import time
-from dataclasses import asdict, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from forge.files import naming, replace_file
@@ -145,7 +145,10 @@ class Journal:
             self._externals.setdefault(path, len(self._externals))
 
     def _written(self, name: str, record: Record) -> Mapping[str, object]:
-        said = asdict(record)
+        # Not asdict(), which copies every word of a record that is written at once.
+        said = {field.name: getattr(record, field.name) for field in fields(record)}
+        for part in ("parts", "sources", "installed"):
+            said[part] = {field.name: getattr(said[part], field.name) for field in fields(said[part])}
         said["externals"] = [self._externals[path] for path in record.externals]
         return {"package": name, **said}
 

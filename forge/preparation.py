@@ -109,7 +109,7 @@ def prepare(
     """Return the tools and options that all packages share; raises EnvironmentFault for what is missing."""
     packages = [loaded.packages[name] for name in names]
     warn(odd_words([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
-    launcher = chosen(options.compiler_launcher or variables.get("FORGE_COMPILER_LAUNCHER"))
+    launcher = chosen(options.compiler_launcher)
     tools = find_tools(packages, variables, launcher)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+_SECRET = frozenset({"FORGE_CACHE_TOKEN", "FORGE_REMOTE_CACHE"})
+"""What may be or have a password, which nobody needs but forge itself."""
+
+_USER = re.compile(r"(?<=://)[^/\s]*@")
 
 
 def setting(name: str, variables: Mapping[str, str]) -> str | None:
@@ -25,3 +31,13 @@ def cache_home(variables: Mapping[str, str]) -> Path:
     if named:
         return Path(named).expanduser().absolute()
     return Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "forge"
+
+
+def without_secrets(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment for code of packages, which is anybody's."""
+    return {name: value for name, value in variables.items() if name not in _SECRET}
+
+
+def without_passwords(word: str) -> str:
+    """Return a word of a command line for the eyes of others: URLs do not say who asks."""
+    return _USER.sub("...@", word)

@@ -14,6 +14,7 @@ from forge.environment import Edit, Installed, Script, apply, order, read_hooks,
 from forge.errors import EnvironmentFault, Problem, WorkspaceError
 from forge.prefixes import LAYOUT_MARKER, installed_packages
 from forge.results import recorded_underlays
+from forge.settings import without_secrets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,13 +31,14 @@ def build_environment(
 ) -> dict[str, str]:
     """Return `variables` after sourcing the packages (name, prefix), lowest first, each in front of all.
 
+    It is for code of packages, and forge's passwords are not in it.
     Computed from the dsv files, or from what `edits_of` knows of them; only hooks that are nothing but a
     shell script run, in sh.
     Raises WorkspaceError for a dsv file that cannot be read, EnvironmentFault for a hook that exits.
     """
     known = edits_of or package_edits
     edits = [(prefix, edit) for name, prefix in packages for edit in known(name, prefix)]
-    return _apply(edits, variables, first=True)
+    return _apply(edits, without_secrets(variables), first=True)
 
 
 def workspace_environment(chain: Sequence[Path], variables: Mapping[str, str]) -> dict[str, str]:

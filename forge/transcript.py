@@ -18,6 +18,7 @@ from forge.errors import EnvironmentFault, Place, Problem
 from forge.excerpts import split_lines
 from forge.files import naming
 from forge.model import Output, StepFinished, StepStarted
+from forge.settings import without_passwords
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -87,7 +88,8 @@ def open_transcript(logs: Path | None, verb: str, argv: list[str]) -> Transcript
         return Transcript(None)
     try:
         folder = _new_folder(logs, verb)
-        (folder / "logger_all.log").write_text(f"command line: {shlex.join(argv)}\n", encoding="utf-8")
+        said = shlex.join(map(without_passwords, argv))
+        (folder / "logger_all.log").write_text(f"command line: {said}\n", encoding="utf-8")
         _point(logs / f"latest_{verb}", folder.name)
         _point(logs / "latest", f"latest_{verb}")
     except OSError as error:

@@ -84,7 +84,7 @@ def carry_out(
     _, lacking = missing_problems(loaded.provision, mine)
     warn((*lacking, *overridden(mine, layout.install, variables)))
     seconds = records.seconds()
-    account = _account(plan, kitchen, variables)
+    account = _account(plan, undertaking)
     with (
         joined(options, kitchen, variables) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
@@ -179,13 +179,22 @@ def _tell_of_timings(log: Path | None, options: argparse.Namespace, screen: Scre
     screen.write(f"timings: {page}\n".encode(errors="surrogateescape"), stderr=options.json)
 
 
-def _account(plan: BuildPlan, kitchen: Kitchen, variables: Mapping[str, str]) -> Account:
+def _account(plan: BuildPlan, undertaking: Undertaking) -> Account:
     """Return the account of what is started before the compilers: an empty one where nothing compiles."""
+    kitchen, variables = undertaking.kitchen, undertaking.variables
     if kitchen.launcher is None or not _compiles(plan):
         return Account()
     account = open_account(kitchen.launcher, kitchen.root, kitchen.layout.build, without_jobs(variables))
-    warn(account.problems)
+    unsure = None if _jobs_said(undertaking.options, variables) else account.unsure
+    warn(filter(None, (account.problem, unsure)))
     return account
+
+
+def _jobs_said(options: argparse.Namespace, variables: Mapping[str, str]) -> int:
+    """Return how many jobs a person or a make above wants; 0 when nobody says so."""
+    level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
+    flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+    return options.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
 
 
 def _compiles(plan: BuildPlan) -> bool:
@@ -247,10 +256,9 @@ def open_budget(
     is tried out, in one style for all, since one may start the other.
     """
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
-    level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
-    jobs = options.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
+    jobs = _jobs_said(options, variables)
     local = jobs or processors()
-    jobs = jobs or local + farm.slots
+    jobs = jobs or local + (0 if flags.auth else farm.slots)
     pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
     if flags.auth and pool is None and not options.jobs:
         hint = "begin its rule with '+', or give forge its own --jobs"

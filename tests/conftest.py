@@ -64,6 +64,7 @@ REMEDIES = {
     "openssl": "apt-get install openssl",
     "pkg-config": "apt-get install pkg-config",
     "rosdep": "make peers",
+    "sccache": "apt-get install sccache",
     "shellcheck": "apt-get install shellcheck",
     "strace": "apt-get install strace",
     "zsh": "apt-get install zsh",

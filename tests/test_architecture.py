@@ -36,7 +36,7 @@ FLOORS = {
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
         caching caching.* cluster cluster.*
-        launching.accounts launching.farms
+        launching.accounts launching.farms launching.icecream
     """,
     2: """
         cmake_reading conditions constraints creation diagnosis environment formats freshness

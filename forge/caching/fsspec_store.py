@@ -39,7 +39,9 @@ _BLOCK: Final = 1 << 18
 _BUCKETS: Final = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oss", "oci", "tos"})
 """What has no folders, and shows a file only when all of it is there; moving would be copying."""
 
-_USER: Final = re.compile(r"(?<=//)[^/@]*@")
+_SHELLS: Final = frozenset({"ssh", "sftp"})
+
+_USER: Final = re.compile(r"(?<=//)[^/]*@")
 
 
 class FsspecStore:
@@ -177,6 +179,8 @@ def _library(scheme: str) -> str | None:
     """Return the command that installs what fsspec needs for a scheme, as far as its table says that."""
     from fsspec.registry import known_implementations  # noqa: PLC0415  (as below)
 
+    if scheme in _SHELLS:
+        return "run: pip install sshfs"
     module = str(known_implementations.get(scheme, {}).get("class", "")).partition(".")[0]
     return f"run: pip install {module}" if module not in {"", "fsspec"} else None
 
@@ -187,22 +191,21 @@ def _file_system(url: str) -> Callable[[], tuple[_FileSystem, str]]:
         from fsspec import get_filesystem_class  # noqa: PLC0415  (only who has such a URL needs it)
         from fsspec.core import url_to_fs  # noqa: PLC0415
     except ImportError:
-        hint = "run: pip install 'ros-forge[remote]'"
-        raise EnvironmentFault(
-            Problem("fsspec is missing, by which forge reaches the remote cache", hint=hint)
-        ) from None
+        what = "fsspec is missing, by which forge reaches the remote cache"
+        raise EnvironmentFault(Problem(what, hint="run: pip install 'ros-forge[remote]'")) from None
     scheme = url.partition(":")[0]
     try:
-        get_filesystem_class(scheme)
+        kind = get_filesystem_class(scheme)
     except ImportError as error:
-        raise EnvironmentFault(
-            Problem(f"fsspec needs one more library for '{scheme}:' URLs: {error}", hint=_library(scheme))
-        ) from None
+        what = f"fsspec needs one more library for '{scheme}:' URLs: {error}"
+        raise EnvironmentFault(Problem(what, hint=_library(scheme))) from None
     except ValueError:
-        raise ForgeError(
-            Problem(
-                f"nothing is known of '{scheme}:' URLs, which the remote cache has",
-                hint="use http, https, s3, gs, ssh or another one that fsspec knows",
-            )
-        ) from None
-    return lambda: cast("tuple[_FileSystem, str]", url_to_fs(url, use_listings_cache=False))
+        what = f"nothing is known of '{scheme}:' URLs, which the remote cache has"
+        hint = "use http, https, s3, gs, ssh or another one that fsspec knows"
+        raise ForgeError(Problem(what, hint=hint)) from None
+    if kind.__module__ == "fsspec.implementations.sftp":
+        what = "fsspec's own SSH believes every server that it is the right one"
+        raise EnvironmentFault(Problem(what, hint=_library(scheme)))
+    # What sshfs takes for none given: believe everybody; what asyncssh below it takes so: ~/.ssh/known_hosts.
+    more = {"known_hosts": ()} if scheme in _SHELLS else {}
+    return lambda: cast("tuple[_FileSystem, str]", url_to_fs(url, **more))

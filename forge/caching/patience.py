@@ -21,6 +21,9 @@ _Answer = TypeVar("_Answer")
 RATE: Final = 1 << 20
 """Bytes for each of which a deadline moves, by a second for so many: what is slower is too slow."""
 
+LONGEST: Final = 1e6
+"""Seconds, more than any clock of the system needs to count; twelve days are for ever."""
+
 
 class Overdue(Exception):  # noqa: N818  (callers turn it into a fault of their store)
     """The deadline is over, or nobody waits any more."""

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import StoreFault
-from forge.caching.patience import RATE
+from forge.caching.patience import LONGEST, RATE
 from forge.errors import ForgeError, Problem
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def open_remote(
     is reported, once, and nothing more is asked of it. A URL that cannot be one is a ForgeError.
     """
     _check(url)
+    seconds = min(seconds, LONGEST)
     store: Store
     if urlsplit(url).scheme in _HTTP:
         from forge.caching.http_store import HttpStore  # noqa: PLC0415  (each kind needs a library)
@@ -111,7 +112,9 @@ class Remote:
                 self._store.put(digest, source)
 
     def close(self) -> None:
-        """Let go of connections."""
+        """Let go of connections; whoever still waits is left without an answer, and nobody is blamed."""
+        with self._lock:
+            self._readable = self._accepting = False
         self._store.close()
 
     @contextlib.contextmanager

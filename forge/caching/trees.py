@@ -38,6 +38,8 @@ TICK = 0.05
 
 _VERSION = 1
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
+_LONGEST = 4096
+"""Signs of a path: Linux takes no longer ones, and to look at all folders above takes the square of it."""
 
 
 @frozen
@@ -160,7 +162,7 @@ def tree_of(index: bytes) -> Tree:
             package=_text(said["package"]),
             leaves=tuple(_leaf_of(entry) for entry in said["leaves"]),
             folders=tuple(map(_safe, said["folders"])),
-            seconds=float(said["seconds"]),
+            seconds=_duration(said["seconds"]),
             bound=_text(said["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
         )
@@ -276,8 +278,13 @@ def _parents(path: str) -> Iterator[str]:
 def _safe(path: object) -> str:
     """Return a path that stays below the prefix."""
     name = _text(path)
-    if not name or "\0" in name or any(part in {"", ".", ".."} for part in name.split("/")):
-        raise ValueError(f"'{name}' is no path below a prefix")
+    if (
+        len(name) > _LONGEST
+        or not name
+        or "\0" in name
+        or any(part in {"", ".", ".."} for part in name.split("/"))
+    ):
+        raise ValueError(f"'{name[:200]}' is no path below a prefix")
     return name
 
 
@@ -291,6 +298,13 @@ def _text(said: object) -> str:
     if not isinstance(said, str):
         raise TypeError("no text")
     return said
+
+
+def _duration(said: object) -> float:
+    seconds = float(said) if isinstance(said, int | float) else -1.0
+    if not 0 <= seconds < float("inf"):
+        raise ValueError("no duration")
+    return seconds
 
 
 def _number(said: object) -> int:

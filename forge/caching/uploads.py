@@ -8,7 +8,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from forge.caching.model import StoreFault
-from forge.caching.patience import RATE
+from forge.caching.patience import LONGEST, RATE
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Uploads:
 
     def _patience(self, seconds: float) -> float:
         """Return for how long to wait for the next sign of life; large blobs have more time."""
-        return max((self._moved, *self._ends.values())) + seconds - time.monotonic()
+        return min(LONGEST, max((self._moved, *self._ends.values())) + seconds - time.monotonic())
 
     def _work(self) -> None:
         """Send one result after the other until there is none."""

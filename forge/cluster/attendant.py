@@ -33,13 +33,21 @@ if TYPE_CHECKING:
 LENGTH = 4
 """Bytes in front of each message that say how long it is."""
 
+WORDS = "words"
+"""The name of the thread that reads them."""
+
 _PATIENCE_SECONDS = 30.0
 
 
 def main(argv: list[str]) -> int:
-    """Run the errand that stdin brings; `argv` says which jobs it may run: their number, address, tools."""
+    """Run the errand that stdin brings, as `attend` does."""
+    attend(argv, _own_stdin(), _own_stdout())
+    return 0
+
+
+def attend(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
+    """Run the errand that `source` brings with jobs as `argv` says: number, address, tools that share."""
     jobs, auth, *fluent = argv
-    source, target = _own_stdin(), _own_stdout()
     # Of the client, which may run anything here.
     errand: Errand = pickle.loads(received(source))  # noqa: S301
     pool = joined_pool(auth) if auth else None
@@ -49,7 +57,8 @@ def main(argv: list[str]) -> int:
     frame = Frame(lambda _: errand.environment, lambda _: None, lambda _: Record(Parts()))
     runner = ProcessRunner(frame, budget)
     gently = errand.parcel is not None
-    threading.Thread(target=_heed, args=(source, runner), kwargs={"gently": gently}, daemon=True).start()
+    heed = partial(_heed, source, runner, gently=gently)
+    threading.Thread(target=heed, name=WORDS, daemon=True).start()
     put = partial(_write, target, threading.Lock())
     name, begun = errand.task.name, time.monotonic()
     if errand.parcel is not None:
@@ -60,7 +69,6 @@ def main(argv: list[str]) -> int:
         stopped = None if has_begun else Aborted(name, 0.0)
         failure = stopped or runner.run_steps(errand.task, errand.environment, put, begun)
         put(failure or Finished(name, 0, time.monotonic() - begun))
-    return 0
 
 
 def framed(content: bytes) -> bytes:

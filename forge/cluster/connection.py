@@ -77,16 +77,34 @@ def _client(address: str) -> Client:
     except ImportError:
         problem = Problem("'--executor dask' needs Dask", hint="pip install 'ros-forge[dask]'")
         raise EnvironmentFault(problem) from None
+
+    class Quiet(Client):
+        """A client that says nothing when it goes without ever having been connected."""
+
+        def __del__(self) -> None:
+            with contextlib.suppress(Exception):
+                super().__del__()  # type: ignore[no-untyped-call]
+
     # What it has to say, we say ourselves, once and to the point.
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return Client(address, timeout=_CONNECT_SECONDS, set_as_default=False, name="forge")
+            # mypy knows no types of what Dask's class is made by.
+            return Quiet(address, timeout=_patience(), set_as_default=False, name="forge")  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         hint = "is `dask scheduler` running there, and is this the address that it printed?"
         message = f"no scheduler answers at '{address}': {_first_line(error)}"
         raise EnvironmentFault(Problem(message, hint=hint)) from None
+
+
+def _patience() -> float:
+    """Return how long a scheduler may take to answer: Dask's own setting where that is less than ours."""
+    import dask.config  # noqa: PLC0415  (with Dask)
+    from dask.utils import parse_timedelta  # noqa: PLC0415
+
+    theirs = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+    return min(float(_CONNECT_SECONDS), float(theirs))
 
 
 def _await_workers(client: Client, address: str) -> None:

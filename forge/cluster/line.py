@@ -8,9 +8,9 @@ import threading
 import uuid
 from typing import TYPE_CHECKING, Any
 
-from forge.cluster.model import FINISH, INTERRUPT, KILL, Knock, Lacks
+from forge.cluster.model import FINISH, INTERRUPT, KILL, LETTERS, Knock, Lacks
 from forge.cluster.post import Post
-from forge.cluster.remote_task import attend, forget, hand_over, supply, tell
+from forge.cluster.remote_task import attend, forget, hand_over, more, supply, tell
 from forge.errors import EnvironmentFault, Problem
 from forge.model import Aborted, Finished, Output
 from forge.runner import GRACE_SECONDS
@@ -88,6 +88,11 @@ class Line:
                 for piece, last in self.stock.pieces(digest):
                     self._client.run(supply, lacks.visit, digest, piece, last=last, workers=[lacks.address])
 
+    def make_room(self, knock: Knock) -> None:
+        """Tell a worker that the next letters were read."""
+        with contextlib.suppress(OSError, TimeoutError):
+            self._client.run(more, knock.visit, workers=[knock.address])
+
     def finish_steps(self) -> None:
         """Let running steps end, and nothing begin."""
         if not self.word:
@@ -146,7 +151,8 @@ class Call:
         self._box = box
         self._future = future
         self._attempts = 0
-        self._host = ""
+        self._knock: Knock | None = None
+        self._unread = LETTERS
 
     def events(self) -> Iterator[Event]:
         """Yield what happens until the task has ended."""
@@ -161,6 +167,7 @@ class Call:
                 said = self._heed(letter)
             else:
                 said = (letter,)
+                self._count()
             yield from said
             if said and isinstance(said[-1], Finished | Aborted):
                 return
@@ -171,17 +178,26 @@ class Call:
             with contextlib.suppress(OSError, TimeoutError):
                 self._future.cancel()
 
+    def _count(self) -> None:
+        """Take note that a letter was read."""
+        self._unread -= 1
+        if not self._unread and self._knock:
+            self._unread = LETTERS
+            self._line.make_room(self._knock)
+
     def _receive(self, knock: Knock) -> tuple[Event, ...]:
         """Hand the errand over, unless nothing is to begin any more."""
         if self._line.word:
             return (Aborted(self._name, 0.0),)
-        before, self._host = self._host, knock.host
-        said = f"the worker on {before} was lost; '{self._name}' begins again on {knock.host}"
+        before, self._knock, self._unread = self._knock, knock, LETTERS
         self._box.follow(knock.visit)
         errand = self._errand(self._attempts, knock)
         self._attempts += 1
         self._line.hand_over(knock, errand)
-        return (self._told(said),) if before else ()
+        if before is None:
+            return ()
+        said = f"the worker on {before.host} was lost; '{self._name}' begins again on {knock.host}"
+        return (self._told(said),)
 
     def _heed(self, word: str) -> tuple[Event, ...]:
         """Do as our own words say."""
@@ -191,7 +207,7 @@ class Call:
         if word == _LOST:
             raise EnvironmentFault(Problem(f"the last word on '{self._name}' was lost on its way here"))
         if word == _GIVE_UP:
-            where = f"the worker on {self._host}" if self._host else "the scheduler"
+            where = f"the worker on {self._knock.host}" if self._knock else "the scheduler"
             return (self._told(f"{where} does not answer, and is left alone"), aborted)
         return () if self._box.visit else (aborted,)
 

@@ -17,6 +17,9 @@ FINISH, INTERRUPT, KILL = "finish", "interrupt", "kill"
 """Words to what runs steps on a worker: end after this step, end now, end at once."""
 
 
+LETTERS = 100
+"""After how many letters the client tells a worker that it has read them."""
+
 MACHINE = frozenset(
     """HOME USER LOGNAME HOSTNAME SHELL TMPDIR TMP TEMP PWD OLDPWD DISPLAY XDG_RUNTIME_DIR XDG_CACHE_HOME
     SSH_AUTH_SOCK SSH_CONNECTION TERM COLUMNS LINES

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.cluster.attendant import LENGTH, framed
-from forge.cluster.model import INTERRUPT, MACHINE, Knock, Lacks, Surveyed
+from forge.cluster.model import INTERRUPT, LETTERS, MACHINE, Knock, Lacks, Surveyed
 from forge.cluster.sharing import Share
 from forge.cluster.surveying import host_name, sees, traits_of
 
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 _LOOK_SECONDS = 0.5
 """How often a task looks whether anybody still wants it."""
 _END_SECONDS = 10.0
+
+_AHEAD = 2 * LETTERS
+"""How many letters may be under way; a program that prints more than the client can take has to wait."""
 
 _visits: dict[str, Visit] = {}
 _shares: dict[str, Share] = {}
@@ -49,6 +52,9 @@ class Visit:
         self.words: asyncio.Queue[str] = asyncio.Queue()
         self.lacking: set[str] = set()
         self.supplied = asyncio.Event()
+        self.room = asyncio.Event()
+        self.room.set()
+        self._under_way = 0
         taken = {other.slot for other in _visits.values()}
         self.slot: int = next(number for number in itertools.count() if number not in taken)
         self.home = Path(worker.local_directory, "forge")
@@ -71,6 +77,14 @@ class Visit:
         """Send a letter to the client, numbered, in order."""
         self._worker.log_event(self.topic, {"visit": self.name, "number": self._sent, "letter": letter})
         self._sent += 1
+        self._under_way += 1
+        if self._under_way >= _AHEAD and self.wanted:
+            self.room.clear()
+
+    def more(self) -> None:
+        """Let go on: so many letters were read."""
+        self._under_way -= LETTERS
+        self.room.set()
 
 
 async def attend(topic: str, key: str) -> None:
@@ -118,6 +132,13 @@ async def hand_over(visit: str, errand: bytes) -> bool:
     return found is not None
 
 
+async def more(visit: str) -> None:
+    """Tell a visit that the next letters were read. The client calls this, too."""
+    found = _visits.get(visit)
+    if found is not None:
+        found.more()
+
+
 async def supply(visit: str, digest: str, piece: bytes, *, last: bool) -> bool:
     """Give a visit a piece of an archive that it lacks; tell if it is here. The client calls this, too."""
     found = _visits.get(visit)
@@ -157,6 +178,8 @@ async def _watch(visit: Visit) -> None:
     while visit.wanted:  # noqa: ASYNC110  (Dask tells nobody)
         await asyncio.sleep(_LOOK_SECONDS)
     visit.words.put_nowait(INTERRUPT)
+    # Nobody reads any more, and so nobody makes room.
+    visit.room.set()
 
 
 async def _stocked(visit: Visit, errand: Errand, parcel: Parcel, watch: asyncio.Future[None]) -> Errand:
@@ -227,4 +250,6 @@ async def _pass_letters(visit: Visit, process: asyncio.subprocess.Process) -> No
     with contextlib.suppress(asyncio.IncompleteReadError):
         while True:
             size = int.from_bytes(await process.stdout.readexactly(LENGTH), "big")
-            visit.send(await process.stdout.readexactly(size))
+            letter = await process.stdout.readexactly(size)
+            await visit.room.wait()
+            visit.send(letter)

@@ -169,6 +169,7 @@ def _add_cmake(parser: Parser) -> None:
     group.add_argument(
         "--compiler-launcher",
         choices=(*LAUNCHERS, NONE),
+        default=os.environ.get("FORGE_COMPILER_LAUNCHER") or None,
         help="what is started before the C and C++ compilers of every package: a cache of what they made, or "
         "what sends their work to other machines (default: none)",
     )

@@ -34,12 +34,14 @@ _NO_COMPILATIONS = frozenset({"called_for_link", "called_for_preprocessing", "no
 class Account:
     """The account of one build: `variables` for its programs, the farm that takes part, what is wrong there.
 
-    `settle`, called once all has ended, tells what the launcher did.
+    `unsure` is why the size of the farm is not known, which is wrong only if nobody says how many jobs there
+    may be. `settle`, called once all has ended, tells what the launcher did.
     """
 
     variables: Mapping[str, str] = field(default_factory=dict)
     farm: Farm = Farm()
-    problems: tuple[Problem, ...] = ()
+    problem: Problem | None = None
+    unsure: Problem | None = None
     settle: Callable[[], tuple[Outcome, ...]] = tuple
 
 
@@ -54,16 +56,24 @@ def open_account(launcher: Path, root: Path, build: Path, variables: Mapping[str
         case "sccache":
             before = _sccache_counts(launcher, variables)
             return Account(settle=partial(_settle_sccache, launcher, variables, before))
-        case "distcc":
-            return _of_farm(launcher, variables)
         case _:
-            return Account()
+            return _of_farm(launcher, variables)
 
 
 def _of_farm(launcher: Path, variables: Mapping[str, str]) -> Account:
-    farm, problem = distcc_farm(launcher, variables)
+    """Return the account of a program that may have a farm, and counts nothing itself."""
+    problem = unsure = None
+    match launcher.name:
+        case "distcc":
+            farm, problem = distcc_farm(launcher, variables)
+        case "icecc":
+            from forge.launching.icecream import icecc_farm  # noqa: PLC0415  (others ask no server)
+
+            farm, unsure = icecc_farm(variables)
+        case _:
+            return Account()
     outcomes = (Outcome(launcher.name, hosts=farm.hosts, slots=farm.slots),) if farm.hosts else ()
-    return Account(farm=farm, problems=(problem,) if problem else (), settle=lambda: outcomes)
+    return Account({}, farm, problem, unsure, lambda: outcomes)
 
 
 def _of_ccache(launcher: Path, root: Path, log: Path, variables: Mapping[str, str]) -> Account:
@@ -81,14 +91,14 @@ def _of_ccache(launcher: Path, root: Path, log: Path, variables: Mapping[str, st
         told["CCACHE_STATSLOG"] = str(log)
     beyond = _farm_behind(settings.get("prefix_command", ""), variables)
     settle = partial(_settle_ccache, log, _size(log), beyond, keep=bool(theirs))
-    return Account(told, beyond.farm, beyond.problems, settle)
+    return Account(told, beyond.farm, beyond.problem, beyond.unsure, settle)
 
 
 def _farm_behind(prefix: str, variables: Mapping[str, str]) -> Account:
     """Return the account of the program by which ccache starts compilers, if that is one with a farm."""
     word = next(iter(prefix.split()), "")
     found = shutil.which(word, path=variables.get("PATH")) if word else None
-    return _of_farm(Path(found), variables) if found and Path(found).name == "distcc" else Account()
+    return _of_farm(Path(found), variables) if found else Account()
 
 
 def _settle_ccache(log: Path, begun: int, beyond: Account, *, keep: bool) -> tuple[Outcome, ...]:

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import pytest
 
@@ -21,6 +21,8 @@ from tests.snippets import ROOT, surroundings
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
+
+    from tests.conftest import Forge, Tree
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 
@@ -86,30 +88,33 @@ def write(root: Path, files: Mapping[str, str]) -> Path:
 
 
 class Workspace:
-    """A workspace that is built here and there, by a forge of its own process."""
+    """A workspace that is built here and there."""
+
+    forge: ClassVar[Forge | None] = None
 
     def __init__(self, home: Path, cluster: Loopback, *options: str) -> None:
         """Remember where it is and how it is built on the cluster."""
         self.home = home
         self.options = ("--executor", "dask", "--scheduler", cluster.address, *options)
 
-    def start(self, *words: str) -> subprocess.Popen[str]:
+    def start(self, *words: str, env: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
         """Start a build."""
         return subprocess.Popen(
             (sys.executable, "-m", "forge", "build", *words),
             cwd=self.home,
-            env={**surroundings(self.home.parent), "PYTHONPATH": str(ROOT)},
+            env={**surroundings(self.home.parent), "PYTHONPATH": str(ROOT), **(env or {})},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
         )
 
-    def build(self, *words: str, code: int = 0) -> str:
-        """Build on the cluster to the end; return what was said."""
-        process = self.start(*self.options, *words)
-        said, _ = process.communicate(timeout=120)
-        assert process.returncode == code, said
-        return said
+    def build(self, *words: str, code: int = 0, env: Mapping[str, str] | None = None) -> str:
+        """Build on the cluster to the end, in this process; return what was said."""
+        assert Workspace.forge is not None
+        variables = {"PYTHONPATH": str(ROOT), **(env or {})}
+        ran = Workspace.forge("build", *self.options, *words, cwd=self.home, env=variables)
+        assert ran.code == code, ran.out + ran.err
+        return ran.out + ran.err
 
     def clean(self) -> Mapping[str, tuple[str, ...]]:
         """Return what a build here, of the same sources in the same folder, installs."""
@@ -123,6 +128,12 @@ class Workspace:
         shutil.rmtree(self.home)
         parked.rename(self.home)
         return found
+
+
+@pytest.fixture(autouse=True)
+def _this_process(forge: Forge) -> None:
+    """Let builds that nobody interrupts run here, where Dask is loaded once."""
+    Workspace.forge = forge
 
 
 @pytest.fixture(scope="module")
@@ -354,3 +365,73 @@ def test_only_what_changed_is_shipped_again(
     assert "1 package finished, 2 packages unchanged" in said
     new = {path.name for path in set(apart[0].folder.rglob("forge/archives/*")) - archives}
     assert len(new - {path.name for path in archives}) == 1
+
+
+def test_workers_without_our_folders_need_a_cache_between(
+    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
+) -> None:
+    workspace = elsewhere(plain("a"))
+    workspace.options = workspace.options[:4]
+    said = workspace.build(code=2)
+    assert "error: the workers do not see the build folder\nhint: give '--remote-cache URL'" in said
+    said = workspace.build("--remote-cache", apart[1].url, "--symlink-install", "--force", code=2)
+    assert "can link to sources here" in said
+    assert "'--force' has no effect" in said
+
+
+def test_a_worker_with_other_programs_is_told_of(
+    elsewhere: Callable[[Mapping[str, str]], Workspace],
+) -> None:
+    workspace = elsewhere(plain("a"))
+    program = workspace.home / "bin" / "cmake"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec {shutil.which("cmake")} "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    path = os.pathsep.join((str(program.parent), surroundings(workspace.home.parent)["PATH"]))
+    said = workspace.build(code=2, env={"PATH": path})
+    assert said.count(f"is not asked: '{program}' is not there") == 2
+
+
+def test_a_first_worker_is_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "cluster").mkdir()
+    with loopback(tmp_path / "cluster") as cluster:
+        workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster)
+        process = workspace.start(*workspace.options)
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        assert first == f"waiting for a worker at {cluster.address}, for 60 seconds at most\n"
+        cluster.add("late")
+        said, _ = process.communicate(timeout=60)
+        assert process.returncode == 0, said
+
+
+def test_what_is_missing_is_said(tree: Tree, forge: Forge) -> None:
+    root = tree(plain("a"))
+    ran = forge("build", "--executor", "dask", cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith("error: '--executor dask' needs '--scheduler ADDRESS'\nhint: ")
+    ran = forge("test", "--executor", "dask", cwd=root)
+    assert ran.code == 2
+    assert "invalid choice: 'dask'" in ran.err
+
+
+def test_a_scheduler_that_does_not_answer_is_said(tmp_path: Path) -> None:
+    workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
+    hasty = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "500ms"}
+    process = workspace.start(*workspace.options, env=hasty)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert said.startswith("error: no scheduler answers at 'tcp://127.0.0.1:9': ")
+    assert len(said.splitlines()) == 2, said
+    said = Workspace(workspace.home, Loopback(tmp_path, address="what is this")).build(code=2, env=hasty)
+    assert said.startswith("error: no scheduler answers at 'what is this': ")
+
+
+def test_without_dask_the_way_to_get_it_is_said(tmp_path: Path) -> None:
+    write(tmp_path / "absent", {"distributed.py": "raise ImportError\n"})
+    workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
+    path = os.pathsep.join((str(tmp_path / "absent"), str(ROOT)))
+    process = workspace.start(*workspace.options, env={"PYTHONPATH": path})
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert said == "error: '--executor dask' needs Dask\nhint: pip install 'ros-forge[dask]'\n"

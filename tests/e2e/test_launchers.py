@@ -33,7 +33,7 @@ project({name} CXX)
 add_library({name} SHARED {sources})
 install(TARGETS {name})
 """
-SOURCE = "#include <map>\n#include <string>\nstd::map<std::string, int> {name};\n"
+SOURCE = "#include <string>\nstd::string {name};\n"
 PATIENCE = 60
 
 
@@ -57,11 +57,13 @@ def installed(root: Path) -> dict[str, bytes]:
     }
 
 
-def built_plainly(forge: Forge, root: Path, *words: str) -> dict[str, bytes]:
-    """Return what is installed when the same workspace is built from nothing without a launcher."""
-    for folder in ("build", "install"):
-        shutil.rmtree(root / folder)
-    assert forge("build", *words, cwd=root).code == 0
+def built_plainly(forge: Forge, root: Path, *names: str) -> dict[str, bytes]:
+    """Return what is installed when packages are built once more, from nothing and without a launcher."""
+    for name in names:
+        shutil.rmtree(root / "build" / name)
+        shutil.rmtree(root / "install" / name)
+    ran = forge("build", "--packages-select", *names, cwd=root)
+    assert f"Summary: {len(names)} package" in ran.out
     return installed(root)
 
 
@@ -79,7 +81,7 @@ def launcher_of(root: Path, name: str) -> list[str]:
 def test_ccache_gives_another_workspace_what_it_has(forge: Forge, tmp_path: Path) -> None:
     """Elsewhere all is in the cache, what includes generated headers too, and what comes is the same."""
     env = {"CCACHE_DIR": str(tmp_path / "cache")}
-    words = ("--packages-up-to", "robot_demo_cpp")
+    words = ("--packages-up-to", "robot_motion")
     roots = tmp_path / "one", tmp_path / "another place"
     said = []
     for root in roots:
@@ -88,19 +90,45 @@ def test_ccache_gives_another_workspace_what_it_has(forge: Forge, tmp_path: Path
         assert ran.code == 0, ran.err
         said += [line.strip() for line in ran.out.splitlines() if "ccache" in line]
     assert said == [
-        "ccache: 0 of 4 compilations from the cache",
-        "ccache: 4 of 4 compilations from the cache",
+        "ccache: 0 of 2 compilations from the cache",
+        "ccache: 2 of 2 compilations from the cache",
     ]
     events = [
         json.loads(line) for line in (roots[1] / "log/latest_build/events.jsonl").read_text().splitlines()
     ]
     told = next(event for event in events if event["event"] == "Launcher")
     del told["time"]
-    assert told == {"event": "Launcher", "launcher": "ccache", "compilations": 4, "from_cache": 4}
+    assert told == {"event": "Launcher", "launcher": "ccache", "compilations": 2, "from_cache": 2}
     page = (roots[1] / "log/latest_build/timings.html").read_text()
-    assert "<p>ccache: 4 of 4 compilations from the cache.</p>" in page
-    restored = installed(roots[1])
-    assert built_plainly(forge, roots[1], *words) == restored
+    assert "<p>ccache: 2 of 2 compilations from the cache.</p>" in page
+    cached = installed(roots[1])
+    assert built_plainly(forge, roots[1], "robot_motion") == cached
+
+
+@pytest.mark.needs("ccache")
+@pytest.mark.parametrize(("words", "hits"), [((), 0), (("--cache", "packages"), 1)])
+def test_debug_information_is_shared_where_it_names_no_folder(
+    forge: Forge, tree: Tree, words: tuple[str, ...], hits: int
+) -> None:
+    """Else a debugger would look for sources where another workspace is, or was."""
+    root = tree({f"{place}/{name}": text for place in "ab" for name, text in package("one").items()})
+    env = {"CCACHE_DIR": str(root / "cache")}
+    words = ("--compiler-launcher", "ccache", *words, "--cmake-args", "-DCMAKE_BUILD_TYPE=Debug")
+    for place, expected in (("a", 0), ("b", hits)):
+        out = forge("build", *words, cwd=root / place, env=env).out
+        assert f"ccache: {expected} of 1 compilation from the cache" in out
+    library = (root / "b/install/one/lib/libone.so").read_bytes()
+    assert str(root / "a").encode() not in library
+
+
+@pytest.mark.needs("ccache")
+def test_the_package_cache_has_a_package_whatever_compiled_it(forge: Forge, tree: Tree) -> None:
+    root = tree({f"{place}/{name}": text for place in "ab" for name, text in package("one").items()})
+    env = {"CCACHE_DIR": str(root / "cache"), "FORGE_CACHE_DIR": str(root / "packages")}
+    ran = forge("build", "--cache", "--compiler-launcher", "ccache", cwd=root / "a", env=env)
+    assert "ccache: 0 of 1 compilation from the cache" in ran.out
+    ran = forge("build", "--cache", cwd=root / "b", env=env)
+    assert "1 package came from the cache" in ran.out
 
 
 @pytest.mark.needs("ccache")
@@ -110,10 +138,10 @@ def test_a_launcher_comes_and_goes_without_a_build_of_what_is_fresh(forge: Forge
     env = {"CCACHE_DIR": str(root / "cache")}
     assert forge("build", cwd=root, env=env).code == 0
     assert launcher_of(root, "one") == []
-    ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    ran = forge("build", "--mixin", "ccache", cwd=root, env=env)
     assert "Summary: 0 packages finished, 2 packages unchanged" in ran.out
     (root / "src/one/one_0.cpp").write_text("int changed;\n")
-    ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+    ran = forge("build", "--mixin", "ccache", cwd=root, env=env)
     assert "Summary: 1 package finished, 1 package unchanged" in ran.out
     assert "ccache: 0 of 1 compilation from the cache" in ran.out
     assert launcher_of(root, "one") == ["/usr/bin/ccache", "ccache"]
@@ -251,6 +279,22 @@ def wait_for(condition: Callable[[], object], server: Server) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.needs("ccache", "distcc", "distccd")
+def test_what_is_not_in_the_cache_goes_to_the_farm(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+    root = tree(package("one", 2))
+    env = {"CCACHE_DIR": str(tmp_path / "cache"), "CCACHE_PREFIX": "distcc", "DISTCC_DIR": str(tmp_path)}
+    with servers(tmp_path, 1) as (server,):
+        env["DISTCC_HOSTS"] = f"127.0.0.1:{server.port}/3"
+        for hits, compiled in ((0, 2), (2, 2)):
+            shutil.rmtree(root / "build", ignore_errors=True)
+            ran = forge("build", "--compiler-launcher", "ccache", cwd=root, env=env)
+            assert [line.strip() for line in ran.out.splitlines()[-2:]] == [
+                f"ccache: {hits} of 2 compilations from the cache",
+                "distcc: 1 host with 3 slots",
+            ]
+            assert server.compiled == compiled
+
+
 @pytest.mark.needs("distcc", "distccd")
 def test_two_servers_compile_and_one_is_killed_meanwhile(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """What comes is what a plain build makes."""
@@ -269,4 +313,4 @@ def test_two_servers_compile_and_one_is_killed_meanwhile(forge: Forge, tree: Tre
         assert first.compiled > 0
         assert 0 < second.compiled < 8
     farmed = installed(root)
-    assert built_plainly(forge, root) == farmed
+    assert built_plainly(forge, root, "one", "two") == farmed

@@ -14,6 +14,7 @@ import pytest
 
 from tests.evolving import PLAIN, differences, look
 from tests.nginx import serving
+from tests.packages import manifest_text
 from tests.rude import rude
 from tests.snippets import ROOT, shell
 
@@ -216,3 +217,30 @@ def test_what_is_spoilt_there_is_built_and_mended(
     one.forget()
     assert restored(one.build("--remote-cache", nginx.url)) == 2
     assert differences(one.tree(), built.tree) == []
+
+
+def test_passwords_get_into_no_package_and_no_file(forge: Forge, tmp_path: Path) -> None:
+    """Packages are built by code of others, logs are given to others."""
+    folder = tmp_path / "ws"
+    (folder / "src/curious").mkdir(parents=True)
+    (folder / "src/curious/package.xml").write_text(manifest_text("curious", build_type="cmake"), "utf-8")
+    (folder / "src/curious/CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.18)\nproject(curious NONE)\n"
+        "file(WRITE ${CMAKE_BINARY_DIR}/found\n"
+        '  "$ENV{FORGE_CACHE_TOKEN} $ENV{FORGE_REMOTE_CACHE} $ENV{OTHER}")\n'
+        "install(FILES ${CMAKE_BINARY_DIR}/found DESTINATION share)\n",
+        "utf-8",
+    )
+    url = "http://me:pass@word@127.0.0.1:9/cache"
+    env = {"FORGE_CACHE_TOKEN": "to.ken", "FORGE_REMOTE_CACHE": url, "OTHER": "other"}
+    for words in (("--remote-cache", url), ("--force", f"--remote-cache={url}"), ("--force",)):
+        ran = forge("build", "--cache", str(tmp_path / "cache"), *words, cwd=folder, env=env)
+        assert ran.code == 0, ran.err
+        assert "127.0.0.1:9/cache: no connection" in ran.err
+        said = [
+            ran.out,
+            ran.err,
+            *(path.read_text("utf-8", "replace") for path in tmp_path.rglob("*") if path.is_file()),
+        ]
+        assert [text for text in said if re.search("pass|word@|to[.]ken", text.replace("password", ""))] == []
+    assert (folder / "install/curious/share/found").read_text("utf-8") == "  other"

@@ -148,6 +148,12 @@ _CTEST: Final = b"""<Site><Testing><Test Status="failed"><Name>a</Name><Results>
 <Value>out</Value></Measurement></Results></Test><Test Status="passed"><Name>b</Name></Test></Testing></Site>
 """
 _FLAGS: Final = b"kw -j8 -l2.5 --jobserver-auth=3,4 --jobserver-fds=5,6 --no-print-directory -- A=b"
+_TREE: Final = (
+    b'{"forge_tree": 1, "package": "p", "seconds": 1.5, "bound": "", "folders": ["share/empty"], '
+    b'"pack": {"hash": "' + b"0" * 64 + b'", "size": 9}, "leaves": ['
+    b'["lib/a", 420, 9, "' + b"1" * 64 + b'", 0, true, null, true], '
+    b'["lib/b", 0, 0, "", -1, false, "a", false]]}'
+)
 _ACTION: Final = (
     b"\x12O\n\x04pack\x12E\n@"
     + b"0123456789abcdef" * 4
@@ -183,6 +189,10 @@ SEEDS: Final[dict[str, tuple[bytes, ...]]] = {
     "test-results": (_RESULT, _CTEST, b"20260101-0000\nNightly\n"),
     "make-flags": (_FLAGS,),
     "action-result": (_ACTION, b"*\x04note"),
+    "cached-tree": (_TREE,),
+    "cached-inputs": (
+        b'{"forge_inputs": 1, "lists": [["/usr/include/a.h", "plain", ""], ["spaced", "\'x\' has"]]}',
+    ),
     "generator-arguments": (b"--package\np\n--include\nq=/x\n--file\n/src:msg/X.msg\n@other\n",),
 }
 """Good bytes for each harness."""

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from forge import conditions, sourcing
 from forge.caching import action_result as action_results
+from forge.caching import keys
+from forge.caching.trees import index_of, tree_of
 from forge.cli import Parser
 from forge.compile_commands import merge_compile_commands
 from forge.completion_words import _load
@@ -372,6 +374,24 @@ def action_result(data: bytes) -> None:
     with contextlib.suppress(ValueError):
         found = action_results.decode(data)
         assert action_results.decode(action_results.encode(found)) == found
+
+
+@harness
+def cached_tree(data: bytes) -> None:
+    """Read the index of a package in a cache, which a stranger may have written; no path leads out."""
+    with contextlib.suppress(ValueError):
+        tree = tree_of(data)
+        assert tree_of(index_of(tree)) == tree
+        for path in (*(leaf.path for leaf in tree.leaves), *tree.folders):
+            assert not Path(path).is_absolute()
+            assert ".." not in Path(path).parts
+
+
+@harness
+def cached_inputs(data: bytes) -> None:
+    """Read the lists of files that a key in a cache leads to."""
+    found = keys.read(data)
+    assert keys.read(keys.written(found)) == tuple(dict.fromkeys(found))
 
 
 PLAIN = b"""<package format="3"><name>p</name><version>1.0.0</version><description>A</description>

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
+import shutil
+import socket
 import subprocess
+import threading
+import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +21,7 @@ from forge.freshness import environment_that_counts
 from forge.launching.accounts import LOG, open_account
 from forge.launching.choice import LAUNCHERS, chosen, launcher_variables
 from forge.launching.farms import Farm, distcc_farm, read_hosts
+from forge.launching.icecream import icecc_farm, read_nodes
 from forge.launching.outcome import Outcome
 from forge.layout import Layout
 from forge.model import BuildPlan
@@ -24,6 +31,8 @@ from forge.undertaking import open_budget
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from forge.budget import Budget
     from tests.conftest import Forge, Tree
 
@@ -255,3 +264,110 @@ def test_who_says_how_many_jobs_is_believed(jobs: int | None, variables: dict[st
 def test_other_hosts_are_no_reason_to_build_anew() -> None:
     said = {"DISTCC_HOSTS": "red", "CCACHE_DIR": "/cache", "CCACHE_PREFIX": "distcc", "DISTUTILS_DEBUG": "1"}
     assert dict(environment_that_counts(said)) == {"DISTUTILS_DEBUG": "1"}
+
+
+NODES = """200-ICECC 1.4.0: 28s uptime, 3 hosts, 0 jobs in queue (8 total).
+200 Use 'help' for help and 'quit' to quit.
+ ours (10.9.0.1:10245) [x86_64] speed=0.00 jobs=0/2 load=1000
+ red (10.9.0.2:10245) [x86_64] speed=106.72 jobs=1/3 load=979
+ blue (10.9.0.3:10246) [x86_64] speed=0.00 jobs=0/8 load=0
+ never (10.9.0.4:0) [x86_64] speed=0.00 jobs=0/3 load=995
+ full (10.9.0.5:10245) [x86_64] speed=0.00 jobs=0/0 load=995
+200 done
+200 Good Bye!
+"""
+"""What a scheduler of icecc 1.4 prints; of a host that takes no jobs of others the port is 0."""
+
+
+def test_the_hosts_of_icecc_are_those_that_compile_for_others() -> None:
+    assert read_nodes(NODES, "10.9.0.1") == Farm(hosts=2, slots=11)
+    assert read_nodes("200-ICECC 1.4.0: 6s uptime, 0 hosts, 0 jobs in queue (0 total).\n", "") == Farm()
+
+
+@contextmanager
+def scheduler(answer: bytes | None) -> Iterator[int]:
+    """Answer one connection like a scheduler's port for people, or not at all; yields the port before it.
+
+    The real one calls into all networks of its machine, which no test may.
+    """
+
+    def serve() -> None:
+        talk, _ = listening.accept()
+        with talk:
+            if answer is not None:
+                assert talk.recv(100) == b"listcs\nquit\n"
+                talk.sendall(answer)
+            else:
+                talk.recv(100)
+                talk.recv(100)
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield listening.getsockname()[1] - 1
+        thread.join()
+
+
+@pytest.mark.parametrize("variable", ["ICECC_SCHEDULER", "USE_SCHEDULER", None])
+def test_the_scheduler_of_icecc_is_asked_where_it_is_named(variable: str | None, tmp_path: Path) -> None:
+    with scheduler(NODES.replace("10.9.0.1", "127.0.0.1").encode()) as port:
+        place = f"127.0.0.1:{port}"
+        file = tmp_path / "icecc.conf"
+        file.write_text(
+            '# ICECC_SCHEDULER_HOST="old"\n' + ("" if variable else f'ICECC_SCHEDULER_HOST="{place}"\n')
+        )
+        assert icecc_farm({variable: place} if variable else {}, file) == (Farm(hosts=2, slots=11), None)
+
+
+def test_a_scheduler_that_does_not_answer_costs_little(tmp_path: Path) -> None:
+    begun = time.monotonic()
+    with scheduler(None) as port:
+        farm, problem = icecc_farm({"ICECC_SCHEDULER": f"127.0.0.1:{port}"}, tmp_path)
+    assert farm == Farm()
+    assert problem
+    assert problem.message.endswith("does not say which hosts there are: timed out")
+    assert time.monotonic() - begun < 10
+
+
+@pytest.mark.parametrize("place", ["", "127.0.0.1:x", "127.0.0.1:99999"])
+def test_a_scheduler_that_cannot_be_asked_is_told_of(place: str, tmp_path: Path) -> None:
+    farm, problem = icecc_farm({"ICECC_SCHEDULER": place}, tmp_path / "no")
+    assert farm == Farm()
+    assert problem
+    assert problem.hint
+    assert "--jobs" in problem.hint
+
+
+@pytest.mark.parametrize(("words", "told"), [((), True), (("--jobs", "3"), False)])
+def test_a_farm_of_unknown_size_matters_where_nobody_says_how_many_jobs(
+    forge: Forge, tree: Tree, words: tuple[str, ...], *, told: bool
+) -> None:
+    """The launcher itself is a shell script that starts the compiler: what counts is forge's own part."""
+    root = tree({**PACKAGE, "bin/icecc": '#!/bin/sh\nexec "$@"\n'})
+    env = {"PATH": f"{root / 'bin'}:{os.environ['PATH']}", "ICECC_SCHEDULER": "127.0.0.1:x"}
+    ran = forge("build", "--compiler-launcher", "icecc", *words, cwd=root, env=env)
+    assert ran.code == 0
+    assert ("does not say which hosts" in ran.err) == told
+
+
+@pytest.mark.needs("sccache", "g++", "cmake", "ninja")
+def test_the_counts_of_sccache_grow_by_those_of_a_build(forge: Forge, tree: Tree) -> None:
+    root = tree(PACKAGE)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = str(listening.getsockname()[1])
+    env = {"SCCACHE_DIR": str(root / "cache"), "SCCACHE_SERVER_PORT": port, "SCCACHE_IDLE_TIMEOUT": "20"}
+    try:
+        said = [build_anew(forge, root, env) for _ in range(2)]
+    finally:
+        stop = ["sccache", "--stop-server"]
+        subprocess.run(stop, env={**os.environ, **env}, check=False, capture_output=True)
+    assert said == [f"  sccache: {hits} of 1 compilation from the cache" for hits in (0, 1)]
+
+
+def build_anew(forge: Forge, root: Path, env: dict[str, str]) -> str:
+    """Build from nothing by sccache and return what is said of it."""
+    for folder in ("build", "install"):
+        shutil.rmtree(root / folder, ignore_errors=True)
+    ran = forge("build", "--compiler-launcher", "sccache", cwd=root, env=env)
+    assert ran.code == 0, ran.err
+    return next(line for line in ran.out.splitlines() if "sccache" in line)

@@ -150,6 +150,21 @@ def test_whoever_waits_when_it_fails_waits_no_longer(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_leaving_is_no_fault_of_the_server(tmp_path: Path) -> None:
+    """After an interrupt nobody says that the server took too long."""
+    said: list[str] = []
+    with rude(lambda _: (60.0,)) as server:
+        remote = open_remote(server.url, seconds=20, writable=True, variables={}, report=said.append)
+        waiting = threading.Thread(target=remote.fetch, args=(DIGEST, tmp_path / "blob"))
+        waiting.start()
+        while not server.requests:
+            time.sleep(0.01)
+        remote.close()
+        waiting.join(5)
+        assert not waiting.is_alive()
+    assert said == []
+
+
 def test_many_slow_answers_are_a_fault_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("forge.caching.remote._FORGIVEN", 0.05)
     store, said = Fake(seconds=0.25), list[str]()
@@ -193,6 +208,7 @@ def test_a_url_that_is_none_is_a_mistake_of_the_user(url: str, words: str) -> No
     [
         ("s3", "s3fs", "pip install s3fs"),
         ("gs", "gcsfs", "pip install gcsfs"),
+        ("ssh", "paramiko", "pip install sshfs"),
         ("s3", "fsspec", r"ros-forge\[remote\]"),
     ],
 )
@@ -205,6 +221,20 @@ def test_a_library_that_is_missing_is_named(scheme: str, module: str, words: str
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert "forge.errors.EnvironmentFault" in ran.stderr
     assert re.search(words, ran.stderr)
+
+
+def test_no_server_is_believed_to_be_the_right_one_unseen(tmp_path: Path) -> None:
+    """The SSH of fsspec itself takes any key that a server shows."""
+    stand_in = "def __getattr__(name):\n    return type(name, (), {})\n"
+    (tmp_path / "paramiko.py").write_text(stand_in, encoding="utf-8")
+    script = (
+        "from forge.caching.remote import open_remote\n"
+        "open_remote('sftp://host/x', seconds=1, writable=True, variables={}, report=print)\n"
+    )
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, env=env)
+    assert "SSH believes every server" in ran.stderr
+    assert "pip install sshfs" in ran.stderr
 
 
 def sent(url: str, count: int, source: Path, seconds: float = 10, most: int = 4) -> int:
@@ -291,6 +321,12 @@ def test_waiting_ends_without_progress_and_goes_on_with_it() -> None:
     assert uploads.finish(0.3) == 4
     assert time.monotonic() - begun < 2
     stuck.close()
+
+
+def test_patience_without_end_is_patience_for_days(source: Path) -> None:
+    """The system's clocks know no more."""
+    with rude(Shelf()) as server:
+        assert sent(server.url, 2, source, seconds=1e30) == 0
 
 
 def test_a_bug_in_a_thread_is_not_lost() -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import fsspec
 import pytest
 import urllib3
+from fsspec.registry import _registry
 
 from forge.caching import action_result
 from forge.caching.faults import BlobFault, WritingRefused
@@ -205,11 +206,11 @@ def test_what_a_library_raises_is_told_without_passwords(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
-        raise RuntimeError("cannot reach sftp://me:secret@host/x\nand more")
+        raise RuntimeError("cannot reach sftp://me:sec@ret@host/x\nand more")
 
     monkeypatch.setattr(fsspec.get_filesystem_class("memory"), "open", fail)
     said: list[str] = []
-    url = "memory://me:secret@host/x"
+    url = "memory://me:sec@ret@host/x"
     store = open_remote(url, seconds=5, writable=True, variables={}, report=said.append)
     assert not store.fetch(DIGEST, tmp_path / "target")
     assert said == ["memory://host/x: RuntimeError: cannot reach sftp://host/x; it is not asked again"]
@@ -265,4 +266,20 @@ def test_in_a_bucket_nothing_is_moved(tmp_path: Path, monkeypatch: pytest.Monkey
     store = opened(f"memory://{uuid.uuid4().hex}")
     store.put(DIGEST, source)
     assert store.fetch(DIGEST, tmp_path / "target")
+    store.close()
+
+
+def test_ssh_is_told_to_know_its_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Left to itself sshfs believes every server; this is how it is told to ask ~/.ssh/known_hosts."""
+    given = {}
+
+    class Shell(fsspec.get_filesystem_class("memory")):  # type: ignore[misc]
+        def __init__(self, **words: object) -> None:
+            given.update(words)
+            super().__init__()
+
+    monkeypatch.setitem(_registry, "ssh", Shell)
+    store = opened("ssh://host/x")
+    assert store.result(KEY) is None
+    assert given["known_hosts"] == ()
     store.close()

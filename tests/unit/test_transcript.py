@@ -66,3 +66,11 @@ def test_a_place_where_logs_cannot_be_is_told(tmp_path: Path) -> None:
     with pytest.raises(EnvironmentFault) as error:
         open_transcript(tmp_path / "log", "build", [])
     assert error.value.problems[0].hint == "choose another place: --log-base DIR"
+
+
+def test_a_log_has_no_passwords(tmp_path: Path) -> None:
+    """Logs are given to others, and a command line may say who asks a server."""
+    argv = ["forge", "build", "--remote-cache=https://me:pass@word@host:1/x", "-DA=ssh://git@host", "a@b"]
+    open_transcript(tmp_path, "build", argv)
+    said = (tmp_path / "latest/logger_all.log").read_text(encoding="utf-8")
+    assert said == ("command line: forge build --remote-cache=https://...@host:1/x -DA=ssh://...@host a@b\n")

@@ -176,6 +176,8 @@ def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) ->
         index(pack={"hash": "X" * 64, "size": 1}),
         index(pack=None),
         index(seconds="soon"),
+        index(seconds=float("nan")),
+        index(seconds=10**400),
     ],
 )
 def test_an_index_that_is_none_or_unsafe_is_refused(content: bytes) -> None:
