@@ -106,4 +106,4 @@ clean:
 # Debian's own ament, rosidl and Fast-CDR, unpacked and not installed; on other systems nothing comes.
 .debian-peers/.ready: tests/bench/debian.py
 	$(PYTHON) tests/bench/debian.py .debian-peers
-	@touch $@
+	@mkdir -p .debian-peers && touch $@
