@@ -64,7 +64,7 @@ lint: .venv/.ready
 types: .venv/.ready
 	.venv/bin/python -m mypy
 
-# All of it takes some forty minutes on two quiet processors. ONLY=cold measures one scenario and leaves the others.
+# All of it takes some forty minutes on two quiet processors, profiles included. ONLY=cold measures one scenario and leaves the others.
 bench: .venv/.ready .venv-peers/.ready .debian-peers/.ready
 	.venv/bin/python -m tests.bench --output docs/benchmarks.json $(if $(ONLY),--only $(ONLY))
 	$(if $(ONLY),,.venv/bin/python -m tests.bench.profiles --output docs/benchmarks.json)
@@ -106,4 +106,4 @@ clean:
 # Debian's own ament, rosidl and Fast-CDR, unpacked and not installed; on other systems nothing comes.
 .debian-peers/.ready: tests/bench/debian.py
 	$(PYTHON) tests/bench/debian.py .debian-peers
-	@touch $@
+	@mkdir -p .debian-peers && touch $@

@@ -38,6 +38,8 @@ TICK = 0.05
 
 _VERSION = 1
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
+_LONGEST = 4096
+"""Signs of a path: Linux takes no longer ones, and to look at all folders above takes the square of it."""
 
 
 @frozen
@@ -276,8 +278,13 @@ def _parents(path: str) -> Iterator[str]:
 def _safe(path: object) -> str:
     """Return a path that stays below the prefix."""
     name = _text(path)
-    if not name or "\0" in name or any(part in {"", ".", ".."} for part in name.split("/")):
-        raise ValueError(f"'{name}' is no path below a prefix")
+    if (
+        len(name) > _LONGEST
+        or not name
+        or "\0" in name
+        or any(part in {"", ".", ".."} for part in name.split("/"))
+    ):
+        raise ValueError(f"'{name[:200]}' is no path below a prefix")
     return name
 
 

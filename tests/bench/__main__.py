@@ -80,13 +80,17 @@ def _said(output: bytes | str | None) -> str:
 
 
 def _before(output: Path | None, peers: Peers) -> Results:
-    """Return what the file holds already, as measured on this machine and with these peers."""
+    """Return what the file holds already, as measured on this machine and with these peers.
+
+    Its command is the one that began it; each scenario on the page has its own, and its date.
+    """
     command = shlex.join(["python", "-m", "tests.bench", *sys.argv[1:]])
     fresh = Results(described(), peers.told(), command, {})
     if output is None or not output.is_file():
         return fresh
     known = from_json(json.loads(output.read_text(encoding="utf-8")))
-    return replace(fresh, scenarios=known.scenarios, profiles=known.profiles)
+    command = known.command if known.scenarios else fresh.command
+    return replace(fresh, command=command, scenarios=known.scenarios, profiles=known.profiles)
 
 
 def _write(results: Results, output: Path) -> None:

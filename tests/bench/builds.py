@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 REMOVE = ("rm", "-rf", "build", "install", "log")
 COMPILERS = "compilers alone"
 CCACHE = "ccache"
+MANY = 100
+"""Packages that colcon takes most of a minute to build."""
+
 _LAUNCHER = "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"
 _CHANGE = "echo 'int changed_'$(date +%s%N)';' >> {path}"
 _COMPILE = "ls -d build/bench_* | xargs -n 1 -P {jobs} ninja -C"
@@ -115,6 +118,16 @@ def underlay(sitting: Sitting, *needs: str) -> dict[str, str]:
     return dict(entry.split("=", 1) for entry in said.splitlines() if entry)
 
 
+def _turns(size: int) -> int:
+    """Return how many turns builds of so many packages get."""
+    return 3 if size >= MANY else 5
+
+
+def _affordable(sitting: Sitting, size: int) -> dict[str, tuple[str, ...]]:
+    """Return the tools to measure: of many packages colcon with its default generator alone."""
+    return tools(sitting, COLCON) if size >= MANY else tools(sitting)
+
+
 def no_op(sitting: Sitting) -> Iterator[Case]:
     """Measure builds in which nothing changed."""
     for size in sitting.sizes(1, 10, 100):
@@ -122,11 +135,11 @@ def no_op(sitting: Sitting) -> Iterator[Case]:
     if not sitting.quick:
         yield _nothing(sitting, PLAIN, "plain CMake", 1000, {"forge": forge_build("--merge-install")})
     for size in sitting.sizes(1, 10, 100):
-        yield _nothing(sitting, ament(sitting), "ament_cmake, embedded", size, tools(sitting))
+        yield _nothing(sitting, ament(sitting), "ament_cmake, embedded", size, _affordable(sitting, size))
     if sitting.wants("ament"):
         size = sitting.size(100)
         yield _nothing(sitting, debian_ament(sitting), "ament_cmake, Debian's", size, tools(sitting, COLCON))
-    for size in sitting.sizes(1, 10, 30):
+    for size in sitting.sizes(1, 5, 15):
         yield _nothing(sitting, PYTHON, "ament_python", size, tools(sitting, COLCON))
 
 
@@ -134,20 +147,20 @@ def _nothing(
     sitting: Sitting, kind: Kind, name: str, size: int, argvs: Mapping[str, tuple[str, ...]]
 ) -> Case:
     variants = [kind.built(sitting, tool, argv, size) for tool, argv in argvs.items()]
-    return sitting.turns_of(name, variants, 5, size=size)
+    return sitting.turns_of(name, variants, _turns(size), size=size)
 
 
 def one_line(sitting: Sitting) -> Iterator[Case]:
     """Measure builds after a change of one .cpp that nobody needs, beside ninja in that folder alone."""
     kind = ament(sitting)
     for size in sitting.sizes(1, 10, 100):
-        built = [kind.built(sitting, name, argv, size) for name, argv in tools(sitting).items()]
+        built = [kind.built(sitting, name, argv, size) for name, argv in _affordable(sitting, size).items()]
         alone = kind.built(sitting, "ninja alone", forge_build(), size)
         leaf = f"bench_{size - 1:04}"
         alone = replace(alone, argv=("ninja", "-C", f"build/{leaf}"))
         change = ("sh", "-c", _CHANGE.format(path=f"src/{leaf}/src/main.cpp"))
         variants = [replace(variant, before=change) for variant in (*built, alone)]
-        yield sitting.turns_of("one .cpp of a leaf", variants, 5, size=size)
+        yield sitting.turns_of("one .cpp of a leaf", variants, _turns(size), size=size)
 
 
 def cold(sitting: Sitting) -> Iterator[Case]:
@@ -161,7 +174,7 @@ def cold(sitting: Sitting) -> Iterator[Case]:
         built = kind.built(sitting, COMPILERS, forge_build(), size)
         jobs = len(os.sched_getaffinity(0))
         alone = replace(built, argv=("sh", "-c", _COMPILE.format(jobs=jobs)), before=("sh", "-c", _CLEAN))
-        yield sitting.turns_of("ament_cmake", [*variants, alone], 3, size=size)
+        yield sitting.turns_of("ament_cmake", [*variants, alone], 2 if size >= MANY else 3, size=size)
     for size in sitting.sizes(1, 5, 10):
         yield _from_nothing(sitting, PYTHON, "ament_python", size, tools(sitting, COLCON))
 
@@ -177,7 +190,7 @@ def _from_nothing(
 
 def shapes(sitting: Sitting) -> Iterator[Case]:
     """Measure the same number of packages as a star, as a chain and as people's are."""
-    size = sitting.size(30)
+    size = sitting.size(20)
     for shape in workspaces.SHAPES:
 
         def write(root: Path, packages: int, shape: str = shape) -> Path:
@@ -194,7 +207,7 @@ def warm_ccache(sitting: Sitting) -> Iterator[Case]:
     if not sitting.wants(CCACHE):
         return
     kind = ament(sitting)
-    for size in sitting.sizes(3, 10, 30):
+    for size in sitting.sizes(3, 10, 20):
         argvs = {
             "forge": forge_build("--compiler-launcher", "ccache"),
             "forge, no ccache": forge_build(),

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from tests.bench.figures import Case, Spread
     from tests.bench.growth import Growth
 
-WIDTH = 720
-LABELS = 250
+WIDTH = 800
+LABELS = 370
 """Where bars begin."""
 
 NUMBERS = 62
@@ -23,12 +23,13 @@ NUMBERS = 62
 
 ROW = 20
 TOP = 26
-MOST_ROWS = 36
+MOST_ROWS = 48
 
-PLOT = (64, 14, 440, 300)
+PLOT = (64, 14, 500, 320)
 """Left, top, right and bottom of the picture of growth."""
 
-LEGEND = 456
+LEGEND = 520
+COLORS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,8 @@ class Bars:
     title: str
     width: int
     height: int
+    labels: int
+    """Where the names of cases and peers end."""
     one: float
     """Where forge's own time is."""
     bars: tuple[Bar, ...]
@@ -77,7 +80,9 @@ class Line:
     path: str
     points: tuple[tuple[float, float], ...]
     label_y: float
-    number: int
+    color: int
+    dashed: bool
+    """Where there are more lines than colors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +114,7 @@ def bars(title: str, cases: Iterable[Case]) -> Bars | None:
     scale = _Scale(low, high, LABELS, WIDTH - NUMBERS)
     drawn = tuple(_bar(index, row, rows, scale) for index, row in enumerate(rows))
     ticks = tuple(Tick(round(scale.at(power), 1), _power(power)) for power in _powers(low, high))
-    return Bars(title, WIDTH, TOP + ROW * len(rows) + 8, round(scale.at(1), 1), drawn, ticks)
+    return Bars(title, WIDTH, TOP + ROW * len(rows) + 8, LABELS, round(scale.at(1), 1), drawn, ticks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +182,14 @@ def _line(number: int, growths: Sequence[tuple[str, Growth]], across: _Scale, up
     label, growth = growths[number]
     points = tuple((round(across.at(x), 1), round(up.at(y), 1)) for x, y in growth.points)
     path = "M" + " L".join(f"{x} {y}" for x, y in points)
-    return Line(f"{label}: {growth.exponent:.2f}", path, points, PLOT[1] + 10 + 18 * number, number % 8)
+    return Line(
+        f"{label}: {growth.exponent:.2f}",
+        path,
+        points,
+        PLOT[1] + 10 + 18 * number,
+        number % COLORS,
+        number >= COLORS,
+    )
 
 
 def _powers(low: float, high: float) -> list[float]:

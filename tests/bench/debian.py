@@ -27,7 +27,11 @@ def unpack(folder: Path) -> None:
     """Fetch and unpack all packages; raises CalledProcessError when one cannot be had."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="forge-bench-") as archives:
-        subprocess.run(["apt-get", "download", "-qq", *PACKAGES], cwd=archives, check=True)
+        subprocess.run(
+            ["apt-get", "download", "-qq", "-o", "APT::Sandbox::User=root", *PACKAGES],
+            cwd=archives,
+            check=True,
+        )
         for archive in sorted(Path(archives).glob("*.deb")):
             subprocess.run(["dpkg", "-x", archive, folder], check=True)
 

@@ -30,8 +30,7 @@ DEBIAN_PYTHON = "/usr/bin/python3"
 """The Python that Debian's packages are for."""
 
 _PACKAGE = "bench_msgs"
-_RUNS = {250: 5, 1000: 3}
-_FEW = 2
+_RUNS = {250: 5, 1000: 3, 5000: 1}
 _MANY = 100
 """More messages than this take rosidl most of a minute."""
 
@@ -49,7 +48,7 @@ def generation(sitting: Sitting) -> Iterator[Case]:
 def _alone(sitting: Sitting, size: int) -> Iterator[Case]:
     source = write_definitions(sitting.new_folder("definitions") / _PACKAGE, size)
     package = Package(source, ("python", "cpp"))
-    runs = sitting.runs(_RUNS.get(size, _FEW if size > max(_RUNS) else 5))
+    runs = sitting.runs(_RUNS.get(size, 5))
     for number in range(runs + (runs > 1)):
         package.turn(number, look=number == 0)
     for kind in KINDS:
@@ -80,7 +79,7 @@ def _beside_rosidl(sitting: Sitting, size: int) -> Case:
             rosidl_variables(prefix),
         ),
     )
-    return sitting.turns_of("C and C++, from nothing", variants, 1 if size > _MANY else 3, size=size)
+    return sitting.turns_of("C and C++, from nothing", variants, 1 if size > _MANY else 2, size=size)
 
 
 def rosidl_variables(prefix: Path) -> dict[str, str]:

@@ -26,7 +26,7 @@ _NEEDS = ("rosidl_default_generators", "ament_cmake", "std_msgs", "geometry_msgs
 def one_interface(sitting: Sitting) -> Iterator[Case]:
     """Measure builds after a change of one message that nobody needs."""
     kind = _embedded(sitting)
-    for size in sitting.sizes(1, 10, 30):
+    for size in sitting.sizes(1, 5, 20):
         argvs = tools(sitting, COLCON)
         built = [kind.built(sitting, name, argv, size) for name, argv in argvs.items()]
         yield sitting.turns_of("one .msg, forge's generators", _changing(built), 5, size=size)
@@ -38,10 +38,10 @@ def one_interface(sitting: Sitting) -> Iterator[Case]:
 def cold_interfaces(sitting: Sitting) -> Iterator[Case]:
     """Measure builds of packages of interfaces from nothing."""
     kind = _embedded(sitting)
-    for size in sitting.sizes(1, 10, 30):
+    for size in sitting.sizes(1, 5, 20):
         variants = [kind.tool(sitting, name, argv, size) for name, argv in tools(sitting, COLCON).items()]
         removing = [replace(each, before=REMOVE) for each in variants]
-        yield sitting.turns_of("packages of 5 messages", removing, 3, size=size)
+        yield sitting.turns_of("packages of 5 messages", removing, 2, size=size)
     if sitting.wants(ROSIDL) and sitting.wants(COLCON_COMMON):
         removing = [replace(each, before=REMOVE) for each in _beside_rosidl(sitting, built=False)]
         yield sitting.turns_of("a package of 20 messages, rosidl's", removing, 3)

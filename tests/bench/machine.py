@@ -22,7 +22,7 @@ def described() -> dict[str, str]:
         "processor": _processor(),
         "processors": str(len(os.sched_getaffinity(0))),
         "memory": _memory(),
-        "system": f"{_distribution()}, Linux {platform.release()}",
+        "system": f"{_distribution()}, Linux {platform.release().partition('-')[0]}",
         "Python": platform.python_version(),
         "numpy": version("numpy"),
         **{tool: _first_line(tool) for tool in _TOOLS if shutil.which(tool)},

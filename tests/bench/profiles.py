@@ -33,7 +33,11 @@ if TYPE_CHECKING:
 WORDS = """\
 The scenario in which forge takes longest is the build from nothing. The first table says which programs
 work meanwhile, all processors together; the second what forge itself does in it. The others are the two
-scenarios in which all of the work is forge's own."""
+scenarios in which all of the work is forge's own.
+
+What these profiles led to: a tenth of the time for 1,000 messages went into going through the whole
+package twice for each message, the square of its size; the names are collected once now. A build of
+nothing is spread over manifests, sources and records, with no function above a few per cent."""
 
 _MOST = 12
 _TICK = os.sysconf("SC_CLK_TCK")

@@ -23,16 +23,16 @@ _PATIENCE_SECONDS = 0.3
 
 
 def watching(sitting: Sitting) -> Iterator[Case]:
-    """Measure saves of a Python module and of a message, each in a workspace of its own."""
+    """Measure saves of a Python module and of a message in a package that nobody needs."""
     size = sitting.size(10)
     for name, write, pattern, line in (
-        ("a Python module", workspaces.write_python_workspace, "bench_0000/bench_0000/part_1.py", "# {}\n"),
-        ("a message", workspaces.write_interface_workspace, "bench_0000/msg/*.msg", "int32 added_{}\n"),
+        ("a Python module", workspaces.write_python_workspace, "{0}/{0}/part_1.py", "# {}\n"),
+        ("a message", workspaces.write_interface_workspace, "{0}/msg/*.msg", "int32 added_{}\n"),
     ):
         root = sitting.new_folder("watched")
         write(root, size)
         run(forge_build(), root)
-        saved = min((root / "src").glob(pattern))
+        saved = min((root / "src").glob(pattern.format(f"bench_{size - 1:04}")))
         with _watch(root) as process:
             taken = [_save(process, saved, line.format(turn)) for turn in range(sitting.runs(9) + 1)]
         yield Case(name, {"forge": Series(tuple(taken[1:]))}, size)

@@ -152,6 +152,13 @@ _JSON: Final = (
     Shape("lines", b'{"a": 1}\n'),
 )
 
+_TREE: Final = (
+    b'{"forge_tree": 1, "package": "p", "seconds": 1.5, "bound": "", "folders": [], "pack": {"hash": "'
+    + b"0" * 64
+    + b'", "size": 9}, "leaves": ['
+)
+_LINK: Final = b'["z", 0, 0, "", -1, false, "x", false]]}'
+
 SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     "manifest": _DOCUMENT,
     "condition": (
@@ -307,6 +314,25 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
         Shape("long numbers", b"8" + b"\x80" * 9 + b"\x01"),
         Shape("numbers without end", b"\x80"),
         Shape("a long name", b"a", b"\x12\xff\xff\x7f\n\xfa\xff\x7f"),
+    ),
+    "cached-tree": (
+        *_JSON,
+        Shape("links", b'["l%d", 0, 0, "", -1, false, "x", false], ', _TREE, after=_LINK),
+        Shape("files", b'["f%d", 420, 1, "' + b"1" * 64 + b'", 0, true, null, true], ', _TREE, after=_LINK),
+        Shape("twins", b'["l", 0, 0, "", -1, false, "x", false], ', _TREE, after=_LINK),
+        Shape("files below files", b'["a%e/a%d", 0, 0, "", -1, false, "x", false], ', _TREE, after=_LINK),
+        Shape("a deep file", b"a/", _TREE + b'["', after=_LINK[2:]),
+        Shape(
+            "folders",
+            b'"f%d", ',
+            _TREE.partition(b"], ")[0],
+            after=b'"f"' + b"".join(_TREE.partition(b"], ")[1:]) + _LINK,
+        ),
+    ),
+    "cached-inputs": (
+        *_JSON,
+        Shape("files", b'"/a%d", ', b'{"forge_inputs": 1, "lists": [[', after=b'"plain", ""]]}'),
+        Shape("lists", b'["/a%d", "plain", ""], ', b'{"forge_inputs": 1, "lists": [', after=b"[]]}"),
     ),
     "generator-arguments": (Shape("words", b"--include\na=/b\n"), Shape("a long word", b"a", b"--package\n")),
 }

@@ -12,6 +12,7 @@ import pytest
 
 from tests.bench.__main__ import main
 from tests.bench.figures import from_json
+from tests.bench.profiles import main as look
 from tests.bench.scenarios import SCENARIOS
 from tests.bench.target_table import TARGETS
 from tests.bench.targets import ByHand, verdicts
@@ -157,3 +158,13 @@ def test_a_tree_that_has_gone_holds_nothing() -> None:
     with watched(2**22 + 1) as peak:
         time.sleep(0.01)
     assert peak.megabytes is None
+
+
+@pytest.mark.needs("cmake", "ninja", "g++")
+def test_profiles_are_added_to_results(bench: Callable[..., Results], tmp_path: Path) -> None:
+    bench("--only", "start-up")
+    assert look(["--quick", "--output", str(tmp_path / "results.json")]) == 0
+    found = from_json(json.loads((tmp_path / "results.json").read_text(encoding="utf-8")))
+    assert len(found.profiles) == 4
+    assert all(profile["rows"] for profile in found.profiles.values())
+    assert list(found.scenarios) == ["start-up"]
