@@ -231,7 +231,7 @@ def test_passwords_get_into_no_package_and_no_file(forge: Forge, tmp_path: Path)
         "install(FILES ${CMAKE_BINARY_DIR}/found DESTINATION share)\n",
         "utf-8",
     )
-    url = "http://me:pass@word@127.0.0.1:9/cache"
+    url = "http://me:hush@word@127.0.0.1:9/cache"
     env = {"FORGE_CACHE_TOKEN": "to.ken", "FORGE_REMOTE_CACHE": url, "OTHER": "other"}
     for words in (("--remote-cache", url), ("--force", f"--remote-cache={url}"), ("--force",)):
         ran = forge("build", "--cache", str(tmp_path / "cache"), *words, cwd=folder, env=env)
@@ -240,7 +240,11 @@ def test_passwords_get_into_no_package_and_no_file(forge: Forge, tmp_path: Path)
         said = [
             ran.out,
             ran.err,
-            *(path.read_text("utf-8", "replace") for path in tmp_path.rglob("*") if path.is_file()),
+            *(
+                path.read_text("utf-8", "replace")
+                for path in tmp_path.rglob("*")
+                if path.is_file() and not path.is_symlink()
+            ),
         ]
-        assert [text for text in said if re.search("pass|word@|to[.]ken", text.replace("password", ""))] == []
+        assert [text for text in said if re.search("hush|word@|to[.]ken", text)] == []
     assert (folder / "install/curious/share/found").read_text("utf-8") == "  other"
