@@ -104,13 +104,6 @@ class FolderStore:
         self.discard(digest.hash)
         return None
 
-    def has(self, digest: Digest) -> bool:
-        """Tell if there is a file for a blob, of the right size."""
-        try:
-            return self.blob_path(digest.hash).stat().st_size == digest.size
-        except OSError:
-            return False
-
     def adopt(self, draft: Path, digest: Digest) -> None:
         """Make a verified file in the folder the blob that it is."""
         path = self.blob_path(digest.hash)

@@ -186,9 +186,7 @@ def test_paths_of_sources_are_kept_out_of_what_is_compiled(users: Users, tmp_pat
 def test_paths_with_blanks_take_only_what_was_quoted_for_them(users: Users, tmp_path: Path) -> None:
     plain, spaced = write(tmp_path / "plain", PLAIN), write(tmp_path / "with blank", PLAIN)
     users.build(plain)
-    ran = users.build(spaced, "--explain")
-    assert restored(ran) == 0
-    assert "lacks the quotes that it takes" not in ran.err
+    assert restored(users.build(spaced)) == 0
     users.begin_anew(plain)
     shutil.rmtree(users.cache)
     users.begin_anew(spaced)
