@@ -208,12 +208,15 @@ class Budget:
 
     def _watch(self) -> None:
         """Look at memory and load from time to time, and put tokens that no package wants into the pool."""
+        short, looked = self._short, time.monotonic()
         while not self._closed:
             stirred = self._stir.wait(_PERIOD_SECONDS)
             if stirred and not self._closed:
                 self._stir.clear()
                 time.sleep(_PAUSE_SECONDS)
-            short = self._is_short()
+            # Not whenever a token moves: that is some twenty files to read.
+            if time.monotonic() - looked >= _PERIOD_SECONDS:
+                short, looked = self._is_short(), time.monotonic()
             with self._changed:
                 self._short = short
                 if not stirred:

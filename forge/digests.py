@@ -19,7 +19,7 @@ from forge.files import replace_file
 from forge.model import Mark
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
 VERSION = 2
@@ -55,6 +55,8 @@ class FileTable:
         self._path = path
         self._known: dict[str, tuple[str, str]] | None = None
         self._changed = False
+        self._own: set[str] = set()
+        """Files that forge itself has just written: what they say is sure, but not for how long."""
         self.news: dict[str, str | None] = {}
         """Files whose content was read: what it had been before, None when that was not known."""
 
@@ -68,6 +70,7 @@ class FileTable:
         with open(path, "rb") as stream:  # noqa: PTH123  (thousands of files: no Path for each)
             found = hashlib.blake2b(stream.read(), digest_size=16).hexdigest()
         known[path] = ("" if _racy(status) else said, found)
+        self._own.discard(path)
         self._changed = True
         before = entry[1] if entry is not None else None
         if before != found:
@@ -75,8 +78,9 @@ class FileTable:
         return found
 
     def learn(self, path: str, status: os.stat_result, digest: str) -> None:
-        """Take note of what a file says that was written just now; it need not be read for that."""
-        self._load()[path] = ("" if _racy(status) else _said(status), digest)
+        """Take note of what a file says that was written just now; this process need not read it for that."""
+        self._load()[path] = (_said(status), digest)
+        self._own.add(path)
         self._changed = True
 
     def changed(self, path: str) -> bool:
@@ -85,10 +89,19 @@ class FileTable:
         before = self._load().get(path, ("", ""))[1]
         return stat.S_ISREG(status.st_mode) and self.digest(path, status) != before
 
+    def forget_others(self, paths: Collection[str]) -> None:
+        """Remember nothing but the given files: a table that many builds share must not grow."""
+        known = self._load()
+        for path in known.keys() - paths:
+            del known[path]
+            self._changed = True
+
     def save(self) -> None:
         """Write the table if it learned anything."""
         if self._changed and self._known is not None:
-            replace_file(self._path, json.dumps({"version": VERSION, "files": self._known}).encode())
+            own = {path: ("", self._known[path][1]) for path in self._own}
+            said = {"version": VERSION, "files": {**self._known, **own}}
+            replace_file(self._path, json.dumps(said).encode())
             self._changed = False
 
     def _load(self) -> dict[str, tuple[str, str]]:

@@ -10,6 +10,7 @@ import heapq
 import re
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
+from posixpath import splitext
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError
@@ -112,8 +113,8 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]
 
 def _may_be_sourced(path: str) -> bool:
     """Tell if a path names a file, of the package or an absolute one: '..' would leave the package."""
-    parts = PurePosixPath(path)
-    return bool(parts.name) and ".." not in parts.parts and "\0" not in path
+    parts = {part for part in path.split("/") if part not in {"", "."}}
+    return bool(parts) and ".." not in parts and "\0" not in path
 
 
 def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:
@@ -136,7 +137,7 @@ def _read_file(path: str, read: Read, opened: frozenset[str]) -> Iterator[Hook]:
     yield from changes
     groups: dict[str, list[str]] = {}
     for source in sources:
-        groups.setdefault(str(PurePosixPath(source).with_suffix("")), []).append(source)
+        groups.setdefault(splitext(source)[0], []).append(source)
     for stem, paths in groups.items():
         if read(f"{stem}.dsv") is not None:
             yield from _read_file(f"{stem}.dsv", read, opened | {path})

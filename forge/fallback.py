@@ -30,12 +30,12 @@ def keep(name: str, layout: Layout, files: Iterable[str]) -> None:
     """Keep the installed `files` of a package that is wholly installed, unless older ones are kept still."""
     folder = _folder(name, layout)
     marks = markers(name, layout)
-    if (folder / _LIST).is_file() or not marks[0].is_file():
+    if (folder / _LIST).is_file() or not Path(marks[0]).is_file():
         return
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     kept = []
-    for number, path in enumerate(dict.fromkeys((*files, *map(str, marks)))):
+    for number, path in enumerate(dict.fromkeys((*files, *marks))):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             status = os.lstat(path)
             _copy(Path(path), folder / str(number), linked=status.st_size > _SMALL)
@@ -50,7 +50,7 @@ def restore(name: str, layout: Layout) -> None:
         kept = json.loads((folder / _LIST).read_bytes())
     except (OSError, ValueError, RecursionError):
         return
-    marks = frozenset(map(str, markers(name, layout)))
+    marks = frozenset(markers(name, layout))
     whole = True
     for number, path, modified, size in sorted(kept, key=lambda entry: entry[1] in marks):
         status = os.lstat(folder / number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from typing import TYPE_CHECKING
@@ -73,17 +74,18 @@ def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def markers(name: str, layout: Layout) -> tuple[Path, ...]:
+def markers(name: str, layout: Layout) -> tuple[str, ...]:
     """Return the files that make a package look installed, the one that readers begin with first."""
     prefix = layout.prefix(name)
-    scripts_of_it = (prefix / "share" / name / f"package.{extension}" for extension in ("dsv", *SHELLS))
-    return (*scripts_of_it, *(prefix / index / name for index in (PACKAGES, INDEX / "packages")))
+    scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
+    return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:
     """Remove what makes a package look installed, before it is built anew and might fail."""
     for path in markers(name, layout):
-        path.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)  # noqa: PTH108  (seven of each package: no Path for each)
 
 
 def finish_workspace(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
     from forge.errors import Problem
@@ -296,11 +296,11 @@ class Task:
     prefix: Path
     build_dir: Path
     needs: Collection[str]
-    steps: tuple[Step, ...]
+    steps: Sequence[Step]
     reason: str
     parts: Parts = Parts()  # complete but for `needs` when the task is conditional
     sources: Mark = Mark()
-    files: tuple[tuple[Path, str], ...] = ()
+    files: Sequence[tuple[Path, str]] = ()
     """What the steps read and forge writes before them, when it changed."""
     conditional: bool = False
     """It runs only if a package that is built before it comes out different."""

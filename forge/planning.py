@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
+from forge.deferred import Deferred
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.freshness import Outlook, must_begin_anew, traces_of, why_at_all, why_different
 from forge.frozen import frozen
@@ -17,7 +19,7 @@ from forge.recipes.cmake import leftovers
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from forge.model import Package, Pairs, Record, Selection, Snapshot
+    from forge.model import Package, Pairs, Record, Selection, Snapshot, Step
     from forge.provision import Provision
     from forge.recipes.kitchen import Kitchen
 
@@ -142,7 +144,7 @@ def _task(
         configured={} if anew else {name: (folder.generator, folder.configured)},
         reconfigure=frozenset({name}) if again else frozenset(),
     )
-    recipe = RECIPES[package.build_type].recipe(package, kitchen.of(package))
+    recipe = cache(partial(RECIPES[package.build_type].recipe, package, kitchen.of(package)))
     earlier = tuple(sorted({*(record.files if record else ()), *folder.installed}))
     return Task(
         name=name,
@@ -150,16 +152,21 @@ def _task(
         prefix=kitchen.layout.prefix(name),
         build_dir=build,
         needs=needs,
-        steps=(*recipe.steps[:-1], replace(recipe.steps[-1], replaces=earlier)),
+        steps=Deferred(lambda: _replacing(earlier, recipe().steps)),
         reason="a package that it needs is built before it and may come out different",
         parts=parts,
         sources=sources,
-        files=recipe.files,
+        files=Deferred(lambda: recipe().files),
         conditional=True,
         clean=(build,) if anew else leftovers(build) if other_options else (),
         earlier=earlier,
         moved=moved,
     )
+
+
+def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Return the steps with what the last of them, the installation, did before."""
+    return (*steps[:-1], replace(steps[-1], replaces=earlier))
 
 
 def _unrecorded(record: Record | None, folder: Folder) -> bool:

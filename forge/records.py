@@ -132,17 +132,17 @@ class Records:
         self._date(files)
         inside = (self.source(task), self._layout.build, self._layout.install)
         externals = external_inputs(task.build_dir, inside)
-        return self._made(task, files, externals)
+        return self._made(task, files, externals, digest_of(externals, contents_of(externals, self.table)))
 
     def restored(self, task: Task, found: Found, files: tuple[str, ...]) -> Record:
         """Return the record of a task whose `files` came out of the cache, its build folder left as it is.
 
         The record says of no build folder that it belongs to it: the next build of the package begins anew.
         """
-        record = self._made(task, files, found.externals)
+        record = self._made(task, files, found.externals, found.external)
         return replace(record, seconds=found.tree.seconds, began=0.0, tree=found.tree.digest)
 
-    def _made(self, task: Task, files: tuple[str, ...], externals: tuple[str, ...]) -> Record:
+    def _made(self, task: Task, files: tuple[str, ...], externals: tuple[str, ...], external: str) -> Record:
         from forge.ownership import note_contents  # noqa: PLC0415  (most builds make nothing)
 
         self._remove_stale(task.name, set(task.earlier) - set(files))
@@ -157,7 +157,7 @@ class Records:
             installed=mark_files(files, self.table),
             files=files,
             externals=externals,
-            external=digest_of(externals, contents_of(externals, self.table)),
+            external=external,
             began=began(task.build_dir),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,6 +32,21 @@ def cache_home(variables: Mapping[str, str]) -> Path:
     if named:
         return Path(named).expanduser().absolute()
     return Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "forge"
+
+
+def own_cache(variables: Mapping[str, str]) -> Path | None:
+    """Return the folder of what forge keeps for this user alone, if there is a home to have it in.
+
+    What lies there is run and believed, so it is not where FORGE_CACHE_DIR says, which a team may share.
+    """
+    said = os.path.expanduser(variables.get("XDG_CACHE_HOME") or "~/.cache")  # noqa: PTH111  (never raises)
+    return Path(said) / "forge" if said.startswith("/") else None
+
+
+def compiled_templates(variables: Mapping[str, str], other: Path) -> tuple[Path, ...]:
+    """Return where compiled templates may be kept: with the user, else in the folder `other` of one build."""
+    own = own_cache(variables)
+    return (own / "templates", other) if own else (other,)
 
 
 def without_secrets(variables: Mapping[str, str]) -> dict[str, str]:

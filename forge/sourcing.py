@@ -6,7 +6,7 @@ import errno
 import os
 import subprocess
 import tempfile
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 from forge import scripts
@@ -104,9 +104,11 @@ def forget_edits() -> None:
 def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
     """Read the dsv files of a package; its package.dsv is written anew whenever it is installed."""
 
+    @cache
     def read(path: str) -> str | None:
         try:
-            return (prefix / path).read_text(encoding="utf-8", errors="surrogateescape")
+            with open(os.path.join(prefix, path), encoding="utf-8", errors="surrogateescape") as stream:  # noqa: PTH118, PTH123
+                return stream.read()
         except OSError as error:
             if error.errno in _NOT_THERE:
                 return None

@@ -144,6 +144,8 @@ def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManag
     from forge.caching.opening import open_cache  # noqa: PLC0415  (most builds have none)
     from forge.caching.package_cache import Circle  # noqa: PLC0415
     from forge.caching.relocation import Places  # noqa: PLC0415
+    from forge.digests import FileTable  # noqa: PLC0415
+    from forge.settings import own_cache  # noqa: PLC0415
 
     layout = undertaking.kitchen.layout
     circle = Circle(
@@ -153,6 +155,7 @@ def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManag
         tools=undertaking.kitchen.tools,
         records=records.journal.records,
         table=records.table,
+        own=FileTable((own_cache(variables) or layout.build / ".forge_own") / "programs.json"),
         forced=frozenset(loaded.selection.names) if force_of(options) else frozenset(),
     )
     return open_cache(options, circle, records, variables)

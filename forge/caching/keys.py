@@ -7,6 +7,7 @@ had it. The second is of the first and of what the files of one list say now; it
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -50,13 +51,19 @@ class Inputs:
 
 
 def circumstances(tools: Pairs, table: FileTable) -> tuple[str, ...]:
-    """Return what holds for every package: forge by its own files, the programs by theirs, the system."""
+    """Return what holds for every package: forge by its own files, the programs by theirs, the system.
+
+    `table` is for these files alone, and saved.
+    """
     home = Path(__file__).parents[1]
     own = [path for folder in _own_folders(home) for path in source_files(str(folder), "embedded")]
     said = contents_of(own, table)
     mine = [f"{os.path.relpath(path, home.parent)} {said[path]}" for path in own]
     programs = {name: program_of(identity) for name, identity in tools}
     found = contents_of(programs.values(), table)
+    table.forget_others({*said, *found})
+    with contextlib.suppress(OSError):  # a home that may only be read
+        table.save()
     return (
         f"{__version__} {hashlib.sha256(chr(10).join(mine).encode(errors='surrogateescape')).hexdigest()}",
         *(f"{name} {found[path]}" for name, path in sorted(programs.items())),
@@ -77,13 +84,12 @@ def first_key(task: Task, needs: Sequence[tuple[str, str]], held: tuple[str, ...
     )
 
 
-def second_key(first: str, inputs: Inputs, table: FileTable, places: Places) -> str:
-    """Return the key of a result: of the first, and of what the files outside of the workspace say now."""
-    paths = [places.settled_word(path) for path in inputs.paths]
-    contents = contents_of(paths, table)
-    said = digest_of(
-        inputs.paths, {loose: contents[path] for loose, path in zip(inputs.paths, paths, strict=True)}
-    )
+def second_key(first: str, inputs: Inputs, contents: Mapping[str, str], places: Places) -> str:
+    """Return the key of a result: of the first, and of what the files outside of the workspace say.
+
+    `contents` has that by the words of `inputs.paths`.
+    """
+    said = digest_of(inputs.paths, contents)
     where = [[name, path.decode(errors="replace")] for name, path in places.paths] if inputs.bound else []
     return _key(first, said, inputs.kind, where)
 

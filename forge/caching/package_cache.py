@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 from forge.caching import keys
 from forge.caching.lineage import Lineage, unfit
 from forge.caching.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
+from forge.caching.outside import Outside
 from forge.caching.relocation import ODD
 from forge.caching.restoring import Contents, Planter
 from forge.caching.trees import TICK, Unfit, index_of, strays, survey, tree_of
@@ -40,10 +42,11 @@ INDEX, PACK = "index", "pack"
 
 @frozen
 class Circle:
-    """What the packages of one build have in common: folders, needs, programs, records, file table.
+    """What the packages of one build have in common: folders, needs, programs, records, file tables.
 
-    `needs` are the direct ones of each package; `records` are looked up when asked, since they change.
-    `forced` are packages that are to be built though the cache may have them.
+    `own` is the table of forge's files and the programs'. `needs` are the direct ones of each package;
+    `records` are looked up when asked, since they change. `forced` are packages that are to be built though
+    the cache may have them.
     """
 
     layout: Layout
@@ -52,6 +55,7 @@ class Circle:
     tools: Pairs
     records: Mapping[str, Record]
     table: FileTable
+    own: FileTable
     forced: Collection[str] = frozenset()
 
 
@@ -69,11 +73,16 @@ class Held:
 
 @frozen
 class Found:
-    """A tree of the cache with its open, verified contents; `externals` are what its build had read."""
+    """A tree of the cache with its open, verified contents.
+
+    `externals` are the files outside of the workspace that its build had read, `external` the digest of what
+    they say.
+    """
 
     tree: Tree
     contents: Contents
     externals: tuple[str, ...]
+    external: str
 
     def close(self) -> None:
         """Let go of the contents."""
@@ -98,6 +107,8 @@ class PackageCache:
         self._uploads = uploads
         self._warn = warn
         self._lineage = Lineage(circle.needs, circle.records, circle.layout, circle.places)
+        self._outside = Outside(circle.places, circle.table)
+        self._holding = threading.Lock()
         self._held: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
         self._lists: dict[str, tuple[keys.Inputs, ...]] = {}
@@ -116,20 +127,10 @@ class PackageCache:
         return self._lineage.looked
 
     def find(self, task: Task) -> Found | None:
-        """Return what the cache has for a task, brought here and verified, or None."""
-        if not self._concerns(task):
-            return None
-        self._keys[task.name] = key = self._first_key(task)
-        if task.name in self._circle.forced:
-            return None
-        found = self._find_in(self._local, key)
-        if found is None and self._remote is not None:
-            found = self._find_in(self._remote, key)
-        self.notes[task.name] = RESTORED if found else self._why_not(key)
-        (self.restored if found else self.missed).add(task.name)
-        if found:
-            # Another machine may have built it since it was missed.
-            self.missed.discard(task.name)
+        """Return what the cache has for a task, brought here and verified, or None: then it will be built."""
+        found = self._looked_up(task)
+        if found is None:
+            self._outside.distrust()
         return found
 
     def restore(self, task: Task, found: Found) -> tuple[str, ...]:
@@ -174,6 +175,22 @@ class PackageCache:
                 self.notes[held.package] = f"not kept: '{stray}' appeared meanwhile, which no tool lists"
         self._held_back.clear()
 
+    def _looked_up(self, task: Task) -> Found | None:
+        if not self._concerns(task):
+            return None
+        self._keys[task.name] = key = self._first_key(task)
+        if task.name in self._circle.forced:
+            return None
+        found = self._find_in(self._local, key)
+        if found is None and self._remote is not None:
+            found = self._find_in(self._remote, key)
+        self.notes[task.name] = RESTORED if found else self._why_not(key)
+        (self.restored if found else self.missed).add(task.name)
+        if found:
+            # Another machine may have built it since it was missed.
+            self.missed.discard(task.name)
+        return found
+
     def _concerns(self, task: Task) -> bool:
         """Tell if the cache has to do with a task, and if not, why."""
         if self._circle.layout.symlink and not task.embedded:
@@ -185,8 +202,9 @@ class PackageCache:
         return unknown is None
 
     def _first_key(self, task: Task) -> str:
-        if self._held is None:
-            self._held = keys.circumstances(self._circle.tools, self._circle.table)
+        with self._holding:  # the first packages ask at the same time
+            if self._held is None:
+                self._held = keys.circumstances(self._circle.tools, self._circle.own)
         needs = self._lineage.needs_of(task.name, task.needs)
         return keys.first_key(task, needs, self._held, self._circle.places)
 
@@ -214,7 +232,7 @@ class PackageCache:
         return found
 
     def _second_key(self, first: str, inputs: keys.Inputs) -> str:
-        return keys.second_key(first, inputs, self._circle.table, self._circle.places)
+        return keys.second_key(first, inputs, self._outside.contents(inputs.paths), self._circle.places)
 
     def _brought(self, store: Store, result: ActionResult, inputs: keys.Inputs) -> Found | None:
         """Return a result with its blobs in the local folder, open and verified; None when one is missing.
@@ -240,8 +258,8 @@ class PackageCache:
                 return None
             opened.pop_all()
         os.close(index)
-        externals = tuple(self._circle.places.settled_word(path) for path in inputs.paths)
-        return Found(tree, Contents(pack, descriptors), externals)
+        externals, external = self._outside.record_of(inputs.paths)
+        return Found(tree, Contents(pack, descriptors), externals, external)
 
     def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
         """Open a verified blob of the local folder, brought there from `store` if it is not."""

@@ -37,6 +37,7 @@ TICK = 0.05
 """Seconds by which the clocks of files and of processes may differ."""
 
 _VERSION = 1
+_NO_NAMES = frozenset({"", ".", ".."})
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
 _LONGEST = 4096
 """Signs of a path: Linux takes no longer ones, and to look at all folders above takes the square of it."""
@@ -278,12 +279,7 @@ def _parents(path: str) -> Iterator[str]:
 def _safe(path: object) -> str:
     """Return a path that stays below the prefix."""
     name = _text(path)
-    if (
-        len(name) > _LONGEST
-        or not name
-        or "\0" in name
-        or any(part in {"", ".", ".."} for part in name.split("/"))
-    ):
+    if len(name) > _LONGEST or not name or "\0" in name or not _NO_NAMES.isdisjoint(name.split("/")):
         raise ValueError(f"'{name[:200]}' is no path below a prefix")
     return name
 

@@ -27,6 +27,7 @@ from forge.preparation import (
 from forge.records import open_records
 from forge.reporting import Report, handlers_of
 from forge.results import begin_workspace, forget_underlays
+from forge.settings import compiled_templates
 from forge.snapshot import take_snapshot
 from forge.templating import keep_compiled
 from forge.workspace import load_workspace
@@ -84,7 +85,7 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     refuse_what_cannot_work(loaded, names, layout)
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
     begin_workspace(layout)
-    keep_compiled(layout.build / ".forge_templates")
+    keep_compiled(*compiled_templates(os.environ, layout.build / ".forge_templates"))
     with (
         occupied(layout.build, wait=not options.no_wait),
         closing(open_records(root, layout, interpreter)) as records,

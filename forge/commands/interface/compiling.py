@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from forge.interfaces.rendering import Part, parts
 from forge.interfaces.resolution import referred, undeclared
 from forge.interfaces.sources import EMBEDDED, Library, read_runtime
 from forge.interfaces.writing import write, write_depfile, write_stamp
+from forge.settings import compiled_templates
 from forge.templating import keep_compiled
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ def _generate(options: argparse.Namespace) -> int:
     record = Record(
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
-    keep_compiled(options.output / RECORDS / "templates")
+    keep_compiled(*compiled_templates(os.environ, options.output / RECORDS / "templates"))
     written = write(_parts((catalog, *others), options), options.output, catalog.package, record)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]

@@ -1,0 +1,52 @@
+"""What the files outside of the workspace say that builds have read, such as headers of the system.
+
+A hundred packages read the same ones. As long as a build only restores, each is looked at once; from the
+first step on that runs, each time, since a step may write anywhere.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.digests import contents_of, digest_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from forge.caching.relocation import Places
+    from forge.digests import FileTable
+
+
+class Outside:
+    """Files outside of one workspace, by their names with the workspace's paths put aside."""
+
+    def __init__(self, places: Places, table: FileTable) -> None:
+        """Remember how to put paths in again, and where contents are looked up."""
+        self._places = places
+        self._table = table
+        self._known: dict[str, tuple[str, str]] = {}
+        self._trusting = True
+
+    def distrust(self) -> None:
+        """Look at every file each time from now on: a step is about to run."""
+        self._trusting = False
+        self._known = {}
+
+    def contents(self, words: Iterable[str]) -> dict[str, str]:
+        """Return what each file says, by the word for it."""
+        return {word: said for word, (_, said) in self._looked(words).items()}
+
+    def record_of(self, words: Iterable[str]) -> tuple[tuple[str, ...], str]:
+        """Return the paths of files, and the digest of what they say."""
+        found = dict(self._looked(words).values())
+        return tuple(found), digest_of(found, found)
+
+    def _looked(self, words: Iterable[str]) -> dict[str, tuple[str, str]]:
+        known = self._known if self._trusting else {}
+        found = {}
+        for word in words:
+            if word not in known:
+                path = self._places.settled_word(word)
+                known[word] = (path, contents_of((path,), self._table)[path])
+            found[word] = known[word]
+        return found
