@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tests.bench import workspaces
-from tests.bench.builds import REMOVE, Kind, debian, tools, underlay
+from tests.bench.builds import ANEW, Kind, debian, tools, underlay
 from tests.bench.commands import COLCON, colcon, forge_build
 from tests.bench.generation import ROSIDL
 from tests.bench.starting import COLCON_COMMON
@@ -40,10 +40,10 @@ def cold_interfaces(sitting: Sitting) -> Iterator[Case]:
     kind = _embedded(sitting)
     for size in sitting.sizes(1, 5, 20):
         variants = [kind.tool(sitting, name, argv, size) for name, argv in tools(sitting, COLCON).items()]
-        removing = [replace(each, before=REMOVE) for each in variants]
+        removing = [replace(each, before=ANEW) for each in variants]
         yield sitting.turns_of("packages of 5 messages", removing, 2, size=size)
     if sitting.wants(ROSIDL) and sitting.wants(COLCON_COMMON):
-        removing = [replace(each, before=REMOVE) for each in _beside_rosidl(sitting, built=False)]
+        removing = [replace(each, before=ANEW) for each in _beside_rosidl(sitting, built=False)]
         yield sitting.turns_of("a package of 20 messages, rosidl's", removing, 3)
 
 

@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tests.bench.builds import PLAIN, REMOVE, ament
+from tests.bench.builds import ANEW, PLAIN, ament
 from tests.bench.commands import QUIET, forge_build
 from tests.bench.definitions import write_definitions
 from tests.bench.figures import as_json, from_json
@@ -49,7 +49,7 @@ def profiles(sitting: Sitting) -> dict[str, Any]:
     kind, size, large = ament(sitting), sitting.size(100), sitting.size(1000)
     cold = kind.tool(sitting, "forge", forge_build(), size)
     programs = _programs(cold.argv, cold.cwd, cold.env)
-    run(REMOVE, cold.cwd)
+    run(ANEW, cold.cwd)
     build, merged = (*QUIET, "build"), (*QUIET, "build", "--merge-install")
     nothing = PLAIN.built(sitting, "forge", forge_build("--merge-install"), large)
     definitions = write_definitions(sitting.new_folder("profiled") / "bench_msgs", large)

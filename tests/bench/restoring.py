@@ -1,15 +1,11 @@
-"""What forge's cache of packages brings back, beside building it and beside copying it.
-
-What is to be restored is moved away before each turn, not deleted: for some seconds after the deletion of
-thousands of files ext4 takes three times as long to make a file.
-"""
+"""What forge's cache of packages brings back, beside building it and beside copying it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tests.bench.builds import ament
+from tests.bench.builds import ament, away
 from tests.bench.commands import forge_build
 from tests.bench.sitting import run
 from tests.bench.timing import Variant
@@ -25,7 +21,6 @@ if TYPE_CHECKING:
 BUILDING = "building"
 COPYING = "cp -r"
 START = "a tree of one file"
-_AWAY = ("sh", "-c", 'gone=$(mktemp -d gone.XXXXXX) && touch "$gone/COLCON_IGNORE" && mv {} "$gone"')
 _CMAKE = """cmake_minimum_required(VERSION 3.22)
 project({name} NONE)
 install(CODE [[
@@ -42,20 +37,15 @@ def restoring(sitting: Sitting) -> Iterator[Case]:
     kind = ament(sitting)
     for size in sitting.sizes(10, 30, 100):
         argv = forge_build("--cache", str(sitting.new_folder("cache")))
-        cached = replace(kind.tool(sitting, "forge", argv, size), before=_away("build", "install"))
+        cached = replace(kind.tool(sitting, "forge", argv, size), before=away("build", "install"))
         run(cached.argv, cached.cwd, dict(cached.env))
         building = replace(kind.built(sitting, BUILDING, forge_build(), size), before=cached.before)
         yield sitting.turns_of("compiled packages", (cached, building), 3, size=size)
     for size in sitting.sizes(1000, 5000, 20_000):
         cached, start = (_cached(sitting, name, files) for name, files in (("forge", size), (START, 1)))
-        copying = Variant(COPYING, ("cp", "-r", "install", "copied"), _built(sitting, size), _away("copied"))
+        copying = Variant(COPYING, ("cp", "-r", "install", "copied"), _built(sitting, size), away("copied"))
         (copying.cwd / "copied").mkdir()
         yield sitting.turns_of("files of one package", (cached, copying, start), 7, size=size)
-
-
-def _away(*folders: str) -> tuple[str, ...]:
-    *words, script = _AWAY
-    return (*words, script.format(" ".join(folders)))
 
 
 def _cached(sitting: Sitting, name: str, files: int) -> Variant:
@@ -64,7 +54,7 @@ def _cached(sitting: Sitting, name: str, files: int) -> Variant:
     _write(root, files)
     argv = forge_build("--cache", str(sitting.new_folder("cache")))
     run(argv, root)
-    return Variant(name, argv, root, _away("build", "install"))
+    return Variant(name, argv, root, away("build", "install"))
 
 
 def _built(sitting: Sitting, files: int) -> Path:

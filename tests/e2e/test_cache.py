@@ -283,6 +283,37 @@ def test_a_file_outside_of_the_workspace_counts(users: Users, tmp_path: Path) ->
     assert seen == ["one\n", "two\n", "one\n"]
 
 
+def test_what_a_step_writes_outside_of_the_workspace_counts_at_once(users: Users, tmp_path: Path) -> None:
+    """A package that reads it is not restored as it was, though another has looked at the file before."""
+    header = tmp_path / "outside" / "answer.h"
+    write(header.parent, {"answer.h": '#define HOME "one"\n'})
+    found = f"target_include_directories(speak PRIVATE {header.parent})"
+    cmake = re.sub(r"target_compile_definitions.*", found, SPEAKING)
+    main = "#include <answer.h>\n#include <cstdio>\nint main() { std::puts(HOME); }\n"
+    files = {
+        "src/writing/package.xml": manifest_text("writing", "<depend>early</depend>", build_type="cmake"),
+        "src/writing/said": "one",
+        "src/writing/CMakeLists.txt": f"""cmake_minimum_required(VERSION 3.18)
+project(writing NONE)
+file(READ said said)
+file(WRITE "{header}" "#define HOME \\"${{said}}\\"\\n")
+install(FILES package.xml DESTINATION share/writing)
+""",
+    }
+    for name, needs in (("early", ""), ("late", "<depend>writing</depend>")):
+        files |= {
+            f"src/{name}/package.xml": manifest_text(name, needs, build_type="cmake"),
+            f"src/{name}/CMakeLists.txt": cmake.replace("speaking", name),
+            f"src/{name}/main.cpp": main,
+        }
+    root = write(tmp_path / "ws", files)
+    users.build(root)
+    users.begin_anew(root)
+    (root / "src/writing/said").write_text("two")
+    assert restored(users.build(root)) == 1
+    assert subprocess.check_output([root / "install/late/bin/speak"], text=True) == "two\n"
+
+
 def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", {**PLAIN, **BOUND})
     users.build(root)

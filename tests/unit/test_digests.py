@@ -133,6 +133,34 @@ def test_the_table_saves_reading_and_may_be_lost(package: Path) -> None:
         assert mark_tree(str(package), FileTable(path)).digest == before.digest
 
 
+def test_what_forge_has_just_written_is_known_but_not_for_long(tmp_path: Path) -> None:
+    """Somebody may write there within the same tick of the clock: the next process looks again."""
+    file, path = tmp_path / "file", str(tmp_path / "file")
+    file.write_text("one")
+    table = FileTable(tmp_path / "table")
+    table.learn(path, file.lstat(), "as written")
+    assert table.digest(path, file.lstat()) == "as written"
+    table.save()
+    read = FileTable(tmp_path / "table").digest(path, file.lstat())
+    assert read == FileTable(tmp_path / "none").digest(path, file.lstat()) != "as written"
+    settle(tmp_path)
+    file.write_text("other")
+    assert table.digest(path, file.lstat()) != "as written"
+
+
+def test_a_table_of_many_builds_forgets_what_is_not_asked_for(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).write_text(name)
+    settle(tmp_path)
+    table = FileTable(tmp_path / "table")
+    mark_files([str(tmp_path / "one"), str(tmp_path / "two")], table)
+    table.forget_others({str(tmp_path / "one")})
+    table.save()
+    said = (tmp_path / "table").read_text()
+    assert str(tmp_path / "one") in said
+    assert str(tmp_path / "two") not in said
+
+
 def test_an_unreadable_file_is_something_too(package: Path) -> None:
     fifo = package / "fifo"
     (package / "folder-link").symlink_to(package / "src")

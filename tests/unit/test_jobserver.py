@@ -346,3 +346,20 @@ def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
         runner = ProcessRunner(Frame(lambda _: os.environ, lambda _: None, lambda _: Record(Parts())), budget)
         events = list(execute(plan, runner, Board(plan, 2), lambda task: task))
     return [type(event).__name__ for event in events if event.task == "late"]
+
+
+def test_memory_is_looked_at_by_the_clock_however_many_packages_come_and_go() -> None:
+    looks: list[float] = []
+
+    def short() -> bool:
+        looks.append(time.monotonic())
+        return False
+
+    begun = time.monotonic()
+    with closing(Budget(2, short=short)) as budget:
+        for _ in range(200):
+            with budget.package():
+                time.sleep(0.001)
+        passed = time.monotonic() - begun
+        assert len(looks) <= 2 + passed / 0.25
+        wait_for(lambda: looks[-1] - begun > passed)

@@ -10,6 +10,7 @@ import pytest
 from forge import templating
 from forge.pictures.charts import Chart
 from forge.pictures.drawing import drawn
+from forge.settings import compiled_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -68,3 +69,20 @@ def test_a_folder_that_is_gone_or_cannot_be_is_no_harm(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     templating.keep_compiled(tmp_path / "file/below")
     assert "a.hpp" in templating.render(TEMPLATE, **NAMES)
+
+
+@pytest.mark.usefixtures("afresh")
+def test_the_first_folder_that_can_be_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    templating.keep_compiled(tmp_path / "file/below", tmp_path / "second", tmp_path / "third")
+    templating.render(TEMPLATE, **NAMES)
+    assert any((tmp_path / "second").iterdir())
+    assert not (tmp_path / "third").exists()
+
+
+def test_compiled_templates_are_the_users_own_whatever_a_team_shares(tmp_path: Path) -> None:
+    other = tmp_path / "build/.forge_templates"
+    shared = {"FORGE_CACHE_DIR": "/team/cache"}
+    mine = compiled_templates({**shared, "XDG_CACHE_HOME": str(tmp_path / "cache")}, other)
+    assert mine == (tmp_path / "cache/forge/templates", other)
+    assert compiled_templates({**shared, "XDG_CACHE_HOME": "relative"}, other) == (other,)
