@@ -91,7 +91,7 @@ class Jobs:
         return record
 
     def _remark(self, task: Task) -> str:
-        return self.cache.notes.get(task.name, "") if self.cache else ""
+        return self.cache.remark(task.name) if self.cache else ""
 
     def _install(self, task: Task) -> Record:
         needs = set(task.package.manifest.names(RUN_KINDS))

@@ -155,12 +155,17 @@ def add_cache(parser: Parser) -> None:
 
 def cache_wanted(options: argparse.Namespace, variables: Mapping[str, str]) -> bool:
     """Tell if packages are to be looked for in a cache, and kept there."""
-    return options.cache is not None or bool(remote_cache(options, variables))
+    return bool(remote_cache(options, variables)) or options.cache is not None
 
 
 def remote_cache(options: argparse.Namespace, variables: Mapping[str, str]) -> str:
-    """Return the URL of the remote cache, '' for none."""
-    return options.remote_cache or variables.get("FORGE_REMOTE_CACHE", "")
+    """Return the URL of the remote cache, '' for none; raises ForgeError for what cannot be one."""
+    url: str = options.remote_cache or variables.get("FORGE_REMOTE_CACHE", "")
+    if url:
+        from forge.caching.urls import check  # noqa: PLC0415  (most builds have none)
+
+        check(url)
+    return url
 
 
 def layout_of(options: argparse.Namespace, root: Path) -> Layout:

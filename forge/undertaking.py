@@ -167,7 +167,7 @@ def _settle(cache: PackageCache | None, options: argparse.Namespace, screen: Scr
         return
     cache.settle()
     if options.explain and not options.json:
-        lines = (f"{name}: {note}\n" for name, note in sorted(cache.notes.items()))
+        lines = (f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes))
         screen.write("".join(lines).encode(errors="surrogateescape"))
 
 

@@ -48,7 +48,7 @@ def open_cache(
             seconds=options.cache_timeout,
             writable=not options.cache_read_only,
             variables=variables,
-            report=lambda said: warn([Problem(f"the remote cache is not used: {said}")]),
+            report=lambda said: warn([Problem(f"the remote cache: {said}")]),
         )
         uploads = None if options.cache_read_only else Uploads(remote)
     cache = PackageCache(circle, local, remote, uploads, lambda problem: warn([problem]))

@@ -115,7 +115,9 @@ class PackageCache:
         self._complained = False
         self._held_back: list[Held] = []
         self.notes: dict[str, str] = {}
-        """What the cache had to do with each package, in words."""
+        """What became of each package, in words."""
+        self._why: dict[str, str] = {}
+        """Why each package that was looked for was not there."""
         self.restored: set[str] = set()
         self.missed: set[str] = set()
         self.grown = False
@@ -175,6 +177,10 @@ class PackageCache:
                 self.notes[held.package] = f"not kept: '{stray}' appeared meanwhile, which no tool lists"
         self._held_back.clear()
 
+    def remark(self, name: str) -> str:
+        """Return in words what the cache had to do with a package, '' for nothing."""
+        return "; ".join(filter(None, (self._why.get(name), self.notes.get(name))))
+
     def _looked_up(self, task: Task) -> Found | None:
         if not self._concerns(task):
             return None
@@ -184,7 +190,8 @@ class PackageCache:
         found = self._find_in(self._local, key)
         if found is None and self._remote is not None:
             found = self._find_in(self._remote, key)
-        self.notes[task.name] = RESTORED if found else self._why_not(key)
+        self.notes[task.name] = RESTORED if found else ""
+        self._why[task.name] = "" if found else self._why_not(key)
         (self.restored if found else self.missed).add(task.name)
         if found:
             # Another machine may have built it since it was missed.

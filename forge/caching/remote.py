@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import StoreFault
 from forge.caching.patience import LONGEST, RATE
-from forge.errors import ForgeError, Problem
+from forge.caching.urls import HTTP, check
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from forge.caching.model import ActionResult, Digest, Store
 
-_HTTP: Final = frozenset({"http", "https"})
 _FORGIVEN: Final = 1.0
 """Seconds that an answer may take, before the waiting counts as a fault of the server."""
 
@@ -32,10 +31,10 @@ def open_remote(
     Each request may take `seconds`, and one more for each mebibyte. The first fault of the store as a whole
     is reported, once, and nothing more is asked of it. A URL that cannot be one is a ForgeError.
     """
-    _check(url)
+    check(url)
     seconds = min(seconds, LONGEST)
     store: Store
-    if urlsplit(url).scheme in _HTTP:
+    if urlsplit(url).scheme in HTTP:
         from forge.caching.http_store import HttpStore  # noqa: PLC0415  (each kind needs a library)
 
         store = HttpStore(url, seconds, variables)
@@ -44,28 +43,6 @@ def open_remote(
 
         store = FsspecStore(url, seconds)
     return Remote(store, seconds, report, writable=writable)
-
-
-def _check(url: str) -> None:
-    """Refuse what is no URL of a folder; it is not quoted, for it may have a password in it."""
-    try:
-        parts = urlsplit(url)
-        _ = parts.port
-    except ValueError:
-        parts = urlsplit("")
-    is_http = parts.scheme in _HTTP
-    message, hint = "", "write for example --remote-cache http://HOST:PORT/FOLDER"
-    if not parts.scheme or (is_http and not parts.hostname):
-        message = "what the remote cache is given by is no URL"
-    elif not (url.isascii() or not is_http) or any(sign <= (" " if is_http else "\x1f") for sign in url):
-        message, hint = "the URL of the remote cache has signs that no URL has", "write them as %20 and so on"
-    elif is_http and (parts.query or parts.fragment):
-        message, hint = (
-            "the URL of the remote cache has '?' or '#', and folders are to follow",
-            "leave that out",
-        )
-    if message:
-        raise ForgeError(Problem(message, hint=hint))
 
 
 class Remote:

@@ -170,10 +170,10 @@ class ShippingRunner:
             why = f"'{failed[0]}', which it needs, could not be built on the worker"
         elif code:
             why = complaints.decode(errors="replace").partition("\n")[0] or f"forge there ended with {code}"
-        elif verdict is not None and verdict.cache.startswith("not kept"):
+        elif verdict is not None and "not kept" in verdict.cache:
             why = f"its result cannot be had from there: {verdict.cache}"
         else:
-            why = f"what the worker made is not found: {self._cache.notes.get(task.name, '')}"
+            why = f"what the worker made is not found: {self._cache.remark(task.name)}"
         put(_told(task, f"'{task.name}' is built here: {why}"))
         return None
 

@@ -131,7 +131,7 @@ def test_a_restored_tree_is_the_built_one(users: Users, tmp_path: Path, layout: 
 def test_what_no_tool_lists_in_a_merged_prefix_is_whose_nobody_knows(users: Users, tmp_path: Path) -> None:
     root = write(tmp_path / "ws", PLAIN)
     ran = users.build(root, "--merge-install", "--explain", "--executor", "sequential")
-    assert "library: not kept: 'share/library/unlisted' appeared meanwhile, which no tool lists" in ran.out
+    assert "library: not in the cache; not kept: 'share/library/unlisted' appeared meanwhile, which no tool lists" in ran.out
     built = look(root / "install")
     users.begin_anew(root)
     users.build(root, "--merge-install")
@@ -160,8 +160,12 @@ def test_another_path_gets_the_same_with_its_own_paths(users: Users, tmp_path: P
 def test_what_has_a_path_in_it_is_for_that_path_alone(users: Users, tmp_path: Path) -> None:
     one, two = write(tmp_path / "one", BOUND), write(tmp_path / "two", BOUND)
     ran = users.build(one, "--explain")
-    assert "speaking: kept for this path alone: 'bin/speak' has the path of the build folder in it" in ran.out
-    assert restored(users.build(two, "--explain")) == 0
+    kept = "kept for this path alone: 'bin/speak' has the path of the build folder in it"
+    assert f"speaking: not in the cache; {kept}" in ran.out
+    ran = users.build(two, "--explain")
+    assert restored(ran) == 0
+    elsewhere = "elsewhere 'bin/speak' has the path of the build folder in it"
+    assert f"speaking: not in the cache for this path: {elsewhere}; {kept}" in ran.out
     users.begin_anew(two)
     assert restored(users.build(two)) == 1
     said = subprocess.run([two / "install/speaking/bin/speak"], check=True, capture_output=True, text=True)
@@ -232,6 +236,13 @@ def test_a_cache_that_cannot_be_written_is_told_once(users: Users, tmp_path: Pat
     ran = users.build(root)
     assert ran.err.count("the cache: ") == 1
     assert "Traceback" not in ran.err
+
+
+def test_a_url_that_is_none_is_told_though_nothing_is_to_be_done(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", BOUND)
+    users.build(root)
+    ran = users.build(root, "--remote-cache", "/srv/cache", code=2)
+    assert ran.err.startswith("error: what the remote cache is given by is no URL\nhint: write for example ")
 
 
 def test_force_builds_though_the_cache_has_it(users: Users, tmp_path: Path) -> None:
