@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,8 +38,11 @@ def own_cache(variables: Mapping[str, str]) -> Path | None:
 
     What lies there is run and believed, so it is not where FORGE_CACHE_DIR says, which a team may share.
     """
-    said = os.path.expanduser(variables.get("XDG_CACHE_HOME") or "~/.cache")  # noqa: PTH111  (never raises)
-    return Path(said) / "forge" if said.startswith("/") else None
+    try:
+        cache = Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    except RuntimeError:
+        return None
+    return cache / "forge" if cache.is_absolute() else None
 
 
 def compiled_templates(variables: Mapping[str, str], other: Path) -> tuple[Path, ...]:

@@ -47,7 +47,7 @@ FLOORS = {
         examining examining.* needs needs.* mistyped launching launching.*
     """,
     1: "model layout interfaces.model caching.model",
-    0: ". durations errors refusals frozen names files templating ament_index",
+    0: ". deferred durations errors refusals frozen names files templating ament_index",
 }
 """Each module below forge/ by its floor; '.' is the package itself, the most exact pattern counts."""
 
