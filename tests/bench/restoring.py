@@ -35,14 +35,15 @@ install(CODE [[
 def restoring(sitting: Sitting) -> Iterator[Case]:
     """Measure restoring beside building, then beside copying."""
     kind = ament(sitting)
+    start = _cached(sitting, START, 1)
     for size in sitting.sizes(10, 30, 100):
         argv = forge_build("--cache", str(sitting.new_folder("cache")))
         cached = replace(kind.tool(sitting, "forge", argv, size), before=away("build", "install"))
         run(cached.argv, cached.cwd, dict(cached.env))
         building = replace(kind.built(sitting, BUILDING, forge_build(), size), before=cached.before)
-        yield sitting.turns_of("compiled packages", (cached, building), 3, size=size)
+        yield sitting.turns_of("compiled packages", (cached, building, start), 5, size=size)
     for size in sitting.sizes(1000, 5000, 20_000):
-        cached, start = (_cached(sitting, name, files) for name, files in (("forge", size), (START, 1)))
+        cached = _cached(sitting, "forge", size)
         copying = Variant(COPYING, ("cp", "-r", "install", "copied"), _built(sitting, size), away("copied"))
         (copying.cwd / "copied").mkdir()
         yield sitting.turns_of("files of one package", (cached, copying, start), 7, size=size)
