@@ -11,6 +11,7 @@ from contextlib import closing, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING
 
+from forge.audience import Audience
 from forge.budget import Budget, without_jobs
 from forge.capacity import processors, shortage
 from forge.cluster.joining import joined, places_of, remote_runner
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from forge.caching.package_cache import PackageCache
     from forge.interpreter import Interpreter
     from forge.launching.farms import Farm
+    from forge.live import View
     from forge.manner import Manner
     from forge.model import BuildPlan
     from forge.provision import Provision
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
     from forge.records import Records
     from forge.reporting import Screen
     from forge.runner import Runner
+    from forge.transcript import Transcript
     from forge.workspace import Loaded
 
 
@@ -94,13 +97,8 @@ def carry_out(
         watched(wanted=options.timings) as watch,
         cache_of(undertaking, records) as cache,
     ):
-        spoken = without_prose(handlers) if options.json or manner.quiet else handlers
-        shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
-        report = Report(plan, loaded.packages, spoken, transcript.folder, shared)
-        report.screen = view.screen
-        report.python = str(undertaking.interpreter.path)
-        output = handlers["console_direct"]
-        feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
+        audience = _audience(plan, undertaking, handlers, transcript, view)
+        report, feed = audience.report, audience.feed
         surroundings = {**without_jobs(variables), **account.variables, **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
         jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
@@ -114,10 +112,7 @@ def carry_out(
             with closing(execute(plan, runner, board, records.settle)) as events:
                 for event in events:
                     records.take(event, plan)
-                    transcript.write(event)
-                    view.show(event)
-                    report.show(event)
-                    feed.write(event, report)
+                    audience.hear(event)
         finally:
             records.finish(plan, variables)
             if handlers["compile_commands"]:
@@ -134,6 +129,21 @@ def carry_out(
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))
     return report.exit_code
+
+
+def _audience(
+    plan: BuildPlan, undertaking: Undertaking, handlers: dict[str, bool], transcript: Transcript, view: View
+) -> Audience:
+    """Return who hears of the build."""
+    options, kitchen, packages = undertaking.options, undertaking.kitchen, undertaking.loaded.packages
+    spoken = without_prose(handlers) if options.json or undertaking.manner.quiet else handlers
+    shared = defined((*kitchen.cmake_args, *kitchen.ament_cmake_args))
+    report = Report(plan, packages, spoken, transcript.folder, shared)
+    report.screen = view.screen
+    report.python = str(undertaking.interpreter.path)
+    output = handlers["console_direct"]
+    feed = Feed(plan, packages, log=transcript.note, printed=options.json, output=output)
+    return Audience(transcript, view, report, feed)
 
 
 def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManager[PackageCache | None]:

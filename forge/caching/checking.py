@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 from typing import TYPE_CHECKING
 
-from forge.caching.action_result import encode
+from forge.caching.action_result import decode, encode
 from forge.caching.faults import BlobFault
 
 if TYPE_CHECKING:
@@ -88,6 +88,14 @@ def encoded(result: ActionResult) -> bytes:
         return encode(result)
     except ValueError as error:
         raise BlobFault(f"the name of a file cannot be sent: {error}") from None
+
+
+def decoded(store: str, key: str, data: bytes | None) -> ActionResult | None:
+    """Return the result that a store has for a key, if any; bytes that are none are a fault of their own."""
+    try:
+        return None if data is None else decode(data)
+    except ValueError as error:
+        raise BlobFault(f"{store}: ac/{key[:12]} is no result: {error}") from None
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from forge.caching import action_result
-from forge.caching.checking import arriving, departing, encoded, opened
+from forge.caching.checking import arriving, decoded, departing, encoded, opened
 from forge.caching.faults import BlobFault
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
@@ -62,10 +62,7 @@ class FsspecStore:
     def result(self, key: str) -> ActionResult | None:
         """Return what a key leads to, or None."""
         data = self._within(lambda patience: self._read(f"ac/{key}", patience))
-        try:
-            return None if data is None else action_result.decode(data)
-        except ValueError as error:
-            raise BlobFault(f"{self.name}: ac/{key[:12]} is no result: {error}") from None
+        return decoded(self.name, key, data)
 
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result, whose blobs are there already."""

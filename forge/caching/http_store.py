@@ -15,7 +15,7 @@ from weakref import ref
 
 from forge import __version__
 from forge.caching import action_result
-from forge.caching.checking import arriving, departing, encoded, opened
+from forge.caching.checking import arriving, decoded, departing, encoded, opened
 from forge.caching.faults import BlobFault, WritingRefused
 from forge.caching.model import StoreFault
 from forge.caching.patience import Errands, Overdue, Patience
@@ -107,12 +107,8 @@ class HttpStore:
 
     def result(self, key: str) -> ActionResult | None:
         """Return what a key leads to, or None."""
-        path = f"ac/{key}"
-        data = self._within(lambda patience: self._read(path, patience))
-        try:
-            return None if data is None else action_result.decode(data)
-        except ValueError as error:
-            raise BlobFault(f"{self.name}: {path[:15]} is no result: {error}") from None
+        data = self._within(lambda patience: self._read(f"ac/{key}", patience))
+        return decoded(self.name, key, data)
 
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result, whose blobs are there already."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
+from forge.audience import Audience
 from forge.errors import WorkspaceError
 from forge.execution import execute
 from forge.feed import Feed
@@ -84,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
         report.screen = view.screen
         output = handlers["console_direct"]
         feed = Feed(plan, loaded.packages, log=transcript.note, printed=options.json, output=output)
+        audience = Audience(transcript, view, report, feed)
         feed.announce()
         _refuse(absent, report, feed)
         runner = TestJobs(bench, needs, variables).runner(budget)
@@ -91,10 +93,7 @@ def run(options: argparse.Namespace) -> int:
         try:
             with closing(execute(plan, runner, board, lambda task: task)) as events:
                 for event in events:
-                    transcript.write(event)
-                    view.show(event)
-                    report.show(event)
-                    feed.write(event, report)
+                    audience.hear(event)
                     note_result(event, plan.tasks[event.task], report.failed_tests)
         finally:
             seconds = time.monotonic() - begun
