@@ -22,9 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
+    Stats = Mapping[str, os.stat_result]
+    """What files look like, by path."""
+
 VERSION = 2
 RACY_NANOSECONDS = 20_000_000
 """Two ticks of the slowest kernel clock: file times are no finer than that."""
+
+_NOBODY_LOOKED: Stats = {}
 
 _LITTER_FOLDERS = frozenset(
     {
@@ -120,9 +125,14 @@ def mark_tree(root: str, table: FileTable, known: Mark | None = None) -> Mark:
     return _mark(list(_below(root, (root,))), len(root) + 1, table, known, trusting=False)
 
 
-def mark_files(paths: Iterable[str], table: FileTable, known: Mark | None = None) -> Mark:
-    """Return what the given files look like now, in the given order; a missing one shows as missing."""
-    entries = [(path, _status(path), False) for path in paths]
+def mark_files(
+    paths: Iterable[str], table: FileTable, known: Mark | None = None, stats: Stats = _NOBODY_LOOKED
+) -> Mark:
+    """Return what the given files look like now, in the given order; a missing one shows as missing.
+
+    `stats` are of some of them, just taken.
+    """
+    entries = [(path, stats.get(path) or _status(path), False) for path in paths]
     return _mark(entries, 0, table, known, trusting=True)
 
 
@@ -135,9 +145,9 @@ def stamp_files(paths: Iterable[str]) -> str:
     return stamp.hexdigest()
 
 
-def contents_of(paths: Iterable[str], table: FileTable) -> dict[str, str]:
-    """Return what each file says; equal files say the same."""
-    return {path: _content(path, _status(path), table) for path in paths}
+def contents_of(paths: Iterable[str], table: FileTable, stats: Stats = _NOBODY_LOOKED) -> dict[str, str]:
+    """Return what each file says; equal files say the same. `stats` are of some of them, just taken."""
+    return {path: _content(path, stats.get(path) or _status(path), table) for path in paths}
 
 
 def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
     from forge.caching.package_cache import Found
+    from forge.digests import Stats
     from forge.errors import Problem
     from forge.freshness import Outlook
     from forge.interpreter import Interpreter
@@ -113,7 +114,7 @@ class Records:
         record = self.journal.records.get(task.name)
         files = record.files if record else ()
         mark_files(files, self.table)
-        self._altered[task.name] = self._said_to_shells(task.name, files)
+        self._altered[task.name] = self._said_to_shells(task.name, files, {})
 
     def seconds(self) -> dict[str, float]:
         """Return how long each package took when it was last built."""
@@ -132,21 +133,27 @@ class Records:
         self._date(files)
         inside = (self.source(task), self._layout.build, self._layout.install)
         externals = external_inputs(task.build_dir, inside)
-        return self._made(task, files, externals, digest_of(externals, contents_of(externals, self.table)))
+        read = externals, digest_of(externals, contents_of(externals, self.table))
+        return self._made(task, files, read, {})
 
-    def restored(self, task: Task, found: Found, files: tuple[str, ...]) -> Record:
+    def restored(self, task: Task, found: Found, files: Mapping[str, os.stat_result | None]) -> Record:
         """Return the record of a task whose `files` came out of the cache, its build folder left as it is.
 
+        They are sorted, each with its stat if it has one just taken.
         The record says of no build folder that it belongs to it: the next build of the package begins anew.
         """
-        record = self._made(task, files, found.externals, found.external)
+        stats = {path: status for path, status in files.items() if status is not None}
+        record = self._made(task, tuple(files), (found.externals, found.external), stats)
         return replace(record, seconds=found.tree.seconds, began=0.0, tree=found.tree.digest)
 
-    def _made(self, task: Task, files: tuple[str, ...], externals: tuple[str, ...], external: str) -> Record:
+    def _made(
+        self, task: Task, files: tuple[str, ...], read: tuple[tuple[str, ...], str], stats: Stats
+    ) -> Record:
+        """Return the record; `read` are the external files and what they say, `stats` of some of `files`."""
         from forge.ownership import note_contents  # noqa: PLC0415  (most builds make nothing)
 
         self._remove_stale(task.name, set(task.earlier) - set(files))
-        if self._altered[task.name] == self._said_to_shells(task.name, files):
+        if self._altered[task.name] == self._said_to_shells(task.name, files, stats):
             del self._altered[task.name]
         if self._layout.merged:
             note_contents(task.build_dir, files, self.table)
@@ -154,10 +161,10 @@ class Records:
             parts=task.parts,
             complete=True,
             sources=task.sources,
-            installed=mark_files(files, self.table),
+            installed=mark_files(files, self.table, stats=stats),
             files=files,
-            externals=externals,
-            external=external,
+            externals=read[0],
+            external=read[1],
             began=began(task.build_dir),
         )
 
@@ -192,7 +199,7 @@ class Records:
         self.journal.close()
         self.table.save()
 
-    def _said_to_shells(self, name: str, files: tuple[str, ...]) -> str:
+    def _said_to_shells(self, name: str, files: tuple[str, ...], stats: Stats) -> str:
         """Return a digest of what a package adds to the workspace's scripts; empty for one without files.
 
         Its own package.* scripts are among these files and are made from the same edits, hooks from elsewhere
@@ -201,7 +208,7 @@ class Records:
         prefix = self._layout.prefix(name)
         share, index = f"{prefix}/share/{name}/", str(prefix / PACKAGES / name)
         told = [path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))]
-        return digest_of(told, contents_of(told, self.table)) if told else ""
+        return digest_of(told, contents_of(told, self.table, stats)) if told else ""
 
     def _date(self, files: tuple[str, ...]) -> None:
         """Give installed files whose content changed the present time.

@@ -34,6 +34,7 @@ from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import common_arguments
 from forge.reporting import Report, without_prose
 from forge.schedule import Board
+from forge.settings import own_cache
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES, ninja_first
 from forge.transcript import open_transcript
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     from forge.workspace import Loaded
 
 
-STYLES = "forge_styles.json"
+STYLES = "styles.json"
 
 
 @frozen
@@ -155,7 +156,6 @@ def cache_of(undertaking: Undertaking, records: Records) -> AbstractContextManag
     from forge.caching.package_cache import Circle  # noqa: PLC0415
     from forge.caching.relocation import Places  # noqa: PLC0415
     from forge.digests import FileTable  # noqa: PLC0415
-    from forge.settings import own_cache  # noqa: PLC0415
 
     layout = undertaking.kitchen.layout
     circle = Circle(
@@ -289,7 +289,7 @@ def open_budget(
 
 def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozenset[str]]:
     """Return the styles that each tool speaks: as tried by an earlier build with the same, else tried now."""
-    file = kitchen.layout.build / STYLES
+    file = (own_cache(variables) or kitchen.layout.build) / STYLES
     told = "\n".join(f"{name} {identity}" for name, identity in kitchen.tools if name in {"ninja", "make"})
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         said = json.loads(file.read_bytes())
@@ -298,7 +298,8 @@ def _styles(kitchen: Kitchen, variables: Mapping[str, str]) -> dict[str, frozens
     tools = {"ninja": kitchen.ninja, "make": kitchen.make}
     found = {name: spoken(name, tool, variables) for name, tool in tools.items() if tool}
     styles = {name: sorted(spoken_by) for name, spoken_by in found.items()}
-    write_if_changed(file, json.dumps({"tools": told, "styles": styles}))
+    with contextlib.suppress(OSError):  # a home that may only be read
+        write_if_changed(file, json.dumps({"tools": told, "styles": styles}))
     return found
 
 

@@ -135,13 +135,19 @@ class PackageCache:
             self._outside.distrust()
         return found
 
-    def restore(self, task: Task, found: Found) -> tuple[str, ...]:
-        """Write what was found into the task's prefix; return the absolute paths of what tools had listed."""
+    def restore(self, task: Task, found: Found) -> dict[str, os.stat_result | None]:
+        """Write what was found into the task's prefix.
+
+        Return the absolute paths of what tools had listed, sorted, each with its stat if it was written now.
+        """
         planter = Planter(task.prefix, self._circle.places)
         planter.plant(found.tree, found.contents)
+        stats = {}
         for path, status, digest in planter.written:
             self._circle.table.learn(path, status, digest)
-        return tuple(sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves if leaf.listed))
+            stats[path] = status
+        listed = sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves if leaf.listed)
+        return {path: stats.get(path) for path in listed}
 
     def keep(self, task: Task, record: Record) -> Record:
         """Keep what a task has just installed; return its record with what its tree comes to."""
