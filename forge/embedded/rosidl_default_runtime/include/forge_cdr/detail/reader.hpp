@@ -155,6 +155,9 @@ private:
     }
     if (value.size() == length) {
       copy_short(value.data(), from, length);
+    } else if (value.capacity() < length) {
+      // Made beside it and moved in, which is less work than assign() making room.
+      value = Text(from, length, value.get_allocator());
     } else {
       value.assign(from, length);
     }
