@@ -9,12 +9,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.digests import contents_of, digest_of
+from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from forge.caching.relocation import Places
     from forge.digests import FileTable
+
+
+@frozen
+class Seen:
+    """Files as they were at one moment: path and contents by the word for the path."""
+
+    files: Mapping[str, tuple[str, str]]
+
+    @property
+    def contents(self) -> dict[str, str]:
+        """What each file says, by the word for it."""
+        return {word: said for word, (_, said) in self.files.items()}
+
+    @property
+    def record(self) -> tuple[tuple[str, ...], str]:
+        """The paths, and the digest of what they say."""
+        found = dict(self.files.values())
+        return tuple(found), digest_of(found, found)
 
 
 class Outside:
@@ -32,16 +51,8 @@ class Outside:
         self._trusting = False
         self._known = {}
 
-    def contents(self, words: Iterable[str]) -> dict[str, str]:
-        """Return what each file says, by the word for it."""
-        return {word: said for word, (_, said) in self._looked(words).items()}
-
-    def record_of(self, words: Iterable[str]) -> tuple[tuple[str, ...], str]:
-        """Return the paths of files, and the digest of what they say."""
-        found = dict(self._looked(words).values())
-        return tuple(found), digest_of(found, found)
-
-    def _looked(self, words: Iterable[str]) -> dict[str, tuple[str, str]]:
+    def look(self, words: Iterable[str]) -> Seen:
+        """Return what files say, one look for a key and for the record of what it leads to."""
         known = self._known if self._trusting else {}
         found = {}
         for word in words:
@@ -49,4 +60,4 @@ class Outside:
                 path = self._places.settled_word(word)
                 known[word] = (path, contents_of((path,), self._table)[path])
             found[word] = known[word]
-        return found
+        return Seen(found)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from forge.caching.folder_store import FolderStore
     from forge.caching.model import Store
+    from forge.caching.outside import Seen
     from forge.caching.relocation import Places
     from forge.caching.trees import Tree
     from forge.caching.uploads import Uploads
@@ -228,11 +229,13 @@ class PackageCache:
             for inputs in lists:
                 if not inputs.holds_at(self._circle.places):
                     continue
-                result = store.result(self._second_key(first, inputs))
-                found = result and self._brought(store, result, inputs)
-                if found:
+                seen = self._outside.look(inputs.paths)
+                second = keys.second_key(first, inputs, seen.contents, self._circle.places)
+                result = store.result(second)
+                found = result and self._brought(store, result, seen)
+                if result and found:
                     if store is not self._local:
-                        self._remember(first, inputs, result)
+                        self._remember(first, second, inputs, result)
                     return found
         except (StoreFault, OSError, ValueError) as fault:
             self._complain(fault)
@@ -244,10 +247,7 @@ class PackageCache:
         self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *found)))
         return found
 
-    def _second_key(self, first: str, inputs: keys.Inputs) -> str:
-        return keys.second_key(first, inputs, self._outside.contents(inputs.paths), self._circle.places)
-
-    def _brought(self, store: Store, result: ActionResult, inputs: keys.Inputs) -> Found | None:
+    def _brought(self, store: Store, result: ActionResult, seen: Seen) -> Found | None:
         """Return a result with its blobs in the local folder, open and verified; None when one is missing.
 
         Raises ValueError for a result that no forge has made.
@@ -271,8 +271,7 @@ class PackageCache:
                 return None
             opened.pop_all()
         os.close(index)
-        externals, external = self._outside.record_of(inputs.paths)
-        return Found(tree, Contents(pack, descriptors), externals, external)
+        return Found(tree, Contents(pack, descriptors), *seen.record)
 
     def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
         """Open a verified blob of the local folder, brought there from `store` if it is not."""
@@ -312,10 +311,12 @@ class PackageCache:
 
     def _publish(self, held: Held) -> None:
         """Let both keys of a result lead to it, here and in the remote store."""
-        self._remember(held.first, held.inputs, held.result)
+        contents = self._outside.look(held.inputs.paths).contents
+        second = keys.second_key(held.first, held.inputs, contents, self._circle.places)
+        self._remember(held.first, second, held.inputs, held.result)
         if self._uploads is not None:
             paths = {file.digest: self._local.blob_path(file.digest.hash) for file in held.result.files}
-            self._uploads.add(self._second_key(held.first, held.inputs), held.result, paths)
+            self._uploads.add(second, held.result, paths)
             self._uploads.add(held.first, ActionResult(stdout=keys.written(self._lists[held.first])), {})
 
     def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
@@ -334,12 +335,11 @@ class PackageCache:
                 self._local.put(blobs[leaf.path], prefix / leaf.path)
         return blobs
 
-    def _remember(self, first: str, inputs: keys.Inputs, result: ActionResult | None) -> None:
+    def _remember(self, first: str, second: str, inputs: keys.Inputs, result: ActionResult) -> None:
         """Let both keys lead to a result in the local folder; the list comes first from now on."""
         self.grown = True
         self._lists[first] = tuple(dict.fromkeys((inputs, *self._lists.get(first, ()))))
-        if result is not None:
-            self._local.put_result(self._second_key(first, inputs), result)
+        self._local.put_result(second, result)
         self._local.put_result(first, ActionResult(stdout=keys.written(self._lists[first])))
 
     def _why_not(self, first: str) -> str:
