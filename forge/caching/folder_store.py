@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.caching.action_result import decode, encode
@@ -18,7 +19,6 @@ from forge.files import replace_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from forge.caching.model import ActionResult
 
@@ -37,7 +37,7 @@ class FolderStore:
 
     def result(self, key: str) -> ActionResult | None:
         """Return what a key leads to, or None; a message that cannot be read is none."""
-        path = f"{self.folder}/ac/{key[:2]}/{key}"
+        path = self._path("ac", key)
         try:
             with open(path, "rb", buffering=0) as stream:  # noqa: PTH123  (two of each package)
                 content = stream.read()
@@ -92,7 +92,7 @@ class FolderStore:
     def open(self, digest: Digest) -> int | None:
         """Return a descriptor of a blob that was verified just now; None when there is none. To be closed."""
         try:
-            descriptor = os.open(f"{self.folder}/cas/{digest.hash[:2]}/{digest.hash}", os.O_RDONLY)
+            descriptor = os.open(self._path("cas", digest.hash), os.O_RDONLY)
         except FileNotFoundError:
             return None
         try:
@@ -124,11 +124,15 @@ class FolderStore:
 
     def result_path(self, key: str) -> Path:
         """Return where the result of a key is."""
-        return self.folder / "ac" / key[:2] / key
+        return Path(self._path("ac", key))
 
     def blob_path(self, sha256: str) -> Path:
         """Return where a blob is."""
-        return self.folder / "cas" / sha256[:2] / sha256
+        return Path(self._path("cas", sha256))
+
+    def _path(self, kind: str, name: str) -> str:
+        """Return where a file is: as a word, since each package asks several times."""
+        return f"{self.folder}/{kind}/{name[:2]}/{name}"
 
 
 def _is(digest: Digest, descriptor: int) -> bool:

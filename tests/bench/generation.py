@@ -1,8 +1,7 @@
 """The interface compiler on one processor, and beside Debian's rosidl on the same definitions.
 
 forge's turns begin with a folder that does not exist, then nothing changes, then one file does; each with the
-start of the interpreter. Nothing is deleted before all is measured: for five seconds afterwards ext4 takes
-three times as long to make a file.
+start of the interpreter. Of these nothing is deleted before all is measured, for the reason in builds.away().
 """
 
 from __future__ import annotations
