@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
+from forge.build.build_dir import INSTALLED, set_aside
 from forge.folders import MANIFESTS
 from forge.frozen import frozen
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
@@ -47,11 +48,15 @@ _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 
 @frozen
 class Litter:
-    """What goes together: `label` says what it is, `paths` are files, links and folders below `base`."""
+    """What goes together: `label` says what it is, `paths` are files, links and folders below `base`.
+
+    `records` are folders of forge's own that say something of these, and are of no use without them.
+    """
 
     label: str
     base: Path
     paths: tuple[Path, ...]
+    records: tuple[Path, ...] = ()
 
 
 def made_packages(layout: Layout, records: Mapping[str, Record]) -> frozenset[str]:
@@ -69,7 +74,8 @@ def litter_of_package(name: str, layout: Layout, records: Mapping[str, Record]) 
     build = layout.build_dir(name)
     files = _installed(name, layout, records) if layout.merged else ()
     if os.path.lexists(build) and (name in records or _is_build(build)):
-        yield Litter(f"build folder of '{name}'", layout.build, (build,))
+        beside = (layout.build / INSTALLED / name, set_aside(build))
+        yield Litter(f"build folder of '{name}'", layout.build, (build,), tuple(filter(Path.exists, beside)))
     prefix = layout.prefix(name)
     if layout.merged and files:
         count = len(files)
@@ -104,7 +110,7 @@ def remove(litters: Iterable[Litter]) -> None:
     bases = []
     for litter in litters:
         bases.append(litter.base)
-        for path in litter.paths:
+        for path in (*litter.paths, *litter.records):
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)
             else:

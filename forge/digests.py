@@ -15,6 +15,7 @@ import stat
 import time
 from typing import TYPE_CHECKING
 
+from forge.build.input_manifest import FileState, InputManifest
 from forge.files import replace_file
 from forge.model import Mark
 
@@ -28,6 +29,11 @@ if TYPE_CHECKING:
 VERSION = 2
 RACY_NANOSECONDS = 20_000_000
 """Two ticks of the slowest kernel clock: file times are no finer than that."""
+_COARSE_NANOSECONDS = 2_000_000_000
+"""The step of file times on file systems that keep whole seconds: FAT, old NFS servers and ext3."""
+
+NAMES_IN = "/."
+"""The end of a path that stands for the names in a folder, whatever the files say."""
 
 _NOBODY_LOOKED: Stats = {}
 
@@ -136,12 +142,33 @@ def mark_files(
     return _mark(entries, 0, table, known, trusting=True)
 
 
+def tree_manifest(root: str, table: FileTable) -> InputManifest:
+    """Return what each source below `root` looks like and says; folders end with '/'."""
+    return {
+        path: FileState(_stats(path, status), _content(path, status, table))
+        for path, status, _ in _below(root, (root,))
+    }
+
+
+def tree_stats(root: str) -> dict[str, str]:
+    """Return what each source below `root` looks like; nothing is read."""
+    return {path: _stats(path, status) for path, status, _ in _below(root, (root,))}
+
+
+def file_manifest(paths: Iterable[str], table: FileTable, stats: Stats = _NOBODY_LOOKED) -> InputManifest:
+    """Return what the given files look like and say. `stats` are of some of them, just taken."""
+    found = {}
+    for path in paths:
+        status = stats.get(path) or _status(path)
+        found[path] = FileState(_stats(path, status), _content(path, status, table))
+    return found
+
+
 def stamp_files(paths: Iterable[str]) -> str:
-    """Return the stamp of the stats of the given files; nothing is read."""
+    """Return the stamp of the stats of the given files and of what links lead to; nothing is read."""
     stamp = hashlib.blake2b(digest_size=16)
     for path in paths:
-        status = _status(path)
-        stamp.update(f"{path}\0{_said(status) if status else ''}\n".encode(errors="surrogateescape"))
+        stamp.update(f"{path}\0{_stats(path, _status(path))}\n".encode(errors="surrogateescape"))
     return stamp.hexdigest()
 
 
@@ -156,12 +183,17 @@ def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
     return hashlib.blake2b(said.encode(errors="surrogateescape"), digest_size=16).hexdigest()
 
 
+def digest_words(*words: str) -> str:
+    """Return one digest of some words in their order."""
+    return _digest("\0".join(words).encode(errors="surrogateescape"))
+
+
 def source_files(root: str, without: str | None = None) -> Iterator[str]:
     """Yield the paths of the files that count as sources, sorted folder by folder.
 
     Folders of the name `without` are left out.
     """
-    return (path for path, _, _ in _below(root, (root,), without))
+    return (path for path, _, _ in _below(root, (root,), without) if not path.endswith("/"))
 
 
 def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
@@ -222,28 +254,41 @@ def _entries(folder: str) -> list[os.DirEntry[str]] | None:
 
 
 def _below(
-    folder: str, way: tuple[str, ...], without: str | None = None
+    folder: str,
+    way: tuple[str, ...],
+    without: str | None = None,
+    itself: os.stat_result | None = None,
 ) -> Iterator[tuple[str, os.stat_result, bool]]:
-    """Yield each file below a folder with its stat, and if a link to a folder led there.
+    """Yield each file and folder below a folder with its stat, and if a link to a folder led there.
 
-    `way` are the folders that links and the root lead through, which are not entered again.
+    Folders come as paths with '/' at their end, the first one if its stat is given as `itself`. `way` are
+    the folders that links and the root lead through, which are not entered again.
     """
-    for entry in _entries(folder) or ():
+    entries = _entries(folder)
+    if entries is None:
+        return
+    if itself is not None:
+        yield f"{folder}/", itself, len(way) > 1
+    for entry in entries:
         name = entry.name
-        if entry.is_dir(follow_symlinks=False):
-            if _counts_as_folder(name) and name != without:
-                yield from _below(entry.path, way, without)
-        elif is_source(name):
-            try:
-                status = entry.stat(follow_symlinks=False)
-            except FileNotFoundError:
-                # An editor's file that came and went while we looked.
-                continue
-            yield entry.path, status, len(way) > 1
-            if entry.is_symlink() and entry.is_dir():
-                target = os.path.realpath(entry.path)
-                if not _leads_back(target, way):
-                    yield from _below(entry.path, (*way, target), without)
+        is_folder = entry.is_dir(follow_symlinks=False)
+        if is_folder and (name == without or not _counts_as_folder(name)):
+            continue
+        if not is_folder and not is_source(name):
+            continue
+        try:
+            status = entry.stat(follow_symlinks=False)
+        except FileNotFoundError:
+            # An editor's file that came and went while we looked.
+            continue
+        if is_folder:
+            yield from _below(entry.path, way, without, status)
+            continue
+        yield entry.path, status, len(way) > 1
+        if entry.is_symlink() and entry.is_dir():
+            target = os.path.realpath(entry.path)
+            if not _leads_back(target, way):
+                yield from _below(entry.path, (*way, target), without)
 
 
 def _mark(
@@ -258,26 +303,40 @@ def _mark(
     stamp = hashlib.blake2b(digest_size=16)
     racy = False
     for path, status, _ in entries:
-        looks = (
-            [status]
-            if status is None or not stat.S_ISLNK(status.st_mode)
-            else [status, _status(path, follow=True)]
-        )
-        words = " ".join(_said(look) for look in looks if look)
-        racy = racy or not (trusting or all(look is None or not _racy(look) for look in looks))
-        stamp.update(f"{path[cut:]}\0{words}\n".encode(errors="surrogateescape"))
+        racy = racy or not (trusting or _settled(path, status))
+        stamp.update(f"{path[cut:]}\0{_stats(path, status)}\n".encode(errors="surrogateescape"))
     said = "" if racy else stamp.hexdigest()
     if known is not None and said and known.stamp == said:
         return known
-    digest, names = hashlib.blake2b(digest_size=16), hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=16)
     linked = b""
     for path, status, elsewhere in entries:
-        names.update(f"{path[cut:]}\n".encode(errors="surrogateescape"))
         line = f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape")
         digest.update(line)
         if elsewhere or (status is not None and stat.S_ISLNK(status.st_mode)):
             linked += line
-    return Mark(said, digest.hexdigest(), names.hexdigest(), _digest(linked) if linked else "")
+    return Mark(said, digest.hexdigest(), _digest(linked) if linked else "")
+
+
+def _stats(path: str, status: os.stat_result | None) -> str:
+    """Return what an entry looks like, in words; for a link also what it leads to."""
+    if status is None:
+        return ""
+    if path.endswith("/"):
+        # The times of a folder also change with names that are no sources.
+        return f"{status.st_ino} {status.st_mode:o}"
+    if not stat.S_ISLNK(status.st_mode):
+        return _said(status)
+    target = _status(path, follow=True)
+    return f"{_said(status)} {_said(target) if target else ''}"
+
+
+def _settled(path: str, status: os.stat_result | None) -> bool:
+    """Tell if an entry cannot change from now on without its stats changing."""
+    if status is None or path.endswith("/"):
+        return True
+    target = _status(path, follow=True) if stat.S_ISLNK(status.st_mode) else None
+    return not _racy(status) and (target is None or not _racy(target))
 
 
 def _digest(text: bytes) -> str:
@@ -289,6 +348,10 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
     if status is None:
         return "missing"
     try:
+        if path.endswith("/"):
+            return f"folder {stat.S_IMODE(status.st_mode):o}"
+        if path.endswith(NAMES_IN):
+            return f"names {_digest(os.fsencode(chr(0).join(sorted(os.listdir(path)))))}"  # noqa: PTH208
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
         return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
@@ -302,7 +365,7 @@ def _target(path: str, table: FileTable) -> str:
     real = _status(path, follow=True)
     if real is None or not stat.S_ISREG(real.st_mode):
         return f"link {target}"
-    return f"link {target} {table.digest(path, real)}"
+    return f"link {target} {stat.S_IMODE(real.st_mode):o} {table.digest(path, real)}"
 
 
 def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
@@ -317,5 +380,7 @@ def _said(status: os.stat_result) -> str:
 
 
 def _racy(status: os.stat_result) -> bool:
+    """Tell if a file may be written again without its times changing."""
     newest = max(status.st_mtime_ns, status.st_ctime_ns)
-    return newest > time.time_ns() - RACY_NANOSECONDS
+    whole_seconds = not (status.st_mtime_ns % 1_000_000_000 or status.st_ctime_ns % 1_000_000_000)
+    return newest > time.time_ns() - (_COARSE_NANOSECONDS if whole_seconds else RACY_NANOSECONDS)

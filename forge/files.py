@@ -57,6 +57,14 @@ def remove_drafts(root: Path) -> None:
                     os.unlink(os.path.join(folder, name))  # noqa: PTH108, PTH118  (as os.walk says it)
 
 
+def says(path: Path, text: str) -> bool:
+    """Tell if there is a regular file that says just this."""
+    try:
+        return not path.is_symlink() and path.read_bytes() == text.encode(errors="surrogateescape")
+    except OSError:
+        return False
+
+
 def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
     """Write UTF-8 `text`, unless the file already says so; tell if it was written.
 

@@ -11,12 +11,10 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from forge.model import Traces
-
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from forge.model import Mark, Pairs, Parts, Record, Snapshot
+    from forge.model import Pairs, Parts, Record, Snapshot
 
 UNKNOWN = "unknown"
 """What a package installed of which there is no record, such as one that another tool built."""
@@ -77,7 +75,9 @@ def why_at_all(name: str, record: Record | None, snapshot: Snapshot) -> str | No
     if name not in snapshot.present or snapshot.installed[name].digest != record.installed.digest:
         return "something that it had installed was changed or removed"
     if name in snapshot.moved:
-        return f"'{snapshot.moved[name][0]}', which it includes, changed"
+        return f"'{snapshot.moved[name]}', which it reads, changed"
+    if record.saved:
+        return f"'{record.saved[0]}' was saved while it was built"
     return None
 
 
@@ -97,26 +97,9 @@ def why_different(now: Parts, then: Parts, news: tuple[str, ...] = ()) -> str | 
     if now.sources != then.sources:
         return _sources(news)
     need = _first_difference(now.needs, then.needs)
-    return f"'{need}', which it needs, came out different" if need else None
-
-
-def traces_of(parts: Parts, sources: Mark, moved: str) -> Traces:
-    """Return what a build folder's contents are made with from now on."""
-    return Traces(
-        base=_digest(parts.forge, *map("=".join, (*parts.tools, *parts.environment))),
-        options=_digest(*parts.options),
-        shape=_digest(sources.names, *map("=".join, parts.needs)),
-        moved=moved,
-    )
-
-
-def must_begin_anew(now: Traces, then: Traces) -> bool:
-    """Tell if what an earlier build left behind is of no use: its tools would not notice the change."""
-    return now.base != then.base or now.moved not in {"", then.moved}
-
-
-def _digest(*words: str) -> str:
-    return hashlib.blake2b("\0".join(words).encode(errors="surrogateescape"), digest_size=16).hexdigest()
+    if need:
+        return f"'{need}', which it needs, came out different"
+    return "packages were added to an underlay, or removed" if now.underlays != then.underlays else None
 
 
 def _first_difference(now: Pairs, then: Pairs) -> str | None:

@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from forge import fallback, folders, installation
+from forge import fallback, installation
 from forge.frozen import frozen
 from forge.model import RUN_KINDS
 from forge.occupancy import VARIABLE
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from forge.environment import Edit, Script
     from forge.interpreter import Interpreter
     from forge.layout import Layout
-    from forge.model import Record, Task
+    from forge.model import Pairs, Record, Task
     from forge.provision import Provision
     from forge.records import Records
     from forge.toolchain import Toolchain
@@ -55,8 +55,8 @@ class Jobs:
     def frame(self, toolchain: Toolchain | None) -> Frame:
         """Return what surrounds steps; `toolchain` spares new packages the examination of the compilers."""
 
-        def begin(task: Task) -> None:
-            self._begin(task)
+        def begin(task: Task, environment: Mapping[str, str]) -> None:
+            self._begin(task, environment)
             if toolchain is not None and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
@@ -70,11 +70,19 @@ class Jobs:
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
         return {name: value for name, value in found.items() if value or name in self.variables}
 
-    def _begin(self, task: Task) -> None:
+    def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self.records.begin(task)
         fallback.keep(task.name, self.layout, task.earlier)
         installation.uninstall_markers(task.name, self.layout)
-        folders.begin(task, self.records.source(task))
+        self.records.prepare(task, self._set_by_needs(environment))
+
+    def _set_by_needs(self, environment: Mapping[str, str]) -> Pairs:
+        """Return the variables that hooks of needs set, without lists of paths: these follow from needs."""
+        return tuple(
+            (name, value)
+            for name, value in sorted(environment.items())
+            if self.variables.get(name) != value and name not in _FROM_NEEDS
+        )
 
     def _restore(self, task: Task) -> Record | None:
         """Install what the cache has for a task; None when it has nothing, and nothing was touched."""
@@ -110,6 +118,14 @@ class Jobs:
             # What was kept is kept still; until a build puts it back, nothing looks installed.
             installation.uninstall_markers(task.name, self.layout)
             raise
+
+
+_FROM_NEEDS = frozenset(
+    {
+        *("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH"),
+        *("PKG_CONFIG_PATH", "PYTHONPATH", "FORGE_COMMAND", VARIABLE),
+    }
+)
 
 
 def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:

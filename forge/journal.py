@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from forge.model import BuildPlan, Event
 
 FILE = "forge_journal.jsonl"
-_HEADER = {"forge_journal": 2}
+_HEADER = {"forge_journal": 3}
 _NONSENSE = (ArithmeticError, LookupError, TypeError, ValueError)
 """What a line that was not written by forge, or not wholly, may raise."""
 
@@ -189,6 +189,7 @@ def _record(entry: Mapping[str, Any], table: list[str]) -> Record:
             environment=_pairs(parts["environment"]),
             sources=_text(parts["sources"]),
             needs=_pairs(parts["needs"]),
+            underlays=_text(parts["underlays"]),
         ),
         complete=entry["complete"] is True,
         sources=_mark(entry["sources"]),
@@ -199,6 +200,9 @@ def _record(entry: Mapping[str, Any], table: list[str]) -> Record:
         seconds=float(entry["seconds"]),
         began=float(entry["began"]),
         tree=_text(entry.get("tree", "")),
+        saved=_texts(entry["saved"]),
+        from_empty=entry["from_empty"] is True,
+        read_from=_texts(entry["read_from"]),
     )
 
 

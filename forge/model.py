@@ -156,12 +156,11 @@ class Mark:
     """A set of files at one moment, as digests.
 
     `stamp` is of their stats ('' when these cannot be trusted), `digest` of names, modes and contents,
-    `names` of the names alone, `linked` of the contents that links bring in from elsewhere.
+    `linked` of the contents that links bring in from elsewhere.
     """
 
     stamp: str = ""
     digest: str = ""
-    names: str = ""
     linked: str = ""
 
 
@@ -174,7 +173,8 @@ class Parts:
 
     `options` are the words of its steps, `tools` the identities of programs by name, `environment` the
     variables that builds may read, `sources` a digest. `needs` has for each direct dependency a digest of
-    what it gives: its installed files and those of all below it.
+    what it gives: its installed files and those of all below it. `underlays` is a digest of the names that
+    packages could be found by below it.
     """
 
     forge: str = ""
@@ -183,6 +183,7 @@ class Parts:
     environment: Pairs = ()
     sources: str = ""
     needs: Pairs = ()
+    underlays: str = ""
 
 
 @frozen
@@ -193,6 +194,9 @@ class Record:
     absolute paths; `externals` the files outside the workspace that its build read, and `external` the
     digest of their contents. Times are seconds since the epoch; a package that was restored began at 0.
     `tree` is what the files come to whatever the path, for the package cache; '' when nobody has asked.
+    `saved` are inputs that were written while the build ran: what it made may be of any state of them.
+    `from_empty` tells if it began in an empty build folder. `read_from` are packages that it does not
+    declare to need, and of which it read files in their build folders or prefixes.
     """
 
     parts: Parts
@@ -205,36 +209,9 @@ class Record:
     seconds: float = 0.0
     began: float = 0.0
     tree: str = ""
-
-
-@frozen
-class Traces:
-    """What the contents of a build folder were made with, as digests.
-
-    Another `base` (forge, tools, environment), or state of what was `moved`, makes them useless; other
-    `options` need another cache of CMake, another `shape` (names of sources, what needs give) a configure.
-    """
-
-    base: str = ""
-    options: str = ""
-    shape: str = ""
-    moved: str = ""
-
-
-@frozen
-class Folder:
-    """A build folder: CMake's generator, what it was configured for, and what its contents were made with.
-
-    All are empty when nobody knows; `traces` is None in a folder in which another tool built. `installed`
-    are the files that tools list there as installed, as absolute paths.
-    """
-
-    generator: str = ""
-    configured: str = ""
-    traces: Traces | None = None
-    installed: tuple[str, ...] = ()
-    began: float = 0.0
-    """When the last build there began, by its own note; the record of that build says the same."""
+    saved: tuple[str, ...] = ()
+    from_empty: bool = False
+    read_from: tuple[str, ...] = ()
 
 
 @frozen
@@ -242,16 +219,16 @@ class Snapshot:
     """What is on disk today, beside the records of yesterday.
 
     `sources` and `installed` are marks of today, the latter of the files that the record lists. `moved`
-    names an input that changed outside of the package, by package, with a digest of all such inputs now.
-    `folders` are the build folders that there are. `present` are the packages whose prefix says they are
+    names an input that changed outside of the package, by package. `listed` are the files that tools list
+    in a package's build folder as installed. `present` are the packages whose prefix says they are
     complete. `news` are source files that changed, by package, for explanations.
     """
 
     records: Mapping[str, Record] = field(default_factory=dict)
     sources: Mapping[str, Mark] = field(default_factory=dict)
     installed: Mapping[str, Mark] = field(default_factory=dict)
-    moved: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    folders: Mapping[str, Folder] = field(default_factory=dict)
+    moved: Mapping[str, str] = field(default_factory=dict)
+    listed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     present: frozenset[str] = frozenset()
     news: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -274,7 +251,7 @@ class Step:
     env: Pairs = ()
     """Variables set for this step alone, beyond the environment of its task."""
     record: tuple[Path, str] | None = None
-    """A file that says this step was done: removed before it starts, written once it succeeded."""
+    """A file that says this step was done, by these words: then it does not run again."""
     replaces: tuple[str, ...] = ()
     """Files that it made the last time; links among them are removed before it starts."""
     meanings: tuple[tuple[int, str], ...] = ()
@@ -305,11 +282,13 @@ class Task:
     conditional: bool = False
     """It runs only if a package that is built before it comes out different."""
     clean: tuple[Path, ...] = ()
-    """Files and folders of an earlier build that are removed first, since the tools cannot be told."""
+    """Files and folders that are removed first."""
+    reconfigure: bool = False
+    """CMake runs in any case."""
+    after: frozenset[str] = frozenset()
+    """Other tasks that go first, since the last build read files of theirs that it had not declared."""
     earlier: tuple[str, ...] = ()
     """What earlier builds installed, as absolute paths, whether or not they ended well."""
-    moved: str = ""
-    """The digest of inputs outside of the package, when one of them changed."""
     desk: str = "handover"
     """The folder below `build_dir` for what the steps see and the line that repeats the last of them."""
 

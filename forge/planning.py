@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from forge.deferred import Deferred
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
-from forge.freshness import Outlook, must_begin_anew, traces_of, why_at_all, why_different
+from forge.freshness import Outlook, why_at_all, why_different
 from forge.frozen import frozen
-from forge.graph import closure, closures, ordered_names
-from forge.model import BuildPlan, Folder, Parts, Task, Traces
+from forge.graph import closure, closures, ordered_names, round_about
+from forge.model import BuildPlan, Parts, Task
 from forge.names import did_you_mean
 from forge.recipes import RECIPES
-from forge.recipes.cmake import leftovers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -51,6 +50,11 @@ def make_plan(
     and for needs that are not installed.
     """
     ordered = ordered_names(provision.needs)
+    read_from = _read_from(provision, snapshot)
+    if read_from:
+        observed = {name: needs | read_from.get(name, frozenset()) for name, needs in provision.needs.items()}
+        wanted = frozenset(names)
+        names = tuple(name for name in ordered_names(observed) if name in wanted)
     closed = closures(provision.needs, ordered)
     raise_if_any(
         (*_unknown_types(names, provision), *_not_installed(names, provision, closed, snapshot)),
@@ -64,20 +68,43 @@ def make_plan(
         given = outlook.needs_of(name, needs)
         parts = _parts(package, given or (), snapshot, kitchen, standing)
         reason = _reason(parts, given, snapshot, forced=standing.forced(name), name=name)
-        if reason is not None or given is None:
+        after = read_from.get(name, frozenset()) & tasks.keys()
+        if reason is not None or given is None or after:
             outlook.expect(name)
-            task = _task(package, needs, parts, snapshot, kitchen)
+            task = replace(_task(package, needs, parts, snapshot, kitchen), after=after)
             tasks[name] = task if reason is None else replace(task, reason=reason, conditional=False)
     return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), outlook
 
 
+def _read_from(provision: Provision, snapshot: Snapshot) -> dict[str, frozenset[str]]:
+    """Return the packages of which others read files without declaring that they need them.
+
+    They go first where that is possible: on a circle what is declared wins.
+    """
+    found = {
+        name: frozenset(record.read_from) & provision.needs.keys() - {name}
+        for name, record in snapshot.records.items()
+        if record.read_from and name in provision.needs
+    }
+    if not found:
+        return {}
+    weak = {name: found.get(name, frozenset()) for name in provision.needs}
+    both = {name: needs | weak[name] for name, needs in provision.needs.items()}
+    circles = round_about(both, weak)
+    return {name: others - circles.get(name, frozenset()) for name, others in found.items()}
+
+
 @frozen
 class Standing:
-    """What holds for every package of a build: forge, tools, environment; and which option forces whom."""
+    """What holds for every package of a build; and which option forces whom.
+
+    `underlays` is a digest of what packages could be found by below the workspace.
+    """
 
     forge: str
     tools: Pairs
     environment: Pairs
+    underlays: str = ""
     force: str = ""
     selected: frozenset[str] = frozenset()
 
@@ -106,6 +133,7 @@ def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen,
         environment=standing.environment,
         sources=snapshot.sources[package.name].digest,
         needs=given,
+        underlays=standing.underlays,
     )
 
 
@@ -130,48 +158,29 @@ def _task(
 ) -> Task:
     """Return the task as it is when everything depends on what its needs come out as."""
     name = package.name
-    sources = snapshot.sources[name]
-    build = kitchen.layout.build_dir(name)
-    _, moved = snapshot.moved.get(name, ("", ""))
-    folder = snapshot.folders.get(name, Folder())
-    now, then = traces_of(parts, sources, moved), folder.traces
     record = snapshot.records.get(name)
-    anew = then is not None and (_unrecorded(record, folder) or must_begin_anew(now, then))
-    other_options = then is not None and (now.options != then.options or kitchen.clean_cache)
-    again = other_options or now.shape != (then or Traces()).shape
-    kitchen = replace(
-        kitchen,
-        configured={} if anew else {name: (folder.generator, folder.configured)},
-        reconfigure=frozenset({name}) if again else frozenset(),
-    )
     recipe = cache(partial(RECIPES[package.build_type].recipe, package, kitchen.of(package)))
-    earlier = tuple(sorted({*(record.files if record else ()), *folder.installed}))
+    earlier = tuple(sorted({*(record.files if record else ()), *snapshot.listed.get(name, ())}))
     return Task(
         name=name,
         package=package,
         prefix=kitchen.layout.prefix(name),
-        build_dir=build,
+        build_dir=kitchen.layout.build_dir(name),
         needs=needs,
         steps=Deferred(lambda: _replacing(earlier, recipe().steps)),
         reason="a package that it needs is built before it and may come out different",
         parts=parts,
-        sources=sources,
+        sources=snapshot.sources[name],
         files=Deferred(lambda: recipe().files),
         conditional=True,
-        clean=(build,) if anew else leftovers(build) if other_options else (),
         earlier=earlier,
-        moved=moved,
+        reconfigure=kitchen.force_configure or kitchen.clean_cache,
     )
 
 
 def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step, ...]:
     """Return the steps with what the last of them, the installation, did before."""
     return (*steps[:-1], replace(steps[-1], replaces=earlier))
-
-
-def _unrecorded(record: Record | None, folder: Folder) -> bool:
-    """Tell if the journal has lost what was built in the folder last, and with it what that had read."""
-    return record is None or (record.complete and record.began != folder.began)
 
 
 def _unknown_types(names: Iterable[str], provision: Provision) -> Iterable[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
-from forge.digests import source_files, stamp_files
+from forge.digests import digest_words, source_files, stamp_files
 from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
@@ -169,9 +170,20 @@ def standing(
         forge=forge_stamp(),
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
+        underlays=_names_below(find_underlays(variables, kitchen.layout.install).prefixes),
         force=force_of(options),
         selected=frozenset(loaded.selection.names),
     )
+
+
+def _names_below(prefixes: Sequence[Path]) -> str:
+    """Return a digest of the names by which packages may be found in the prefixes, which comes cheap."""
+    words: list[str] = []
+    for prefix in prefixes:
+        for folder in ("share", "lib/cmake"):
+            with contextlib.suppress(OSError):
+                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
+    return digest_words(*words) if words else ""
 
 
 def force_of(options: argparse.Namespace) -> str:

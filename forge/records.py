@@ -10,19 +10,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
+from forge.build.input_manifest import Changes, FileState, compare, read_manifest, write_manifest
+from forge.digests import (
+    FileTable,
+    contents_of,
+    digest_of,
+    digest_words,
+    file_manifest,
+    mark_files,
+    stamp_files,
+    tree_manifest,
+)
 from forge.files import remove_drafts
-from forge.folders import began
+from forge.freshness import UNKNOWN
 from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
 from forge.prefixes import PACKAGES, find_underlays
 from forge.results import STATE, remove_file
 from forge.snapshot import moved_externals
+from forge.tools import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
 
+    from forge.build.build_dir import BegunBuild
     from forge.caching.package_cache import Found
     from forge.digests import Stats
     from forge.errors import Problem
@@ -30,10 +42,14 @@ if TYPE_CHECKING:
     from forge.interpreter import Interpreter
     from forge.journal import Journal
     from forge.layout import Layout
-    from forge.model import BuildPlan, Event, Snapshot, Task
+    from forge.model import BuildPlan, Event, Pairs, Snapshot, Task
 
 TABLE = "forge_files.json"
 _HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish", ".ps1")
+
+
+_STATES_KEPT = 8
+"""How many states of what a package installed are remembered: dependents may have been built with any."""
 
 
 class Records:
@@ -51,6 +67,8 @@ class Records:
         self._unfinished = not journal.ended
         self._altered: dict[str, str] = {}
         """Packages whose part in the workspace's scripts may differ from now on, and what that was."""
+        self._begun: dict[str, BegunBuild] = {}
+        self._needed: dict[tuple[str, str, str], Changes | None] = {}
 
     def confirm(self, plan: BuildPlan, snapshot: Snapshot, outlook: Outlook) -> None:
         """Take note of what the plan found fresh: new stamps, so that next time they are equal."""
@@ -86,7 +104,15 @@ class Records:
     def settle(self, task: Task) -> Task | None:
         """Return the task as it is to run, or None when what it needs came out as before."""
         assert self._outlook is not None  # noqa: S101  (confirm() comes first)
-        return settled(task, self._outlook, self.journal.records.get(task.name))
+        record = self.journal.records.get(task.name)
+        found = settled(task, self._outlook, record)
+        if found is None and record is not None and task.after and self._reads_other(record):
+            return replace(task, conditional=False)
+        return found
+
+    def _reads_other(self, record: Record) -> bool:
+        """Tell if a file outside of the package that its build read says something else now."""
+        return digest_of(record.externals, contents_of(record.externals, self.table)) != record.external
 
     def take(self, event: Event, plan: BuildPlan) -> None:
         """Take note of an event."""
@@ -116,6 +142,32 @@ class Records:
         mark_files(files, self.table)
         self._altered[task.name] = self._said_to_shells(task.name, files, {})
 
+    def prepare(self, task: Task, set_by_needs: Pairs) -> None:
+        """Make the build folder of a task fit for its steps; `set_by_needs` are variables that hooks set."""
+        from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
+        from forge.externals import cmake_root  # noqa: PLC0415
+
+        source = self.source(task)
+        sources = tree_manifest(str(source), self.table)
+        build = task.build_dir
+        self._begun[task.name] = build_dir.BegunBuild(str(source), sources, build_dir.read_last(build))
+        parts = task.parts
+        pairs = map("=".join, (*parts.tools, *parts.environment, *set_by_needs))
+        inputs = build_dir.BuildInputs(
+            base=digest_words(parts.forge, os.path.realpath(source), *pairs),
+            shape=digest_words(*parts.options, parts.underlays),
+            needs={need: self._installed(need) for need in task.needs},
+            sources=sources,
+        )
+        cmakes = cmake_root(build)
+        examination = build_dir.Examination(
+            needed=self._changes_in,
+            contents=lambda paths: contents_of(paths, self.table),
+            is_cmakes=lambda path: bool(cmakes) and path.startswith(cmakes),
+        )
+        keeps = task.package.build_type in CMAKE_TYPES
+        build_dir.prepare_build_dir(build, inputs, examination, keeps=keeps, reconfigure=task.reconfigure)
+
     def seconds(self) -> dict[str, float]:
         """Return how long each package took when it was last built."""
         return {name: record.seconds for name, record in self.journal.records.items() if record.seconds}
@@ -126,15 +178,52 @@ class Records:
 
     def make(self, task: Task) -> Record:
         """Return the record of a task that ended well, once what only its last build installed is gone."""
-        from forge.externals import external_inputs  # noqa: PLC0415  (most builds make nothing)
+        from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
+        from forge.externals import external_inputs  # noqa: PLC0415
         from forge.installation import installed_files  # noqa: PLC0415
 
+        build = task.build_dir
         files = installed_files(task.package, self._layout)
         self._date(files)
-        inside = (self.source(task), self._layout.build, self._layout.install)
-        externals = external_inputs(task.build_dir, inside)
-        read = externals, digest_of(externals, contents_of(externals, self.table))
-        return self._made(task, files, read, {})
+        declared = (self.source(task), build, *map(self._layout.prefix, (task.name, *task.needs)))
+        searched = (self._layout.install,)
+        found = external_inputs(build, self.source(task), declared, searched)
+        if self._layout.merged:
+            found = (*found, *self._undeclared(task, build))
+        externals = file_manifest(found, self.table)
+        saved = build_dir.saved_meanwhile(build, self._begun.pop(task.name), externals, self.table)
+        build_dir.finish_build_dir(build, externals, saved)
+        contents = {path: state.content for path, state in externals.items()}
+        read = tuple(externals), digest_of(externals, contents)
+        record = self._made(task, files, read, {})
+        return replace(
+            record,
+            began=build_dir.began(build),
+            saved=tuple(path.removeprefix(f"{self.source(task)}/") for path in sorted(saved)),
+            from_empty=build_dir.began_empty(build),
+            read_from=self._owners_of(task, externals),
+        )
+
+    def _undeclared(self, task: Task, build: Path) -> tuple[str, ...]:
+        """Return what a build read in a merged prefix of packages that it does not declare to need."""
+        from forge.externals import read_below  # noqa: PLC0415  (most builds make nothing)
+
+        found = read_below(build, self._layout.install)
+        if not found:
+            return ()
+        records = self.journal.records
+        known = {path for name in (task.name, *task.needs) if name in records for path in records[name].files}
+        return tuple(sorted(path for path in found if path not in known and os.path.isfile(path)))  # noqa: PTH113
+
+    def _owners_of(self, task: Task, paths: Iterable[str]) -> tuple[str, ...]:
+        """Return the packages of this workspace, without the declared needs, to which files belong."""
+        build, install = f"{self._layout.build}/", f"{self._layout.install}/"
+        names = {path[len(build) :].partition("/")[0] for path in paths if path.startswith(build)}
+        installed = {path for path in paths if path.startswith(install)}
+        if installed:
+            records = self.journal.records.items()
+            names |= {name for name, record in records if not installed.isdisjoint(record.files)}
+        return tuple(sorted(names & self.journal.records.keys() - {task.name}))
 
     def restored(self, task: Task, found: Found, files: Mapping[str, os.stat_result | None]) -> Record:
         """Return the record of a task whose `files` came out of the cache, its build folder left as it is.
@@ -144,7 +233,7 @@ class Records:
         """
         stats = {path: status for path, status in files.items() if status is not None}
         record = self._made(task, tuple(files), (found.externals, found.external), stats)
-        return replace(record, seconds=found.tree.seconds, began=0.0, tree=found.tree.digest)
+        return replace(record, seconds=found.tree.seconds, tree=found.tree.digest)
 
     def _made(
         self, task: Task, files: tuple[str, ...], read: tuple[tuple[str, ...], str], stats: Stats
@@ -157,16 +246,47 @@ class Records:
             del self._altered[task.name]
         if self._layout.merged:
             note_contents(task.build_dir, files, self.table)
+        installed = mark_files(files, self.table, stats=stats)
+        self._describe_installed(task.name, installed.digest, files, stats)
         return Record(
             parts=task.parts,
             complete=True,
             sources=task.sources,
-            installed=mark_files(files, self.table, stats=stats),
+            installed=installed,
             files=files,
             externals=read[0],
             external=read[1],
-            began=began(task.build_dir),
         )
+
+    def _installed(self, name: str) -> str:
+        """Return the digest of what a package has installed, as far as that is recorded."""
+        record = self.journal.records.get(name)
+        return record.installed.digest if record else UNKNOWN
+
+    def _describe_installed(self, name: str, digest: str, files: tuple[str, ...], stats: Stats) -> None:
+        """Write down what a package has installed, file by file, by the digest of it all."""
+        from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
+
+        contents = contents_of(files, self.table, stats)
+        folder = self._layout.build / build_dir.INSTALLED / name
+        write_manifest(
+            folder / f"{digest}.json", {path: FileState("", content) for path, content in contents.items()}
+        )
+        known = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
+        for path in known[_STATES_KEPT:]:
+            path.unlink(missing_ok=True)
+
+    def _changes_in(self, name: str, then: str, now: str) -> Changes | None:
+        """Return how two states of what a package installed differ, or None when one is not known."""
+        key = (name, then, now)
+        if key not in self._needed:
+            from forge.build.build_dir import INSTALLED  # noqa: PLC0415  (most builds make nothing)
+
+            folder = self._layout.build / INSTALLED / name
+            states = [read_manifest(folder / f"{digest}.json") if digest else {} for digest in (then, now)]
+            one, other = states
+            self._needed[key] = None if one is None or other is None else compare(one, other)
+        return self._needed[key]
 
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""

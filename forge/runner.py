@@ -15,10 +15,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from forge.files import write_if_changed
+from forge.files import says, write_if_changed
 from forge.frozen import frozen
 from forge.jobserver import without_blurbs
-from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Aborted, Finished, Output, StepFinished, StepStarted
+from forge.model import (
+    CONFIGURE,
+    FAILURE,
+    SUCCESS,
+    TEST_FAILURES,
+    Aborted,
+    Finished,
+    Output,
+    StepFinished,
+    StepStarted,
+)
 from forge.steps import LAST_COMMAND, environment_file, step_line
 
 if TYPE_CHECKING:
@@ -65,14 +75,14 @@ class Steps(Protocol):
 class Frame:
     """What surrounds the steps of a task, wherever they run.
 
-    `environment(task)` is what a task's programs see; `begin(task)` and `install(task)` are called
-    before its first step and after its last; the latter says what was made. `undo(task)` is called
+    `environment(task)` is what a task's programs see; `begin(task, environment)` and `install(task)` are
+    called before its first step and after its last; the latter says what was made. `undo(task)` is called
     instead when a step failed or the build was stopped. `restore(task)` is asked first of all: where it
     returns a record, no step runs. `remark(task)` is what the package cache had to do with it, at its end.
     """
 
     environment: Callable[[Task], Mapping[str, str]]
-    begin: Callable[[Task], None]
+    begin: Callable[[Task, Mapping[str, str]], None]
     install: Callable[[Task], Record]
     undo: Callable[[Task], None] = lambda _: None
     restore: Callable[[Task], Record | None] = lambda _: None
@@ -80,11 +90,11 @@ class Frame:
 
     def open(self, task: Task) -> Mapping[str, str]:
         """Make everything ready for the first step; return what the programs see."""
-        self.begin(task)
+        environment = self.environment(task)
+        self.begin(task, environment)
         task.build_dir.mkdir(parents=True, exist_ok=True)
         for path, text in task.files:
             write_if_changed(path, text)
-        environment = self.environment(task)
         exports = [f"export {name}={shlex.quote(value)}" for name, value in changed(environment)]
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
@@ -188,6 +198,8 @@ class ProcessRunner:
         self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
     ) -> int:
         if step.record:
+            if says(*step.record):
+                return 0
             step.record[0].unlink(missing_ok=True)
         for path in filter(os.path.islink, step.replaces):
             Path(path).unlink()
@@ -198,6 +210,10 @@ class ProcessRunner:
         with self._budget.tools(step, variables) if self._budget else nullcontext((variables, ())) as seen:
             code = self._start(task, step, seen, put)
         if step.record and code == 0:
+            if step.label == CONFIGURE:
+                from forge.build.build_dir import bring_back_products  # noqa: PLC0415  (few steps configure)
+
+                bring_back_products(step.cwd)
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code

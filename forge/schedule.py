@@ -35,7 +35,9 @@ class Board:
         """Put every task of the plan on the board, waiting."""
         # A task has all that it needs, however deep: of a chain of thousands, millions of entries that would
         # be looked at whenever anything ends.
-        direct = reduced({name: task.needs for name, task in plan.tasks.items()}, [*plan.tasks])
+        direct = reduced(
+            {name: (*task.needs, *task.after) for name, task in plan.tasks.items()}, [*plan.tasks]
+        )
         self._needs = {name: frozenset(needs) for name, needs in direct.items()}
         self._dependents = reverse(self._needs)
         self._open = {name: len(needs) for name, needs in direct.items()}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.digests import contents_of, digest_of, mark_files, mark_tree, stamp_files
-from forge.folders import Folders
+from forge.digests import NAMES_IN, contents_of, digest_of, mark_files, mark_tree, stamp_files
+from forge.folders import ListedFiles
 from forge.model import Snapshot
 
 if TYPE_CHECKING:
@@ -34,16 +34,13 @@ def take_snapshot(
         news[name] = tuple(path[len(home) + 1 :] for path in sorted(table.news))
         if record:
             installed[name] = mark_files(record.files, table, record.installed)
-            if record.sources.linked != sources[name].linked:
-                path = next(iter(news[name]), "a link")
-                moved[name] = (path, sources[name].linked + moved.get(name, ("", ""))[1])
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
-    return Snapshot(records, sources, installed, moved, Folders(layout), frozenset(present), news)
+    return Snapshot(records, sources, installed, moved, ListedFiles(layout), frozenset(present), news)
 
 
-def moved_externals(journal: Journal, table: FileTable) -> dict[str, tuple[str, str]]:
-    """Return an external input that changed and a digest of all, by package.
+def moved_externals(journal: Journal, table: FileTable) -> dict[str, str]:
+    """Return an external input that changed, by package.
 
     Packages share most of these files, so one stamp of them all answers the usual case.
     """
@@ -53,10 +50,10 @@ def moved_externals(journal: Journal, table: FileTable) -> dict[str, tuple[str, 
         return {}
     journal.doubt()
     contents = contents_of(paths, table)
-    moved: dict[str, tuple[str, str]] = {}
+    moved: dict[str, str] = {}
     for name, record in journal.records.items():
         digest = digest_of(record.externals, contents)
         if record.external and digest != record.external:
             changed = [path for path in record.externals if path in table.news]
-            moved[name] = (changed[0] if changed else "a header outside the workspace", digest)
+            moved[name] = (changed[0] if changed else "a file outside the workspace").removesuffix(NAMES_IN)
     return moved

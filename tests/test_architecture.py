@@ -35,7 +35,7 @@ FLOORS = {
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
-        caching caching.* cluster cluster.*
+        caching caching.* cluster cluster.* build build.*
         launching.accounts launching.farms launching.icecream
     """,
     2: """

@@ -155,6 +155,10 @@ class PackageCache:
         key = self._keys.get(task.name)
         if key is None:
             return record
+        doubt = _doubt(record)
+        if doubt:
+            self.notes[task.name] = f"not kept: {doubt}"
+            return record
         try:
             tree = self._put(task, key, record)
         except Unfit as reason:
@@ -365,3 +369,10 @@ KEPT, MISSED = "kept", "not in the cache"
 def _whole(descriptor: int) -> bytes:
     size = os.fstat(descriptor).st_size
     return os.pread(descriptor, size, 0)
+
+
+def _doubt(record: Record) -> str:
+    """Return why others must not be given what a build made; '' when it is what anybody would have made."""
+    if record.saved:
+        return f"'{record.saved[0]}' was saved while it was built"
+    return "" if record.from_empty else "it was built in a folder that was not empty"

@@ -54,7 +54,7 @@ def attend(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     short = partial(shortage, errand.terms.memory, errand.terms.load)
     budget = Budget(int(jobs), pool, frozenset(fluent), short=short)
     # What surrounds the steps is done by the client.
-    frame = Frame(lambda _: errand.environment, lambda _: None, lambda _: Record(Parts()))
+    frame = Frame(lambda _: errand.environment, lambda _task, _variables: None, lambda _: Record(Parts()))
     runner = ProcessRunner(frame, budget)
     gently = errand.parcel is not None
     heed = partial(_heed, source, runner, gently=gently)

@@ -44,18 +44,6 @@ def ament_options(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
     return (*plain_options(package, kitchen), *told, *kitchen.ament_cmake_args)
 
 
-def leftovers(build: Path) -> tuple[Path, ...]:
-    """Return what remembers earlier options: without it the options given are all there are.
-
-    ament's list of what it linked is of no more use when it may copy from now on.
-    """
-    return (
-        build / "CMakeCache.txt",
-        build / "CMakeFiles" / "[0-9]*",
-        build / "symlink_install_manifest.txt",
-    )
-
-
 def common_arguments(kitchen: Kitchen) -> tuple[str, ...]:
     """Return what is said to CMake for every new build folder."""
     return (*_generator(kitchen, kitchen.cmake_args), *kitchen.cmake_args)
@@ -81,7 +69,7 @@ def _recipe(package: Package, kitchen: Kitchen, arguments: tuple[str, ...], amen
     first = ("--clean-first",) if kitchen.clean_first else ()
     build_step = Step("build", (cmake, "--build", str(build), *first, *_jobs(kitchen)), build)
     install_step = Step("install", (cmake, "--install", str(build)), build, _how_to_install(package, kitchen))
-    return Recipe((*configure, *_target(build, kitchen), build_step, install_step), files)
+    return Recipe((configure, *_target(build, kitchen), build_step, install_step), files)
 
 
 def _target(build: Path, kitchen: Kitchen) -> tuple[Step, ...]:
@@ -101,15 +89,9 @@ exec "$@"
 """Starts a build of one target, unless ninja's or make's list of targets is without it."""
 
 
-def _configure(
-    package: Package, kitchen: Kitchen, arguments: tuple[str, ...], handed_over: str
-) -> tuple[Step, ...]:
-    """Return the configure step, or nothing when the folder was configured in just this way.
-
-    What the CMakeLists.txt read is the build tool's to watch: it runs CMake again by itself.
-    """
+def _configure(package: Package, kitchen: Kitchen, arguments: tuple[str, ...], handed_over: str) -> Step:
+    """Return the configure step, which leaves a folder alone that was configured in just this way."""
     build = kitchen.layout.build_dir(package.name)
-    generator, record = kitchen.configured.get(package.name, ("", ""))
     arguments, env = _with_path_maps(arguments, kitchen)
     argv = (
         str(kitchen.cmake),
@@ -117,16 +99,13 @@ def _configure(
         *("-S", str(kitchen.root / package.path), "-B", str(build)),
         "-C",
         str(handover_folder(build) / "handover.cmake"),
-        *_generator(kitchen, arguments, generator, only_make=package.name in kitchen.only_make),
+        *_generator(kitchen, arguments, only_make=package.name in kitchen.only_make),
         *arguments,
         f"-DCMAKE_INSTALL_PREFIX={kitchen.layout.prefix(package.name)}",
     )
-    # The generator is left out: the second run finds it in the cache and does not name it.
-    said = (*argv[:7], *arguments, *(flags for _, flags in env), argv[-1], handed_over)
-    digest = hashlib.sha256("\0".join(said).encode()).hexdigest()
-    if record == digest and not kitchen.force_configure and package.name not in kitchen.reconfigure:
-        return ()
-    return (Step(CONFIGURE, argv, build, env, record=(handover_folder(build) / RECORD, digest)),)
+    said = (*argv, *(flags for _, flags in env), handed_over)
+    digest = hashlib.sha256("\0".join(said).encode(errors="surrogateescape")).hexdigest()
+    return Step(CONFIGURE, argv, build, env, record=(handover_folder(build) / RECORD, digest))
 
 
 def _with_path_maps(arguments: tuple[str, ...], kitchen: Kitchen) -> tuple[tuple[str, ...], Pairs]:
@@ -151,14 +130,10 @@ FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}
 """The variable from which CMake takes the first flags of a language."""
 
 
-def _generator(
-    kitchen: Kitchen, arguments: tuple[str, ...], current: str = "", *, only_make: bool = False
-) -> tuple[str, ...]:
-    """Choose Ninja for a new build folder and stay with what there is, unless the user says otherwise."""
+def _generator(kitchen: Kitchen, arguments: tuple[str, ...], *, only_make: bool = False) -> tuple[str, ...]:
+    """Choose Ninja, unless the user says otherwise."""
     if any(argument.startswith("-G") for argument in arguments):
         return ()
-    if current:
-        return ("-G", current)
     if kitchen.environment_generator or kitchen.ninja is None:
         return ()
     if only_make and kitchen.make:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
     from pathlib import Path
 
     from forge.layout import Layout
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 class Kitchen:
     """The tools and options that all packages of one build share.
 
-    `configured` tells of each build folder how it was last configured: (generator, record), both empty
-    when it was not; `reconfigure` names packages to configure in any case. `python` is the workspace's
+    `python` is the workspace's
     interpreter, `site_packages` its folder for modules below a prefix. `wheels` is the argv that builds
     a Python package, `generator` the one that CMake starts for each interface package, `tools` what
     tells the tools apart from others of their name.
@@ -56,8 +55,6 @@ class Kitchen:
     """For each language of CMake, the flags that keep paths of the workspace out of what is compiled."""
     flags: Pairs = ()
     """For each of these languages, what the environment says of its flags."""
-    configured: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    reconfigure: frozenset[str] = frozenset()
 
     def of(self, package: Package) -> Kitchen:
         """Return the kitchen with what the package's own settings add to the options of all."""

@@ -42,7 +42,7 @@ class TestJobs:
 
     def runner(self, budget: Budget) -> ProcessRunner:
         """Return what runs the tests."""
-        return ProcessRunner(Frame(self._environment, clear, self._finish), budget)
+        return ProcessRunner(Frame(self._environment, lambda task, _: clear(task), self._finish), budget)
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         layout = self.bench.layout

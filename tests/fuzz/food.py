@@ -112,7 +112,8 @@ _JOURNAL: Final = b"""{"forge_journal": 2}
 "environment": [], "sources": "s", "needs": [["q", "d"]]}, "complete": true, \
 "sources": {"stamp": "", "digest": "d", "names": "n", "linked": ""}, \
 "installed": {"stamp": "", "digest": "d", "names": "n", "linked": ""}, \
-"files": ["/ws/install/p/a"], "externals": [0, 1], "external": "e", "seconds": 1.5, "began": 2.5}
+"files": ["/ws/install/p/a"], "externals": [0, 1], "external": "e", "seconds": 1.5, "began": 2.5,
+"saved": ["a.c"], "from_empty": true, "read_from": ["q"]}
 {"stamp": "s"}
 {"package": "q"}
 {"ended": true}

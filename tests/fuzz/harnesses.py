@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge import conditions, sourcing
+from forge.build.build_dir import BuildInputs, Examination, began, prepare_build_dir, read_last
+from forge.build.input_manifest import read_manifest
 from forge.caching import action_result as action_results
 from forge.caching import keys
 from forge.caching.trees import index_of, tree_of
@@ -30,7 +32,7 @@ from forge.environment import Installed
 from forge.errors import ForgeError, InterfaceError
 from forge.externals import external_inputs
 from forge.files import write_if_changed
-from forge.folders import Folders
+from forge.folders import ListedFiles
 from forge.interfaces.hashing import hashes
 from forge.interfaces.idl_writing import idl_text
 from forge.interfaces.model import Source, TypeName
@@ -63,6 +65,8 @@ if TYPE_CHECKING:
     Harness = Callable[[bytes], None]
 
 HARNESSES: dict[str, Harness] = {}
+_INPUTS = BuildInputs("base", "shape", {}, {})
+_NOTHING_KNOWN = Examination(lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda _: False)
 """Each harness by the name of what it reads."""
 
 _XML = Path("package.xml")
@@ -280,10 +284,14 @@ def tables(data: bytes) -> None:
     build = place("tables", "forge_files.json", data)
     table = FileTable(build / "forge_files.json")
     table.digest(str(room() / "tables" / "forge_files.json"), (build / "forge_files.json").stat())
-    place("tables", "p/handover/begun.json", data)
+    for name in ("begun", "ended", "sources", "externals"):
+        place("tables", f"p/handover/{name}.json", data)
     place("tables", "p/forge_installed.json", data)
     place("tables", ".forge.json", data)
-    Folders(replace(_LAYOUT, build=build)).get("p")
+    began(build / "p")
+    read_last(build / "p")
+    read_manifest(build / "p" / "handover" / "sources.json")
+    prepare_build_dir(build / "p", _INPUTS, _NOTHING_KNOWN, keeps=True, reconfigure=False)
     with contextlib.suppress(ForgeError):
         recorded_underlays(build)
         recorded_python(build)
@@ -319,13 +327,14 @@ def build_logs(data: bytes) -> None:
     """Read what ninja, make and compilers leave in a build folder."""
     build = place("ninja", ".ninja_deps", b"# ninjadeps\n\x04\0\0\0" + data)
     place("ninja", "build.ninja", data)
-    external_inputs(build, [])
+    place("ninja", "CMakeFiles/rules.ninja", b"")
+    external_inputs(build, Path("/ws/src/p"), [])
     made = place("make", "a.o.d", data)
     place("make", "CMakeFiles/a.dir/build.make", data)
     place("make", "CMakeFiles/Makefile.cmake", data)
-    external_inputs(made, [])
-    place("make", "p/CMakeCache.txt", data)
-    Folders(replace(_LAYOUT, build=made)).get("p")
+    external_inputs(made, Path("/ws/src/p"), [])
+    place("make", "p/install_manifest.txt", data)
+    ListedFiles(replace(_LAYOUT, build=made)).get("p")
     place("make", "p/compile_commands.json", data)
     merge_compile_commands(made, anew=True)
 

@@ -59,7 +59,7 @@ def real_runner(done: list[str] | None = None) -> ProcessRunner:
             done.append(done_task.name)
         return Record(Parts())
 
-    return ProcessRunner(Frame(lambda _: os.environ, lambda _: None, install))
+    return ProcessRunner(Frame(lambda _: os.environ, lambda _task, _variables: None, install))
 
 
 def run(
@@ -162,10 +162,21 @@ def test_a_record_is_there_only_after_success(tmp_path: Path) -> None:
     record = tmp_path / "record"
     for code, expected in ((0, True), (1, False)):
         step = Step(
-            "s", (sys.executable, "-c", f"raise SystemExit({code})"), tmp_path, record=(record, "digest")
+            "s",
+            (sys.executable, "-c", f"raise SystemExit({code})"),
+            tmp_path,
+            record=(record, f"digest {code}"),
         )
         run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))
         assert record.is_file() is expected
+
+
+def test_what_its_record_says_was_done_is_not_done_again(tmp_path: Path) -> None:
+    step = Step("s", (sys.executable, "-c", "raise SystemExit(1)"), tmp_path, record=(tmp_path / "r", "done"))
+    (tmp_path / "r").write_text("done")
+    assert ends(run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))) == {"a": 0}
+    (tmp_path / "r").write_text("other")
+    assert ends(run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))) == {"a": 1}
 
 
 def test_files_are_written_before_the_first_step(tmp_path: Path) -> None:
@@ -177,7 +188,9 @@ def test_files_are_written_before_the_first_step(tmp_path: Path) -> None:
 def test_a_steps_own_variables_win(tmp_path: Path) -> None:
     step = Step("s", (sys.executable, "-c", "import os; print(os.environ['X'])"), tmp_path, (("X", "mine"),))
     runner = ProcessRunner(
-        Frame(lambda _: {**os.environ, "X": "theirs"}, lambda _: None, lambda _: Record(Parts()))
+        Frame(
+            lambda _: {**os.environ, "X": "theirs"}, lambda _task, _variables: None, lambda _: Record(Parts())
+        )
     )
     events = run(plan_of(replace(task(tmp_path, "a"), steps=(step,))), runner)
     assert Output("a", b"mine\n", stderr=False) in events
@@ -189,7 +202,7 @@ def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
     def install(_task: Task) -> Record:
         raise OSError("disk full")
 
-    runner = ProcessRunner(Frame(lambda _: os.environ, lambda _: None, install))
+    runner = ProcessRunner(Frame(lambda _: os.environ, lambda _task, _variables: None, install))
     with pytest.raises(OSError, match="disk full"):
         run(plan_of(task(tmp_path, "a", "print()"), task(tmp_path, "b", "print()")), runner, limit=1)
 

@@ -343,7 +343,9 @@ def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
     }
     plan = BuildPlan(tasks)
     with closing(Budget(1)) as budget:
-        runner = ProcessRunner(Frame(lambda _: os.environ, lambda _: None, lambda _: Record(Parts())), budget)
+        runner = ProcessRunner(
+            Frame(lambda _: os.environ, lambda _task, _variables: None, lambda _: Record(Parts())), budget
+        )
         events = list(execute(plan, runner, Board(plan, 2), lambda task: task))
     return [type(event).__name__ for event in events if event.task == "late"]
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from forge.errors import WorkspaceError
-from forge.freshness import Outlook, traces_of
+from forge.freshness import Outlook
 from forge.graph import ordered_names
 from forge.layout import Layout
-from forge.model import BuildPlan, Folder, Mark, Package, Record, Selection, Snapshot, Traces
+from forge.model import BuildPlan, Mark, Package, Record, Selection, Snapshot
 from forge.planning import Standing, make_plan, settled, wanted_names
 from forge.provision import Provision
 from forge.recipes.kitchen import Kitchen
@@ -26,7 +26,7 @@ KITCHEN = Kitchen(
     cmake=Path("/usr/bin/cmake"),
     ninja=Path("/usr/bin/ninja"),
 )
-SOURCES = {name: Mark("stamp", f"sources of {name}", "names") for name in ("e", "a", "b", "p")}
+SOURCES = {name: Mark("stamp", f"sources of {name}") for name in ("e", "a", "b", "p")}
 INSTALLED = {name: Mark("stamp", f"files of {name}") for name in ("e", "a", "b", "p")}
 COMPLETE = Snapshot(present=frozenset({"e", "a", "b"}), sources=SOURCES)
 STANDING = Standing("forge 1", (("cmake", "3"),), (("CXX", "g++"),))
@@ -61,23 +61,12 @@ def built(*names: str) -> Snapshot:
     for name, task in plan(*names).tasks.items():
         parts = replace(task.parts, needs=outlook.needs_of(name, task.needs) or ())
         records[name] = Record(parts, complete=True, sources=SOURCES[name], installed=INSTALLED[name])
-    folders = {
-        name: Folder("Ninja", _configured(name), traces_of(record.parts, record.sources, ""))
-        for name, record in records.items()
-    }
     return replace(
         COMPLETE,
         records=records,
         installed={n: INSTALLED[n] for n in names},
         present=frozenset(names),
-        folders=folders,
     )
-
-
-def _configured(name: str) -> str:
-    """Return what the folder of a package says once it was configured."""
-    record = plan(name).tasks[name].steps[0].record
-    return record[1] if record else ""
 
 
 def test_a_cycle_is_named_by_its_shortest_way() -> None:
@@ -128,8 +117,12 @@ MAYBE = "maybe a package that it needs is built before it and may come out diffe
         ),
         (replace(AFTER, present=frozenset({"a"})), "something that it had installed was changed or removed"),
         (
-            replace(AFTER, moved={"e": ("/usr/include/x.h", "digest")}),
-            "'/usr/include/x.h', which it includes, changed",
+            replace(AFTER, moved={"e": "/usr/include/x.h"}),
+            "'/usr/include/x.h', which it reads, changed",
+        ),
+        (
+            replace(AFTER, records={**AFTER.records, "e": replace(AFTER.records["e"], saved=("x.cpp",))}),
+            "'x.cpp' was saved while it was built",
         ),
         (
             replace(AFTER, sources={**SOURCES, "e": Mark("", "other")}, news={"e": ("x.cpp", "y.cpp")}),
@@ -153,6 +146,7 @@ def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: S
         (KITCHEN, replace(STANDING, forge="forge 2"), "forge itself changed"),
         (KITCHEN, replace(STANDING, tools=(("cmake", "4"),)), "the tool 'cmake' changed"),
         (KITCHEN, replace(STANDING, environment=()), "the environment variable 'CXX' changed"),
+        (KITCHEN, replace(STANDING, underlays="b"), "packages were added to an underlay, or removed"),
         (KITCHEN, replace(STANDING, force="--force", selected=frozenset({"e", "a"})), "asked for by --force"),
     ],
 )
@@ -188,54 +182,9 @@ def test_a_conditional_task_is_settled_by_what_its_needs_came_out_as() -> None:
     assert task.parts.needs != AFTER.records["a"].parts.needs
 
 
-def test_what_the_tools_cannot_notice_is_cleared_away() -> None:
-    other = replace(STANDING, tools=(("cmake", "4"),))
-    assert plan("a", snapshot=AFTER, standing=other).tasks["a"].clean == (LAYOUT.build_dir("a"),)
-    options = plan("a", snapshot=AFTER, kitchen=replace(KITCHEN, cmake_args=("-DX=1",))).tasks["a"].clean
-    assert [path.name for path in options] == [
-        "CMakeCache.txt",
-        "[0-9]*",
-        "symlink_install_manifest.txt",
-    ]
-    assert (
-        plan("a", snapshot=replace(AFTER, sources={**SOURCES, "a": Mark("", "x", "names")})).tasks["a"].clean
-        == ()
-    )
-
-
-def test_a_folder_that_says_nothing_of_its_contents_is_begun_anew() -> None:
-    """The journal may be lost, or the build killed before anything was cleared away."""
-    killed = replace(AFTER.records["a"], complete=False)
-    known = AFTER.folders["a"]
-    for record, folder in (
-        (killed, replace(known, traces=Traces())),
-        (killed, replace(known, traces=replace(known.traces or Traces(), base="other"))),
-        (None, known),
-        (replace(killed, complete=True, installed=Mark()), replace(known, began=5.0)),
-    ):
-        records = {"e": AFTER.records["e"], **({"a": record} if record else {})}
-        snapshot = replace(AFTER, records=records, folders={**AFTER.folders, "a": folder})
-        snapshot = replace(snapshot, installed={**INSTALLED, "a": Mark("", "other")})
-        task = plan("a", snapshot=snapshot).tasks["a"]
-        assert task.clean == (LAYOUT.build_dir("a"),)
-        assert task.steps[0].label == "cmake"
-    foreign = replace(AFTER, records={}, folders={"a": Folder("Unix Makefiles")})
-    assert plan("a", snapshot=foreign).tasks["a"].clean == ()
-
-
-def test_what_moved_outside_is_cleared_away_once() -> None:
-    moved = replace(AFTER, moved={"a": ("/usr/include/x.h", "digest")})
-    task = plan("a", snapshot=moved).tasks["a"]
-    assert (task.clean, task.moved) == ((LAYOUT.build_dir("a"),), "digest")
-    begun = replace(AFTER.folders["a"], traces=traces_of(task.parts, task.sources, task.moved))
-    again = replace(moved, folders={**AFTER.folders, "a": begun})
-    assert plan("a", snapshot=again).tasks["a"].clean == ()
-
-
 def test_the_installing_step_knows_what_is_installed() -> None:
     record = replace(AFTER.records["a"], files=("/ws/install/a/x",), complete=False)
-    folder = replace(AFTER.folders["a"], installed=("/ws/install/a/killed",))
-    snapshot = replace(AFTER, records={"a": record}, folders={"a": folder})
+    snapshot = replace(AFTER, records={"a": record}, listed={"a": ("/ws/install/a/killed",)})
     task = plan("a", snapshot=snapshot).tasks["a"]
     assert task.earlier == ("/ws/install/a/killed", "/ws/install/a/x")
     assert [step.replaces for step in task.steps] == [*[()] * (len(task.steps) - 1), task.earlier]
@@ -272,30 +221,32 @@ def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> No
     assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a")
 
 
-def test_new_files_and_other_needs_configure_again() -> None:
-    configured = AFTER
-    other = replace(configured, sources={**SOURCES, "a": Mark("", "other", "other names")})
-    same = replace(configured, sources={**SOURCES, "a": Mark("", "other", "names")})
-    assert labels(same) == ["build", "install"]
-    assert labels(other) == ["cmake", "build", "install"]
+def test_a_folder_is_configured_again_when_something_is_said_differently() -> None:
+    """The words that the configure step leaves behind tell one configuration from another."""
+
+    def said(kitchen: Kitchen) -> str:
+        record = plan("a", kitchen=kitchen).tasks["a"].steps[0].record
+        assert record is not None
+        return record[1]
+
+    words = [
+        said(kitchen)
+        for kitchen in (
+            KITCHEN,
+            replace(KITCHEN, cmake_args=("-DX=1",)),
+            replace(KITCHEN, layout=replace(LAYOUT, install=Path("/elsewhere"))),
+            replace(KITCHEN, layout=replace(LAYOUT, symlink=True)),
+            replace(KITCHEN, python=Path("/usr/bin/python3.12")),
+        )
+    ]
+    assert len(set(words)) == len(words)
+    assert said(KITCHEN) == words[0]
 
 
-def labels(snapshot: Snapshot, kitchen: Kitchen = KITCHEN) -> list[str]:
-    """Return the steps that package a takes."""
-    return [step.label for step in plan("a", snapshot=snapshot, kitchen=kitchen).tasks["a"].steps]
-
-
-def test_a_folder_is_configured_again_only_when_something_was_said_differently() -> None:
-    configured = replace(AFTER, sources={**SOURCES, "a": Mark("", "other", "names")})
-    assert labels(configured) == ["build", "install"]
-    for kitchen in (
-        replace(KITCHEN, cmake_args=("-DX=1",)),
-        replace(KITCHEN, layout=replace(LAYOUT, install=Path("/elsewhere"))),
-        replace(KITCHEN, layout=replace(LAYOUT, symlink=True)),
-        replace(KITCHEN, python=Path("/usr/bin/python3.12")),
-        replace(KITCHEN, force_configure=True),
-    ):
-        assert labels(configured, kitchen) == ["cmake", "build", "install"]
+def test_cmake_can_be_asked_to_run_in_any_case() -> None:
+    for kitchen in (replace(KITCHEN, force_configure=True), replace(KITCHEN, clean_cache=True)):
+        assert plan("a", kitchen=kitchen).tasks["a"].reconfigure
+    assert not plan("a").tasks["a"].reconfigure
 
 
 @pytest.mark.parametrize(
@@ -316,12 +267,6 @@ def test_a_package_that_calls_make_is_built_by_it_where_there_is_one() -> None:
     assert plan("a", kitchen=kitchen).tasks["a"].steps[0].argv[7:9] == ("-G", "Unix Makefiles")
     assert "Ninja" in plan("a", kitchen=replace(kitchen, make=None)).tasks["a"].steps[0].argv
     assert "Ninja" in plan("b", kitchen=kitchen).tasks["b"].steps[0].argv
-
-
-def test_an_existing_folder_keeps_its_generator() -> None:
-    snapshot = replace(COMPLETE, folders={"a": Folder("Unix Makefiles")})
-    argv = plan("a", snapshot=snapshot).tasks["a"].steps[0].argv
-    assert argv[argv.index("-G") + 1] == "Unix Makefiles"
 
 
 def test_links_are_for_the_workspaces_packages_only() -> None:

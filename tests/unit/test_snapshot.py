@@ -9,26 +9,19 @@ from typing import TYPE_CHECKING
 from forge.digests import FileTable, contents_of, digest_of, mark_files, stamp_files
 from forge.journal import open_journal
 from forge.layout import Layout
-from forge.model import Folder, Parts, Record, Traces
+from forge.model import Parts, Record
 from forge.snapshot import take_snapshot
 from tests.packages import package
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
-CACHE = "# a cache\nCMAKE_GENERATOR:INTERNAL=Ninja\nX:STRING=1\n"
-
 
 def test_what_is_there_is_seen(tree: Tree) -> None:
     root = tree(
         {
-            "build/a/CMakeCache.txt": CACHE,
-            "build/a/build.ninja": "",
-            "build/a/handover/configured": "digest",
-            "build/b/CMakeCache.txt": CACHE,
-            "build/c/CMakeCache.txt": CACHE,
-            "build/c/Makefile": "",
-            "build/d/CMakeCache.txt": "",
+            "build/a/install_manifest.txt": "/ws/install/a/one\n/ws/install/a/../a/two\n",
+            "build/b/CMakeCache.txt": "",
             "install/a/share/a/package.sh": "",
             **{f"src/{name}/package.xml": name for name in "abcd"},
         }
@@ -42,12 +35,7 @@ def test_what_is_there_is_seen(tree: Tree) -> None:
     packages = [package(name) for name in "abcd"]
     snapshot = take_snapshot(root, packages, layout, journal, table)
     assert snapshot.present == {"a"}
-    assert dict(snapshot.folders) == {
-        "a": Folder("Ninja", "digest", Traces()),
-        "b": Folder("Ninja"),
-        "c": Folder("Ninja"),
-        "d": Folder(),
-    }
+    assert dict(snapshot.listed) == {"a": ("/ws/install/a/one", "/ws/install/a/two"), "b": ()}
     assert snapshot.installed["a"] == journal.records["a"].installed
     assert snapshot.news == dict.fromkeys("abcd", ("package.xml",))
     (root / "src/b/package.xml").write_text("other")
@@ -71,7 +59,7 @@ def test_a_changed_header_outside_moves_those_that_read_it(tree: Tree) -> None:
     packages = [package("a"), package("b")]
     assert take_snapshot(root, packages, layout, journal, table).moved == {}
     (root / "usr/x.h").write_text("2")
-    assert take_snapshot(root, packages, layout, journal, table).moved["a"][0] == str(root / "usr/x.h")
+    assert take_snapshot(root, packages, layout, journal, table).moved["a"] == str(root / "usr/x.h")
     (root / "usr/x.h").write_text("1")
     assert take_snapshot(root, packages, layout, journal, FileTable(root / "other")).moved == {}
     journal.remember("b", replace(journal.records["b"], complete=False))

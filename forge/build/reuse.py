@@ -1,0 +1,177 @@
+"""How much of a build folder the next build may reuse, so that the result is that of an empty folder.
+
+The native tool compares times and knows only what was declared or reported to it. So forge compares
+contents, and decides from the files that changed:
+
+- An input of a compiler or linker: the files made from it are removed, and the tool makes them again.
+- A file that CMake read, or a name that came or went: CMake runs again in an empty folder, and what the tool
+  made and still names is brought back. No cached answer and no generated file outlives that.
+- A file that nobody declared: the commands that may have read it run again. Those are the package's own
+  commands (add_custom_command, ExternalProject), whatever CMake code reads at configure time, and compilers
+  and linkers whose inputs mention the file by its name (.incbin, linker scripts, `-l`).
+- A name that came may be found before another: what mentions it is compiled again (#include, __has_include).
+"""
+
+from __future__ import annotations
+
+import enum
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from forge.build.input_manifest import Changes
+    from forge.build.native_graph import Edge, NativeGraph
+
+
+class Reuse(enum.Enum):
+    """What stays of a build folder."""
+
+    NOTHING = "nothing"
+    PRODUCTS = "products"
+    """CMake begins in an empty folder; what the native tool made and still names is brought back."""
+    EVERYTHING = "everything"
+
+
+@frozen
+class Decision:
+    """How much is reused, and the products (absolute paths) that are not."""
+
+    reuse: Reuse
+    dropped: frozenset[str] = frozenset()
+
+
+_READS = re.compile(
+    r"\b(execute_process|exec_program|try_compile|try_run|load_cache|check_\w+"
+    r"|file\s*\(\s*(READ|STRINGS|MD5|SHA\d+|SHA3_\d+|COPY|COPY_FILE|INSTALL|TIMESTAMP|SIZE|CONFIGURE))\b",
+    re.IGNORECASE,
+)
+"""CMake code that reads contents without CMake keeping account of it."""
+_OF_ROS = re.compile(r"/share/(ament_\w+|rosidl_\w+|python_cmake_module)/cmake/")
+"""CMake code of ament and rosidl, which declares what it reads of a package."""
+_FINDS = re.compile(r"/(Find(?!Package|Python|PkgConfig|Threads|Git)|Check|Test)\w+\.cmake$")
+"""CMake's own modules that read headers of others for their versions, or compile with them."""
+_LIBRARY = re.compile(r"lib(.+?)\.(a|so|so\.[\d.]+)$")
+_PRECOMPILED = (".gch", ".pch", ".modulemap")
+
+
+def decide(
+    graph: NativeGraph,
+    own: Changes,
+    needed: Changes,
+    read: Callable[[str], bytes],
+    is_cmakes: Callable[[str], bool],
+) -> Decision:
+    """Return what may be reused of a folder whose package or needs changed.
+
+    `own` are changes of the package's sources, `needed` those of what its needs installed. `read` returns
+    what a file says now, `is_cmakes` tells if a path is one of CMake's own modules.
+    """
+    changes = own | needed
+    if not changes:
+        return Decision(Reuse.EVERYTHING)
+    if not graph.tool or graph.has_modules:
+        return Decision(Reuse.NOTHING)
+    known = graph.known()
+    code = frozenset(graph.read_by_cmake)
+    unknown = frozenset(path for path in changes.all if path not in known and path not in code)
+    opaque = graph.opaque()
+    again = (
+        bool(changes.names)
+        or bool(changes.all & code)
+        or any(path.endswith(".pc") for path in needed.modified)
+        or (bool(opaque) and bool(unknown))
+        or _configure_reads(own.modified, needed.modified, code, read, is_cmakes)
+    )
+    if again and graph.tool != "ninja":
+        return Decision(Reuse.NOTHING)
+    dropped = _made_from(graph, changes.all & known)
+    dropped |= _mentioning(graph, unknown, changes.all, read)
+    if not again:
+        return Decision(Reuse.EVERYTHING, dropped)
+    return Decision(Reuse.PRODUCTS, dropped)
+
+
+def brought_back(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]:
+    """Return the outputs, by a newly configured graph, that an earlier build may have made already.
+
+    A command that may write more than it declares has to run again: only what it declares would come back.
+    """
+    kept = (edge.outputs for edge in graph.edges if edge.outputs_known)
+    return tuple(output for outputs in kept if not dropped.intersection(outputs) for output in outputs)
+
+
+def _configure_reads(
+    own: frozenset[str],
+    needed: frozenset[str],
+    code: frozenset[str],
+    read: Callable[[str], bytes],
+    is_cmakes: Callable[[str], bool],
+) -> bool:
+    """Tell if CMake code may have read one of the modified files without CMake keeping account of it."""
+    if not own and not needed:
+        return False
+    headers = [path for path in needed if not _LIBRARY.match(os.path.basename(path))]  # noqa: PTH119
+    for path in code:
+        if is_cmakes(path):
+            # CMake's modules look at what others install, never at a package's own sources.
+            if headers and _FINDS.search(path):
+                return True
+        elif not _OF_ROS.search(path) and _READS.search(read(path).decode(errors="replace")):
+            return True
+    return False
+
+
+def _made_from(graph: NativeGraph, inputs: frozenset[str]) -> frozenset[str]:
+    """Return the outputs of the edges that have one of `inputs`."""
+    if not inputs:
+        return frozenset()
+    edges = (edge for edge in graph.edges if not inputs.isdisjoint(graph.inputs_of(edge)))
+    return frozenset(output for edge in edges for output in edge.outputs)
+
+
+def _mentioning(
+    graph: NativeGraph, paths: frozenset[str], changed: frozenset[str], read: Callable[[str], bytes]
+) -> frozenset[str]:
+    """Return the outputs of the edges that mention one of `paths` by its name.
+
+    A compiler looks for a file because a text that it reads, or its command line, names it. What such a
+    text cannot show is a name that the preprocessor puts together. Texts in `changed` are read again
+    anyway.
+    """
+    if not paths:
+        return frozenset()
+    folders = tuple(path for path in paths if path.endswith("/"))
+    names = {os.path.basename(path).encode(errors="surrogateescape") for path in paths - {*folders}}  # noqa: PTH119
+    if any(name.endswith(_PRECOMPILED) for name in map(os.fsdecode, names)):
+        return frozenset(output for edge in graph.edges for output in edge.outputs)
+    pattern = re.compile(b"|".join(map(re.escape, sorted(names))) or rb"(?!)")
+    libraries = {match[1] for name in names if (match := _LIBRARY.match(os.fsdecode(name)))}
+    linked = re.compile("|".join(rf"-l:?{re.escape(name)}\b" for name in sorted(libraries)) or r"(?!)")
+    mentions: dict[str, bool] = {}
+
+    def says(path: str) -> bool:
+        if path not in mentions:
+            mentions[path] = path not in changed and bool(pattern.search(read(path)))
+        return mentions[path]
+
+    def concerned(edge: Edge) -> bool:
+        text = edge.text
+        if pattern.search(text.encode(errors="surrogateescape")) or linked.search(text):
+            return True
+        return edge.compiles and any(says(path) for path in graph.inputs_of(edge))
+
+    return frozenset(output for edge in graph.edges if concerned(edge) for output in edge.outputs)
+
+
+def read_or_nothing(path: str) -> bytes:
+    """Return what a regular file says, nothing when it is not there."""
+    try:
+        return Path(path).read_bytes() if os.path.isfile(path) else b""  # noqa: PTH113
+    except OSError:
+        return b""
