@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import Problem
@@ -11,7 +12,9 @@ from forge.results import recorded_underlays
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
-    from pathlib import Path
+
+    from forge.layout import Layout
+    from forge.model import Record
 
 _VARIABLES = ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH")
 _SHOWN = 3
@@ -48,6 +51,35 @@ def overridden(names: Collection[str], install: Path, variables: Mapping[str, st
                 message = f"'{name}' takes the place of that in '{root}', which {_listed(users)} there need"
                 hint = "if it is not the same for its users, build these here, too"
                 yield Problem(message, hint=hint)
+
+
+def left_behind(records: Mapping[str, Record], names: Collection[str], layout: Layout) -> Iterator[Problem]:
+    """Yield the packages that have left the workspace, and whose installed files others may still find.
+
+    `names` are the packages that were found. One that this command merely does not look at, as with
+    '--base-paths', has not left: its folder is still there and not ignored.
+    """
+    gone = sorted(
+        name
+        for name, record in records.items()
+        if name not in names and record.complete and _has_left(Path(record.parts.options[0]))
+    )
+    if gone:
+        verb, whose = ("is", "its") if len(gone) == 1 else ("are", "their")
+        message = f"{_listed(gone)} {verb} no longer in the workspace, but {whose} files are still in"
+        hint = "remove them: forge clean stale"
+        yield Problem(f"{message} '{layout.install}', where other packages may find them", hint=hint)
+
+
+def _has_left(source: Path) -> bool:
+    """Tell if a folder holds no package any more, or is ignored."""
+    if not (source / "package.xml").is_file():
+        return not (source / "CMakeLists.txt").is_file() and not (source / "setup.py").is_file()
+    return any(
+        (folder / marker).exists()
+        for folder in (source, *source.parents)
+        for marker in ("COLCON_IGNORE", "AMENT_IGNORE")
+    )
 
 
 def _listed(names: list[str]) -> str:

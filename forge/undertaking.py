@@ -38,7 +38,7 @@ from forge.settings import own_cache
 from forge.toolchain import Toolchain
 from forge.tools import CMAKE_TYPES, ninja_first
 from forge.transcript import open_transcript
-from forge.underlays import overridden
+from forge.underlays import left_behind, overridden
 from forge.unused_variables import defined
 from forge.workspace import warn
 
@@ -86,7 +86,8 @@ def carry_out(
     variables, layout, manner = undertaking.variables, kitchen.layout, undertaking.manner
     mine = [name for name, task in plan.tasks.items() if not task.embedded]
     _, lacking = missing_problems(loaded.provision, mine)
-    warn((*lacking, *overridden(mine, layout.install, variables)))
+    gone = left_behind(records.journal.records, loaded.packages, layout)
+    warn((*lacking, *overridden(mine, layout.install, variables), *gone))
     seconds = records.seconds()
     account = _account(plan, undertaking)
     with (

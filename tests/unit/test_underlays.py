@@ -15,7 +15,7 @@ from tests.packages import manifest_text
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.conftest import Forge
+    from tests.conftest import Forge, Tree
 
 LOST = (
     "warning: the underlay '{}' is not there any more: what was built on it may not run\n"
@@ -71,3 +71,26 @@ def test_a_build_tells_and_can_forget(forge: Forge, tmp_path: Path) -> None:
     assert recorded_underlays(root / "install") == ()
     assert str(below) not in (root / "install/setup.bash").read_text()
     assert forge("build", cwd=root).err == ""
+
+
+def test_what_a_package_leaves_behind_is_told_of(forge: Forge, tree: Tree) -> None:
+    """Others may still find it; one that an option keeps from being looked at has not left."""
+    root = tree(
+        {f"src/{name}/package.xml": manifest_text(name, build_type="cmake") for name in ("a", "b")}
+        | {
+            f"src/{name}/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n"
+            for name in ("a", "b")
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    (root / "src/a/new").write_text("")
+    assert "no longer" not in forge("build", "--base-paths", "src/a", cwd=root).err
+    (root / "src/b/COLCON_IGNORE").touch()
+    (root / "src/a/newer").write_text("")
+    said = forge("build", cwd=root).err
+    assert f"warning: 'b' is no longer in the workspace, but its files are still in '{root}/install'" in said
+    assert "hint: remove them: forge clean stale" in said
+    assert "no longer" not in forge("build", cwd=root).err, "nothing is built, so nothing can find them"
+    assert forge("clean", "stale", "--yes", cwd=root).code == 0
+    (root / "src/a/newest").write_text("")
+    assert "no longer" not in forge("build", cwd=root).err
