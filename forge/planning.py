@@ -113,13 +113,16 @@ class Standing:
         return self.force if name in self.selected else ""
 
 
-def settled(task: Task, outlook: Outlook, record: Record | None) -> Task | None:
+def settled(task: Task, outlook: Outlook, record: Record | None, *, reads_other: bool = False) -> Task | None:
     """Return the task complete with what its needs give now, or None when that makes it fresh.
 
-    To be asked once all that the task needs has ended.
+    To be asked once all that the task needs has ended. `reads_other` tells that a file outside of the
+    package which its last build read says something else now.
     """
     given = outlook.needs_of(task.name, task.needs)
     task = replace(task, parts=replace(task.parts, needs=given or ()))
+    if reads_other:
+        return task
     if task.conditional and record is not None and why_different(task.parts, record.parts) is None:
         return None
     return task

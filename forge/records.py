@@ -105,10 +105,8 @@ class Records:
         """Return the task as it is to run, or None when what it needs came out as before."""
         assert self._outlook is not None  # noqa: S101  (confirm() comes first)
         record = self.journal.records.get(task.name)
-        found = settled(task, self._outlook, record)
-        if found is None and record is not None and task.after and self._reads_other(record):
-            return replace(task, conditional=False)
-        return found
+        reads_other = bool(task.after) and record is not None and self._reads_other(record)
+        return settled(task, self._outlook, record, reads_other=reads_other)
 
     def _reads_other(self, record: Record) -> bool:
         """Tell if a file outside of the package that its build read says something else now."""

@@ -52,10 +52,17 @@ _READS = re.compile(
     re.IGNORECASE,
 )
 """CMake code that reads contents without CMake keeping account of it."""
+_READS_BESIDE = re.compile(
+    r"\bfile\s*\(\s*(READ|STRINGS)\s+\"?\$\{(CMAKE_CURRENT_LIST_DIR|(?!CMAKE_|PROJECT_)\w+_DIR)\}",
+    re.IGNORECASE,
+)
+"""An installed package that reads a text of its own, as a config file reads its list of targets."""
 _OF_ROS = re.compile(r"/share/(ament_\w+|rosidl_\w+|python_cmake_module)/cmake/")
 """CMake code of ament and rosidl, which declares what it reads of a package."""
 _FINDS = re.compile(r"/(Find(?!Package|Python|PkgConfig|Threads|Git)|Check|Test)\w+\.cmake$")
 """CMake's own modules that read headers of others for their versions, or compile with them."""
+_STEPS = re.compile(r"/src/[^/]+-stamp/[^/]+$")
+"""What tells that a step of an ExternalProject was done."""
 _LIBRARY = re.compile(r"lib(.+?)\.(a|so|so\.[\d.]+)$")
 _PRECOMPILED = (".gch", ".pch", ".modulemap")
 
@@ -86,6 +93,7 @@ def decide(
         or bool(changes.all & code)
         or any(path.endswith(".pc") for path in needed.modified)
         or (bool(opaque) and bool(unknown))
+        or any(_STEPS.search(output) for output in _made_from(graph, changes.all & known))
         or _configure_reads(own.modified, needed.modified, code, read, is_cmakes)
     )
     if again and graph.tool != "ninja":
@@ -94,7 +102,7 @@ def decide(
     dropped |= _mentioning(graph, unknown, changes.all, read)
     if not again:
         return Decision(Reuse.EVERYTHING, dropped)
-    return Decision(Reuse.PRODUCTS, dropped)
+    return Decision(Reuse.PRODUCTS, dropped | _made_again(graph))
 
 
 def brought_back(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]:
@@ -102,8 +110,33 @@ def brought_back(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]
 
     A command that may write more than it declares has to run again: only what it declares would come back.
     """
+    made_again = _made_again(graph)
     kept = (edge.outputs for edge in graph.edges if edge.outputs_known)
-    return tuple(output for outputs in kept if not dropped.intersection(outputs) for output in outputs)
+    return tuple(
+        output
+        for outputs in kept
+        if dropped.isdisjoint(outputs) and made_again.isdisjoint(outputs)
+        for output in outputs
+    )
+
+
+def _made_again(graph: NativeGraph) -> frozenset[str]:
+    """Return the outputs of commands that have to run again, and of all that is made from these.
+
+    Ninja would find out most of it by times. It does not where a command makes its output later than the
+    rules say, as the steps of an ExternalProject do.
+    """
+    made = {output for edge in graph.edges if not edge.outputs_known for output in edge.outputs}
+    while True:
+        more = {
+            output
+            for edge in graph.edges
+            if not made.isdisjoint(graph.inputs_of(edge))
+            for output in edge.outputs
+        }
+        if more <= made:
+            return frozenset(made)
+        made |= more
 
 
 def _configure_reads(
@@ -122,8 +155,10 @@ def _configure_reads(
             # CMake's modules look at what others install, never at a package's own sources.
             if headers and _FINDS.search(path):
                 return True
-        elif not _OF_ROS.search(path) and _READS.search(read(path).decode(errors="replace")):
-            return True
+        elif not _OF_ROS.search(path):
+            text = read(path).decode(errors="replace")
+            if _READS.search(text if headers else _READS_BESIDE.sub("", text)):
+                return True
     return False
 
 
