@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from forge import fallback, installation
 from forge.frozen import frozen
 from forge.model import RUN_KINDS
-from forge.occupancy import VARIABLE
 from forge.runner import Frame, ProcessRunner
 from forge.sourcing import build_environment, package_edits
+from forge.started import VARIABLE, StartedProcesses
 from forge.tools import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Jobs:
 
     def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
         """Return a runner that starts programs here; the rest as `frame`."""
-        return ProcessRunner(self.frame(toolchain), budget)
+        return ProcessRunner(self.frame(toolchain), budget, StartedProcesses(self.layout.build))
 
     def frame(self, toolchain: Toolchain | None) -> Frame:
         """Return what surrounds steps; `toolchain` spares new packages the examination of the compilers."""

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from forge.budget import Budget
     from forge.model import Event, Record, Step, Task
+    from forge.started import StartedProcesses
 
 GRACE_SECONDS = 3.0
 """How long an interrupted program may take to end before it is told again, and harder."""
@@ -128,10 +129,13 @@ class Frame:
 class ProcessRunner:
     """Starts each step as a process group of its own."""
 
-    def __init__(self, frame: Frame, budget: Budget | None = None) -> None:
-        """Remember what surrounds steps, and where jobs come from if they are counted; nothing runs yet."""
+    def __init__(
+        self, frame: Frame, budget: Budget | None = None, started: StartedProcesses | None = None
+    ) -> None:
+        """Remember what surrounds steps, where counted jobs come from, and where processes are noted."""
         self._frame = frame
         self._budget = budget
+        self._started = started
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -172,6 +176,8 @@ class ProcessRunner:
     def interrupt(self, *, kill: bool) -> None:
         """Interrupt every process group; those that do not end are terminated, then killed."""
         self.finish_steps()
+        if self._started and self._said_last is None:
+            self._started.note_descendants()
         self._signal(signal.SIGKILL if kill else signal.SIGINT)
         if not kill:
             threading.Thread(target=self._insist, daemon=True).start()
@@ -189,6 +195,8 @@ class ProcessRunner:
 
     def _know(self, group: int) -> None:
         """Take note of a process group; one that began in the moment of an interrupt hears of it now."""
+        if self._started:
+            self._started.note(group)
         with self._lock:
             self._groups.add(group)
             if self._said_last is not None:
@@ -253,7 +261,8 @@ class ProcessRunner:
 
 
 def _tell(group: int, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError):
+    # A program of another user, such as sudo, may not be told.
+    with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(group, number)
 
 

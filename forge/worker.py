@@ -23,6 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import cli
+from forge.started import VARIABLE as BUILD_FOLDER
+from forge.started import StartedProcesses
 from forge.worker_client import VARIABLE, receive_exactly
 
 if TYPE_CHECKING:
@@ -87,7 +89,7 @@ def _serve(connection: socket.socket) -> int:
     call = json.loads(receive_exactly(connection, int.from_bytes(size, "big")))
     for target, descriptor in enumerate(descriptors, start=1):
         os.dup2(descriptor, target)
-    _end_with(connection)
+    _end_with(connection, call["environment"].get(BUILD_FOLDER))
     os.chdir(call["cwd"])
     os.environ.clear()
     os.environ.update(call["environment"])
@@ -111,8 +113,11 @@ def _run(argv: list[str]) -> int:
     return code
 
 
-def _end_with(connection: socket.socket) -> None:
-    """End this process, and what it starts, when the caller at the other end does, as in an interrupt."""
+def _end_with(connection: socket.socket, folder: str | None) -> None:
+    """End this process, and what it starts, when the caller at the other end does, as in an interrupt.
+
+    Where the caller belongs to a build, the next one in that folder ends it otherwise.
+    """
 
     def look(_number: int, _frame: object) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -120,6 +125,9 @@ def _end_with(connection: socket.socket) -> None:
                 os.killpg(0, signal.SIGKILL)
 
     os.setpgid(0, 0)
+    if folder:
+        # Nobody could tell it from other children of the worker once that has ended.
+        StartedProcesses(Path(folder)).note(os.getpid())
     signal.signal(signal.SIGIO, look)
     fcntl.fcntl(connection, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(connection, fcntl.F_SETFL, fcntl.fcntl(connection, fcntl.F_GETFL) | os.O_ASYNC)

@@ -26,7 +26,7 @@ FLOORS = {
     3: """
         budget capacity digests discovery execution explaining externals feed folders installation
         installed interpreter jobs jobserver journal lending live occupancy prefixes records reporting results
-        runner snapshot sourcing steps toolchain tools transcript wheels configuration
+        runner snapshot sourcing started steps toolchain tools transcript wheels configuration
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing

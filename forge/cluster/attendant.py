@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from forge.budget import Budget
@@ -22,10 +23,10 @@ from forge.cluster.model import FINISH, INTERRUPT
 from forge.jobserver import joined_pool
 from forge.model import Aborted, Finished, Parts, Record
 from forge.runner import Frame, ProcessRunner
+from forge.started import VARIABLE, StartedProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from forge.cluster.model import Errand
     from forge.model import Event
@@ -55,7 +56,8 @@ def attend(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     budget = Budget(int(jobs), pool, frozenset(fluent), short=short)
     # What surrounds the steps is done by the client.
     frame = Frame(lambda _: errand.environment, lambda _task, _variables: None, lambda _: Record(Parts()))
-    runner = ProcessRunner(frame, budget)
+    folder = errand.environment.get(VARIABLE) if errand.lock else None
+    runner = ProcessRunner(frame, budget, StartedProcesses(Path(folder)) if folder else None)
     gently = errand.parcel is not None
     heed = partial(_heed, source, runner, gently=gently)
     threading.Thread(target=heed, name=WORDS, daemon=True).start()

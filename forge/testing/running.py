@@ -11,9 +11,9 @@ from forge.files import replace_file
 from forge.folders import clear
 from forge.frozen import frozen
 from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
-from forge.occupancy import VARIABLE
 from forge.runner import Frame, ProcessRunner
 from forge.sourcing import build_environment
+from forge.started import VARIABLE, StartedProcesses
 from forge.steps import environment_file, step_line
 from forge.testing.collecting import collect
 from forge.testing.outcomes import twin_of
@@ -42,7 +42,8 @@ class TestJobs:
 
     def runner(self, budget: Budget) -> ProcessRunner:
         """Return what runs the tests."""
-        return ProcessRunner(Frame(self._environment, lambda task, _: clear(task), self._finish), budget)
+        frame = Frame(self._environment, lambda task, _: clear(task), self._finish)
+        return ProcessRunner(frame, budget, StartedProcesses(self.bench.layout.build))
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         layout = self.bench.layout

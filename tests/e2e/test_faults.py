@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.occupancy import LOCK, VARIABLE
+from forge.occupancy import LOCK
+from forge.started import VARIABLE
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT
@@ -116,14 +117,14 @@ def until(done: object, seconds: float = 30) -> None:
         time.sleep(0.02)
 
 
-def living(root: Path) -> list[str]:
-    """Return the programs that builds of a workspace have left running."""
+def living(root: Path) -> dict[int, str]:
+    """Return the programs that builds of a workspace have left running, by their ids."""
     mark = f"{VARIABLE}={root / 'build'}".encode()
-    found = []
+    found = {}
     for path in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):
             if mark in path.read_bytes().split(b"\0"):
-                found.append((path.parent / "cmdline").read_text().replace("\0", " "))
+                found[int(path.parent.name)] = (path.parent / "cmdline").read_text().replace("\0", " ")
     return found
 
 
@@ -224,6 +225,71 @@ def test_who_is_told_to_ignore_a_closed_terminal_does(waiting: Path) -> None:
     (waiting / "wait").unlink()
     process.communicate(timeout=30)
     assert process.returncode == 0
+
+
+REPEATS = """
+. build/b/handover/environment.sh || exit 9
+exec 3<>"$1"
+sleep 60 >/dev/null &
+editor=$!
+echo ready
+read said <&3
+shift
+"$@"
+echo "forge ended with $?, the shell goes on"
+kill "$editor" && wait "$editor"; echo "so does the editor: $?"
+"""
+"""A shell that has sourced what a failed step says, starts an editor, and then builds again."""
+
+
+@contextmanager
+def shell_of_a_user(home: Path, *argv: str) -> Iterator[subprocess.Popen[str]]:
+    """Start it; it builds when a line is written to HOME/go."""
+    os.mkfifo(home / "go")
+    words = ["bash", "-c", REPEATS, "bash", str(home / "go"), *argv]
+    with subprocess.Popen(
+        words, cwd=home, env=environment(), stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as shell:
+        assert shell.stdout is not None
+        assert shell.stdout.readline() == "ready\n"
+        yield shell
+
+
+def go(home: Path) -> None:
+    """Let the shell build."""
+    with (home / "go").open("w") as stream:
+        stream.write("\n")
+
+
+def test_an_editor_outlives_the_forge_after_a_killed_one(waiting: Path) -> None:
+    with start(waiting) as process:
+        until(waiting / "ready")
+        process.kill()
+        process.communicate()
+    left = living(waiting)
+    assert left, "a killed forge ends nothing"
+    (waiting / "ready").unlink()
+    with shell_of_a_user(waiting, *command()) as shell:
+        go(waiting)
+        until(waiting / "ready")
+        assert not left.keys() & living(waiting).keys(), "what the first one had started has been ended"
+        (waiting / "wait").unlink()
+        out, _ = shell.communicate(timeout=60)
+    assert "forge ended with 0, the shell goes on\nso does the editor: 143\n" in out
+    mended(waiting)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_editor_outlives_an_interrupt(waiting: Path, number: signal.Signals) -> None:
+    with start(waiting) as process, shell_of_a_user(waiting, "true") as shell:
+        until(waiting / "ready")
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        assert process.returncode == 130
+        go(waiting)
+        out, _ = shell.communicate(timeout=60)
+    assert "the shell goes on\nso does the editor: 143\n" in out
+    assert not living(waiting)
 
 
 def test_programs_that_ignore_signals_are_killed_wherever_they_hide(waiting: Path) -> None:

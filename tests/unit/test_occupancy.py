@@ -1,14 +1,14 @@
-"""Who builds in a folder, and what was left running there."""
+"""Who builds in a folder."""
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
 from typing import TYPE_CHECKING
 
-from forge.occupancy import LOCK, VARIABLE, end_leftovers, occupied
+from forge.occupancy import LOCK, occupied
+from forge.started import NOTES, StartedProcesses
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,8 +35,10 @@ def holder(build: Path) -> subprocess.Popen[str]:
 
 
 def sleeper(build: Path) -> subprocess.Popen[bytes]:
-    """Start a program as a build does."""
-    return subprocess.Popen(["sleep", "60"], env={**os.environ, VARIABLE: str(build)})
+    """Start a program as a build in that folder does."""
+    process = subprocess.Popen(["sleep", "60"], start_new_session=True)
+    StartedProcesses(build).note(process.pid)
+    return process
 
 
 def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -53,6 +55,7 @@ def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.Captur
 
 
 def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
     first = holder(tmp_path)
     with first, sleeper(tmp_path) as own, sleeper(tmp_path / "other") as foreign:
         first.kill()
@@ -64,10 +67,9 @@ def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
 
 
 def test_what_one_that_ended_by_itself_left_running_may_stay(tmp_path: Path) -> None:
-    with occupied(tmp_path):
-        pass
-    with sleeper(tmp_path) as daemon:
+    with holder(tmp_path) as first, sleeper(tmp_path) as daemon:
+        first.communicate("go\n")
+        assert not (tmp_path / NOTES).exists()
         with occupied(tmp_path):
             assert daemon.poll() is None
-        end_leftovers(tmp_path)
-        assert daemon.wait(timeout=5) < 0
+        daemon.kill()
