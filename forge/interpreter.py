@@ -53,6 +53,11 @@ def own_path() -> Path:
     return _usual_name(Path(sys.executable))
 
 
+def own_command(*words: str) -> tuple[str, ...]:
+    """Return the argv that starts forge, or after '-m' a module of it, whatever PYTHONPATH leads to."""
+    return (sys.executable, str(Path(__file__).parents[1] / "_ros_forge.py"), *words)
+
+
 def find_interpreter(python: str | None, variables: Mapping[str, str]) -> Interpreter:
     """Return the workspace's interpreter: the option's, else the virtual environment's, else our own.
 

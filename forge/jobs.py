@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import os
 import shlex
-import sys
 from contextlib import closing
 from dataclasses import field
 from typing import TYPE_CHECKING
 
 from forge import fallback, installation
 from forge.frozen import frozen
+from forge.interpreter import own_command
 from forge.model import RUN_KINDS
 from forge.runner import Frame, ProcessRunner
 from forge.sourcing import build_environment, package_edits
@@ -66,7 +66,7 @@ class Jobs:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
         found = build_environment(below, self.variables, self.edits)
         found[VARIABLE] = str(self.layout.build)
-        found["FORGE_COMMAND"] = shlex.join((sys.executable, "-m", "forge"))
+        found["FORGE_COMMAND"] = shlex.join(own_command())
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
         return {name: value for name, value in found.items() if value or name in self.variables}
 

@@ -14,7 +14,7 @@ from forge.digests import digest_words, source_files, stamp_files
 from forge.discovery import ROS_DEFAULTS
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
-from forge.interpreter import find_interpreter, require_modules
+from forge.interpreter import find_interpreter, own_command, require_modules
 from forge.launching.choice import chosen
 from forge.lengths import too_long
 from forge.makeflags import read_make_flags
@@ -117,7 +117,7 @@ def prepare(
         require_modules(interpreter, ("numpy",))
     through_worker = (sys.executable, "-S", "-E", str(Path(__file__).with_name("worker_client.py")))
     # Only a watch has a worker that has loaded what Python packages take.
-    warm = through_worker if getattr(options, "again", False) else (sys.executable,)
+    warm = through_worker if getattr(options, "again", False) else own_command()
     kitchen = Kitchen(
         root=loaded.workspace.root,
         layout=layout,

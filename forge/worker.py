@@ -1,4 +1,4 @@
-"""A warm forge for the many short commands of one build: `python -m forge.worker SOCKET [MODULE ...]`.
+"""A warm forge for the many short commands of one build: `forge.worker SOCKET [MODULE ...]`.
 
 Each interface package calls `forge interface generate`, and most of that call is starting an interpreter
 and loading what it needs. The worker has loaded everything once; for each call it forks, and the child
@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import cli
+from forge.interpreter import own_command
 from forge.started import VARIABLE as BUILD_FOLDER
 from forge.started import StartedProcesses
 from forge.worker_client import VARIABLE, receive_exactly
@@ -48,7 +49,7 @@ def worker(*modules: str) -> Iterator[dict[str, str]]:
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
         address = str(Path(folder) / "worker")
         process = subprocess.Popen(
-            (sys.executable, "-m", "forge.worker", address, *modules),
+            own_command("-m", "forge.worker", address, *modules),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -19,8 +19,8 @@ def main(argv: "list[str]") -> int:
         except OSError:
             # The worker is not there, or has gone: everything goes on without it, only slower.
             pass
-    words = argv if argv[:1] == ["-m"] else ["-m", "forge", *argv]
-    return os.execv(sys.executable, [sys.executable, *words])  # noqa: S606  (no shell is wanted)
+    start = f"{os.path.dirname(os.path.dirname(os.path.abspath(__file__)))}/_ros_forge.py"  # noqa: PTH100, PTH120
+    return os.execv(sys.executable, [sys.executable, start, *argv])  # noqa: S606  (no shell is wanted)
 
 
 def receive_exactly(connection: socket.socket, size: int) -> bytes:

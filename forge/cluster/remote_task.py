@@ -22,6 +22,7 @@ from forge.cluster.attendant import LENGTH, framed
 from forge.cluster.model import INTERRUPT, LETTERS, MACHINE, Knock, Lacks, Surveyed
 from forge.cluster.sharing import Share
 from forge.cluster.surveying import host_name, sees, traits_of
+from forge.interpreter import own_command
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -194,7 +195,7 @@ async def _stocked(visit: Visit, errand: Errand, parcel: Parcel, watch: asyncio.
     folder = visit.home / str(visit.slot) / parcel.workspace
     here = replace(parcel, folder=folder, archives=archives)
     step = errand.task.steps[0]
-    step = replace(step, argv=(sys.executable, *step.argv), cwd=folder)
+    step = replace(step, argv=own_command(*step.argv), cwd=folder)
     task = replace(errand.task, steps=(step,), build_dir=folder / ".forge_errand")
     return replace(errand, task=task, environment=_settled(errand.environment), parcel=here)
 
@@ -214,7 +215,7 @@ async def _carry_out(visit: Visit, errand: Errand, worker: Worker) -> None:
     share = _shares.setdefault(visit.topic, Share(errand.terms.jobs, worker.state.nthreads))
     styles = await asyncio.to_thread(share.prepare, errand.environment)
     with share.taken() as pool:
-        argv = (sys.executable, "-m", "forge.cluster.attendant", *pool.words, *styles)
+        argv = own_command("-m", "forge.cluster.attendant", *pool.words, *styles)
         process = await asyncio.create_subprocess_exec(
             *argv,
             stdin=asyncio.subprocess.PIPE,

@@ -27,7 +27,7 @@ _WORDS = ("python", "test_result_base", "compiler_launcher", "cmake_target", "ca
 _LISTS = ("cmake_args", "ament_cmake_args")
 """Options that say what is built or how; the others say what is seen of it here, or which packages count."""
 
-_ALWAYS = ("-m", "forge", "build", "--json", "--event-handlers", "console_direct+", "--executor", "parallel")
+_ALWAYS = ("build", "--json", "--event-handlers", "console_direct+", "--executor", "parallel")
 _OURS = ("FORGE_", "COLCON_")
 _TOKEN = "FORGE_CACHE_TOKEN"  # noqa: S105  (the name of a variable)
 

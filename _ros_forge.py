@@ -1,0 +1,64 @@
+"""Start forge with its own modules, whatever else is called like them.
+
+The command `forge` begins here, and so does what forge starts of itself:
+`python .../_ros_forge.py [-m forge.MODULE] [ARGUMENT ...]`. PYTHONPATH leads to every Python package of a
+sourced workspace, and one may be called `forge`, or `installer` like a library of forge. None can be called
+like this file, since names of packages begin with a letter. What the environment says stays as it is for the
+programs that forge starts.
+"""
+
+import os
+import sys
+
+HOME = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120  (pathlib would double the start)
+
+
+def main() -> int:
+    """Carry out the command of this process, which ends then; returns its exit code."""
+    own_modules_first()
+    from forge.__main__ import main as command  # noqa: PLC0415  (found from now on)
+
+    return command()
+
+
+def own_modules_first() -> None:
+    """Let imports find this forge and its libraries before what PYTHONPATH and the current folder have."""
+    sys.path.insert(0, HOME)
+    import forge  # noqa: F401, PLC0415  (the one beside this file, wherever that is)
+
+    sys.path[:] = _ordered(sys.path[1:])
+
+
+def _ordered(paths: "list[str]") -> "list[str]":
+    """Return the folders of modules without the one that the program lies in, those of PYTHONPATH last.
+
+    Of these, the one with this forge comes right after Python's own modules: there are its libraries, too.
+    """
+    if paths[:1] and paths[0] in {"", os.path.dirname(os.path.realpath(sys.argv[0])), _current()}:  # noqa: PTH120
+        paths = paths[1:]
+    said = "" if sys.flags.ignore_environment else os.environ.get("PYTHONPATH", "")
+    named = {os.path.abspath(path) for path in said.split(os.pathsep)} if said else set()  # noqa: PTH100
+    python = os.path.dirname(os.__file__)  # noqa: PTH120
+    own = [path for path in paths if path not in named or path == python]
+    if HOME not in own:
+        pythons = [index for index, path in enumerate(own) if path in {python, f"{python}/lib-dynload"}]
+        own.insert(pythons[-1] + 1 if pythons else 0, HOME)
+    return own + [path for path in paths if path not in own]
+
+
+def _current() -> str:
+    try:
+        return os.getcwd()  # noqa: PTH109
+    except OSError:
+        return ""
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["-m"]:
+        own_modules_first()
+        import runpy
+
+        sys.argv = sys.argv[2:]
+        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+    else:
+        sys.exit(main())
