@@ -10,6 +10,8 @@ import contextlib
 import fcntl
 import hashlib
 import os
+import stat
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +29,12 @@ _CLONE = 0x40049409
 """Linux's ioctl that lets a new file share the blocks of another, where the file system can (FICLONE)."""
 
 
+PRIVATE = 0o700
+"""Rights of folders that nobody else may look into."""
+_SHARED = stat.S_ISGID | stat.S_IRWXG
+"""What `chmod g+rwxs` gives to the folder of a group: what is put into it belongs to that as well."""
+
+
 class FolderStore:
     """A store in a folder of this machine."""
 
@@ -34,6 +42,8 @@ class FolderStore:
         """Remember the folder; it is made when something is put into it."""
         self.folder = folder
         self.name = str(folder)
+        self._seen: set[Path] = set()
+        """Folders that were there before, and are nobody else's to look into."""
 
     def result(self, key: str) -> ActionResult | None:
         """Return what a key leads to, or None; a message that cannot be read is none."""
@@ -55,7 +65,10 @@ class FolderStore:
     def put_result(self, key: str, result: ActionResult) -> None:
         """Let a key lead to a result."""
         with _told():
-            replace_file(self.result_path(key), encode(result))
+            path = self.result_path(key)
+            self._make(self.folder / "ac")
+            self._make(path.parent)
+            replace_file(path, encode(result), mode=self.rights & 0o666)
 
     def fetch(self, digest: Digest, target: Path) -> bool:
         """Copy a blob to `target`, by sharing its blocks where the file system can; verified before."""
@@ -77,12 +90,11 @@ class FolderStore:
         if path.is_file():
             return
         with _told():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft = path.with_name(f".{path.name}.{os.urandom(4).hex()}.forge-draft")
+            draft = self.draft()
             try:
                 with source.open("rb") as stream, draft.open("xb") as copy:
                     copy_bytes(stream.fileno(), copy.fileno(), digest.size)
-                draft.replace(path)
+                self.adopt(draft, digest)
             finally:
                 draft.unlink(missing_ok=True)
 
@@ -108,13 +120,14 @@ class FolderStore:
     def adopt(self, draft: Path, digest: Digest) -> None:
         """Make a verified file in the folder the blob that it is."""
         path = self.blob_path(digest.hash)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        self._make(path.parent)
+        _set_rights(draft, self.rights & 0o666)
         draft.replace(path)
 
     def draft(self) -> Path:
         """Return the path of a new file in the folder, not made yet, for what is to be a blob."""
         folder = self.folder / "cas"
-        folder.mkdir(parents=True, exist_ok=True)
+        self._make(folder)
         return folder / f".{os.urandom(8).hex()}.forge-draft"
 
     def discard(self, sha256: str) -> None:
@@ -130,9 +143,47 @@ class FolderStore:
         """Return where a blob is."""
         return Path(self._path("cas", sha256))
 
+    @cached_property
+    def rights(self) -> int:
+        """The rights of what is kept: for its owner alone, unless the folder was made for a group."""
+        try:
+            mode = stat.S_IMODE(self.folder.stat().st_mode)
+        except OSError:
+            return PRIVATE
+        return mode | 0o700 if mode & _SHARED == _SHARED else PRIVATE
+
+    def _make(self, folder: Path) -> None:
+        """Make a folder in this one, and those above it, with the rights of what is kept."""
+        try:
+            folder.mkdir(mode=self.rights & 0o777)
+        except FileExistsError:
+            # Earlier versions made them for everybody; this folder itself may be there for other things, too.
+            if folder not in self._seen and folder != self.folder and self.rights == PRIVATE:
+                self._seen.add(folder)
+                _close_to_others(folder)
+        except FileNotFoundError:
+            if folder == self.folder:
+                folder.parent.mkdir(parents=True, exist_ok=True)
+            else:
+                self._make(folder.parent)
+            self._make(folder)
+        else:
+            _set_rights(folder, self.rights)
+
     def _path(self, kind: str, name: str) -> str:
         """Return where a file is: as a word, since each package asks several times."""
         return f"{self.folder}/{kind}/{name[:2]}/{name}"
+
+
+def _close_to_others(folder: Path) -> None:
+    if stat.S_IMODE(folder.stat().st_mode) & 0o077:
+        _set_rights(folder, PRIVATE)
+
+
+def _set_rights(path: Path, rights: int) -> None:
+    """Set rights where that is possible: a folder may be somebody else's, a file system may have none."""
+    with contextlib.suppress(PermissionError):
+        path.chmod(rights)
 
 
 def _is(digest: Digest, descriptor: int) -> bool:

@@ -68,6 +68,7 @@ def circumstances(tools: Pairs, table: FileTable) -> tuple[str, ...]:
         f"{__version__} {hashlib.sha256(chr(10).join(mine).encode(errors='surrogateescape')).hexdigest()}",
         *(f"{name} {found[path]}" for name, path in sorted(programs.items())),
         *_system(),
+        f"umask {_umask():03o}",
     )
 
 
@@ -129,6 +130,16 @@ def _system() -> tuple[str, ...]:
         release = {}
     words = (platform.system(), platform.machine(), *platform.libc_ver())
     return (*words, release.get("ID", ""), release.get("VERSION_ID", ""))
+
+
+def _umask() -> int:
+    """Return what rights the files of a build lack; /proc says so without changing it for a moment."""
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace").splitlines()
+        return int(next(line for line in lines if line.startswith("Umask:")).split()[1], 8)
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
 
 
 def _text(said: object) -> str:

@@ -66,7 +66,7 @@ def open_cache(
 def _tidy(cache: PackageCache, local: FolderStore, size: int | None) -> None:
     """Count what came of it, and keep the folder within its size if it has grown."""
     try:
-        count(local.folder, Counts(len(cache.restored), len(cache.missed)))
+        count(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)
         if cache.grown:
             prune(local, DEFAULT_SIZE if size is None else size)
     except OSError as error:

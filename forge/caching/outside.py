@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.caching import processor
 from forge.digests import contents_of, digest_of
 from forge.frozen import frozen
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 @frozen
 class Seen:
-    """Files as they were at one moment: path and contents by the word for the path."""
+    """Files as they were at one moment: path and contents by the word for the path; the processor, too."""
 
     files: Mapping[str, tuple[str, str]]
 
@@ -32,7 +33,7 @@ class Seen:
     @property
     def record(self) -> tuple[tuple[str, ...], str]:
         """The paths, and the digest of what they say."""
-        found = dict(self.files.values())
+        found = dict(seen for word, seen in self.files.items() if word != processor.WORD)
         return tuple(found), digest_of(found, found)
 
 
@@ -57,7 +58,12 @@ class Outside:
         found = {}
         for word in words:
             if word not in known:
-                path = self._places.settled_word(word)
-                known[word] = (path, contents_of((path,), self._table)[path])
+                known[word] = self._look(word)
             found[word] = known[word]
         return Seen(found)
+
+    def _look(self, word: str) -> tuple[str, str]:
+        if word == processor.WORD:
+            return word, processor.processor()
+        path = self._places.settled_word(word)
+        return path, contents_of((path,), self._table)[path]

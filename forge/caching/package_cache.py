@@ -17,6 +17,7 @@ from forge.caching import keys
 from forge.caching.lineage import Lineage, unfit
 from forge.caching.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
 from forge.caching.outside import Outside
+from forge.caching.processor import WORD, words_of
 from forge.caching.relocation import ODD
 from forge.caching.restoring import Contents, Planter
 from forge.caching.trees import TICK, Unfit, index_of, strays, survey, tree_of
@@ -304,7 +305,8 @@ class PackageCache:
         finally:
             draft.unlink(missing_ok=True)
         places = self._circle.places
-        inputs = keys.Inputs(tuple(map(places.loose_word, record.externals)), tree.bound, places.kind)
+        read = (*map(places.loose_word, record.externals), *words_of(task, places.root / task.package.path))
+        inputs = keys.Inputs(read, tree.bound, places.kind)
         result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
         held = Held(task.name, first, inputs, result, record.began, time.time())
         if self._circle.layout.merged:
@@ -353,6 +355,8 @@ class PackageCache:
             return f"not in the cache for this path: elsewhere {bound}"
         if lists and not any(inputs.holds_at(self._circle.places) for inputs in lists):
             return "not in the cache for this path: what was made elsewhere lacks the quotes that it takes"
+        if lists and all(WORD in inputs.paths for inputs in lists):
+            return "not in the cache: a file outside of the workspace, or the processor, is another one"
         return "not in the cache: a file outside of the workspace says something else" if lists else MISSED
 
     def _complain(self, fault: Exception) -> None:

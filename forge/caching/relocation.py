@@ -47,6 +47,7 @@ class Places:
 
     def __init__(self, root: Path, layout: Layout) -> None:
         """Remember the folders; equal ones and those within others are told apart by length."""
+        self.root = root
         found = {"install": str(layout.install), "build": str(layout.build), "root": str(root)}
         self.kind = _kind_of("".join(found.values()))
         """What has been written for one kind of paths may lack the quotes that another takes."""

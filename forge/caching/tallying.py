@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import os
+from functools import partial
 from typing import TYPE_CHECKING
 
 from forge.files import replace_file
@@ -24,15 +26,21 @@ class Counts:
     missed: int = 0
 
 
-def count(folder: Path, counts: Counts) -> None:
-    """Add what one build found; builds that end at the same time count one after the other."""
+def count(folder: Path, counts: Counts, rights: int) -> None:
+    """Add what one build found; builds that end at the same time count one after the other.
+
+    `rights` are those of what is kept in the folder.
+    """
     if counts == Counts() or not folder.is_dir():
         return
-    with (folder / ".lock").open("a") as lock:
+    mode = rights & 0o666
+    with open(folder / ".lock", "a", opener=partial(os.open, mode=mode)) as lock:
+        with contextlib.suppress(PermissionError):  # of somebody else of the group
+            os.fchmod(lock.fileno(), mode)
         fcntl.flock(lock, fcntl.LOCK_EX)
         before = counted(folder)
         now = {"restored": before.restored + counts.restored, "missed": before.missed + counts.missed}
-        replace_file(folder / _FILE, json.dumps(now).encode())
+        replace_file(folder / _FILE, json.dumps(now).encode(), mode=mode)
 
 
 def counted(folder: Path) -> Counts:

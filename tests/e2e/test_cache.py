@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -19,7 +20,6 @@ from tests.packages import manifest_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from tests.conftest import Forge, Ran
 
@@ -323,6 +323,66 @@ install(FILES package.xml DESTINATION share/writing)
     (root / "src/writing/said").write_text("two")
     assert restored(users.build(root)) == 1
     assert subprocess.check_output([root / "install/late/bin/speak"], text=True) == "two\n"
+
+
+def build_with_mask(root: Path, cache: Path, mask: int) -> str:
+    """Build in a process that has a umask; return what was printed."""
+    words = f'umask {mask:03o}; exec "$0" -m forge build --cache "$1"'
+    argv = ["sh", "-c", words, sys.executable, str(cache)]
+    return subprocess.run(argv, cwd=root, capture_output=True, text=True, check=True).stdout
+
+
+def test_what_was_built_with_another_umask_is_no_result(users: Users, tmp_path: Path) -> None:
+    root = write(tmp_path / "ws", {**PLAIN, **PYTHON})
+    build_with_mask(root, users.cache, 0o022)
+    clean = look(root / "install")
+    users.begin_anew(root)
+    assert "came from the cache" not in build_with_mask(root, users.cache, 0o077)
+    assert differences(look(root / "install"), clean)
+    users.begin_anew(root)
+    assert "came from the cache" in build_with_mask(root, users.cache, 0o022)
+    assert not differences(look(root / "install"), clean)
+
+
+NATIVE = {
+    "option": ("", "", ["--cmake-args", "-DCMAKE_CXX_FLAGS=-march=native"]),
+    "code": ("", "string(CONCAT flag -march= native)\nadd_compile_options(${flag})", []),
+    "need": ("target_compile_options(library PUBLIC -mtune=native)", "", []),
+    "none": ("", "", []),
+}
+"""Where a flag stands that means the processor at hand: in the library, in what uses it, in the options."""
+
+
+@pytest.mark.parametrize("where", NATIVE)
+def test_code_for_one_processor_is_not_for_another(users: Users, tmp_path: Path, where: str) -> None:
+    library, using, options = NATIVE[where]
+    files = dict(PLAIN)
+    files["src/library/CMakeLists.txt"] = LIBRARY.replace("install(TARGETS", f"{library}\ninstall(TARGETS")
+    files["src/using/CMakeLists.txt"] = USING.replace("add_exec", f"{using}\nadd_exec")
+    root = write(tmp_path / "ws", files)
+    users.build(root, *options)
+    users.begin_anew(root)
+    assert restored(users.build(root, *options)) == 2
+    users.begin_anew(root)
+    other = tmp_path / "cpuinfo"
+    known = Path("/proc/cpuinfo").read_text()
+    other.write_text(
+        "".join(line for line in known.splitlines(keepends=True) if not re.match("model name|flags", line))
+    )
+    words = 'mount --bind "$1" /proc/cpuinfo || exit 77; shift; exec "$@"'
+    build = [sys.executable, "-m", "forge", "build", "--cache", str(users.cache), *options]
+    ran = subprocess.run(
+        ["unshare", "--mount", "sh", "-c", words, "sh", str(other), *build],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if ran.returncode in {1, 77} and "Summary" not in ran.stdout:
+        pytest.skip("nobody here may show another /proc/cpuinfo")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    found = re.search(r"(\d+) packages? came from the cache", ran.stdout)
+    assert int(found[1] if found else 0) == {"option": 0, "code": 1, "need": 0, "none": 2}[where]
 
 
 def test_a_cache_stays_within_its_size(users: Users, tmp_path: Path) -> None:
