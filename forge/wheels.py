@@ -13,8 +13,6 @@ import argparse
 import configparser
 import contextlib
 import csv
-import filecmp
-import itertools
 import os
 import shutil
 import subprocess
@@ -33,10 +31,11 @@ from forge.errors import EnvironmentFault, ForgeError, Place, Problem, Workspace
 from forge.files import replace_file
 from forge.formats import read_toml
 from forge.lending import lent_setuptools
+from forge.links import Wheel, link_to_sources
 from forge.pitfalls import doubts, refuse_what_no_backend_reads
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from typing import BinaryIO
 
     from installer.records import RecordEntry
@@ -45,7 +44,6 @@ if TYPE_CHECKING:
 MANIFEST = "install_manifest.txt"
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
 _OURS = "setuptools.build_meta"
-_LITTER = frozenset({"__pycache__", "build", "dist"})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,14 +51,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     try:
         refuse_what_no_backend_reads(options.source)
-        wheel = _build_wheel(options.source, options.build, options.python)
-        installed = _unpack(wheel, options)
+        said: list[str] = []
+        wheel = _build_wheel(options.source, options.build, options.python, said)
+        schemes = _schemes(options)
+        installed = _unpack(wheel, options, schemes)
     except ForgeError as error:
         for problem in error.problems:
             print(problem.render(), file=sys.stderr)
         return 2
     if options.link:
-        _link_to_sources(options.source, installed)
+        link_to_sources(Wheel(options.source, options.build, schemes, "".join(said)), installed)
     _remove_stale(options.build / MANIFEST, installed, options.prefix)
     for problem in doubts(options.source, options.prefix / options.site_packages, installed):
         print(problem.render("warning"), file=sys.stderr)
@@ -86,8 +86,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _build_wheel(source: Path, build: Path, python: str) -> Path:
-    """Return the wheel that the package's backend makes; nothing is written into the source folder."""
+def _build_wheel(source: Path, build: Path, python: str, said: list[str]) -> Path:
+    """Return the wheel that the package's backend makes; nothing is written into the source folder.
+
+    What the backend prints is added to `said`.
+    """
     system = _build_system(source)
     backend, *_ = system["build-backend"].split(":")
     out = build / "wheel"
@@ -102,14 +105,14 @@ def _build_wheel(source: Path, build: Path, python: str) -> Path:
         str(source),
         system["build-backend"],
         backend_path=system.get("backend-path"),
-        runner=partial(_run_backend, surroundings=_surroundings(system, python, build)),
+        runner=partial(_run_backend, surroundings=_surroundings(system, python, build), said=said),
         python_executable=python,
     )
     try:
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             wheel = caller.build_wheel(str(out))
-        for warning in said:
+        for warning in warned:
             # pyproject_hooks repeats here what the backend was warned of.
             print(f"{warning.category.__name__}: {warning.message}")
         return out / wheel
@@ -139,6 +142,7 @@ def _run_backend(
     extra_environ: Mapping[str, str] | None = None,
     *,
     surroundings: Mapping[str, str],
+    said: list[str],
 ) -> None:
     """Run the backend; what it says goes to stdout, since backends chatter on stderr when all is well.
 
@@ -155,6 +159,7 @@ def _run_backend(
         errors="replace",
         check=False,
     )
+    said.append(done.stdout)
     print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
     done.check_returncode()
 
@@ -173,16 +178,21 @@ def _build_system(source: Path) -> dict[str, Any]:
     return system
 
 
-def _unpack(wheel: Path, options: argparse.Namespace) -> tuple[Path, ...]:
-    """Install the wheel's files into the prefix and return their paths."""
-    site = options.prefix / options.site_packages
-    schemes = {
-        "purelib": str(site),
-        "platlib": str(site),
+def _schemes(options: argparse.Namespace) -> dict[str, str]:
+    """Return where the parts of a wheel go, by wheel's names for them."""
+    site = str(options.prefix / options.site_packages)
+    return {
+        "purelib": site,
+        "platlib": site,
         "scripts": str(options.prefix / _scripts_folder(options)),
         "data": str(options.prefix),
         "headers": str(options.prefix / "include" / options.package),
     }
+
+
+def _unpack(wheel: Path, options: argparse.Namespace, schemes: dict[str, str]) -> tuple[Path, ...]:
+    """Install the wheel's files into the prefix and return their paths."""
+    site = options.prefix / options.site_packages
     with WheelFile.open(wheel) as source:
         _remove_links(options.build / MANIFEST)
         destination = _Prefix(
@@ -245,34 +255,6 @@ def _remove_links(manifest: Path) -> None:
 def _path_of(line: str) -> str:
     """Return the path in a line of RECORD, which is CSV (PEP 376)."""
     return next(csv.reader([line]))[0]
-
-
-def _link_to_sources(source: Path, installed: Iterable[Path]) -> None:
-    """Replace each installed file by a link to the source file that it is a copy of."""
-    by_name: dict[str, list[Path]] = {}
-    for path in _source_files(source):
-        by_name.setdefault(path.name, []).append(path)
-    for path in installed:
-        # Many an __init__.py is empty: the one in the folder of the same name is meant.
-        for original in sorted(by_name.get(path.name, ()), key=lambda source: -_common_end(source, path)):
-            if filecmp.cmp(original, path, shallow=False):
-                path.unlink()
-                path.symlink_to(original)
-                break
-
-
-def _common_end(left: Path, right: Path) -> int:
-    """Count the last parts that two paths have in common."""
-    pairs = zip(reversed(left.parts), reversed(right.parts), strict=False)
-    return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], pairs))
-
-
-def _source_files(source: Path) -> Iterator[Path]:
-    for folder, names, files in os.walk(source):
-        names[:] = sorted(
-            n for n in names if n not in _LITTER and not n.startswith(".") and not n.endswith(".egg-info")
-        )
-        yield from (Path(folder) / name for name in sorted(files))
 
 
 def _remove_stale(manifest: Path, installed: Sequence[Path], prefix: Path) -> None:

@@ -30,7 +30,7 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        audience bundling fallback ownership underlays saves interrupts
+        audience bundling fallback links ownership underlays saves interrupts
         pictures.pages pictures.sampling
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings

@@ -31,6 +31,21 @@ setup(name="talk", version="0.1.0", packages=["talk"],
 }
 
 
+PROJECT = {
+    "src/talk/pyproject.toml": """[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "talk"
+version = "0.1.0"
+[project.scripts]
+hello = "talk.hello:main"
+""",
+    "src/talk/talk/__init__.py": "",
+    "src/talk/talk/hello.py": "def main():\n    print('hello from hatch')\n",
+}
+
+
 def install(root: Path, *options: str, python: str = sys.executable) -> int:
     """Install the package talk below root/install with an interpreter."""
     return main(
@@ -127,22 +142,56 @@ def test_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> N
         assert (root / "install" / SITE / name).readlink() == root / "src/talk" / name
 
 
-def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
-    root = tree(
-        {
-            "src/talk/pyproject.toml": """[build-system]
-requires = ["hatchling"]
-build-backend = "hatchling.build"
-[project]
-name = "talk"
-version = "0.1.0"
-[project.scripts]
-hello = "talk.hello:main"
-""",
-            "src/talk/talk/__init__.py": "",
-            "src/talk/talk/hello.py": "def main():\n    print('hello from hatch')\n",
-        }
+def test_data_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> None:
+    data = """data_files=[("share/talk/x", ["cfg/one/c.yaml"]), ("share/talk/y", glob("cfg/two/*")),
+        ("share/talk/z", ["../outside/c.yaml"]), ("share/talk/one", ["cfg/two/c.yaml"])],"""
+    setup = SETUP["src/talk/setup.py"].replace(
+        'data_files=[("share/talk/launch", ["launch/talk.launch.py"])],', data
     )
+    alike = {f"src/{name}/c.yaml": "same" for name in ("talk/cfg/one", "talk/cfg/two", "outside")}
+    root = tree({**SETUP, "src/talk/setup.py": f"from glob import glob\n{setup}", **alike})
+    assert install(root, "--link") == 0
+    share, sources = root / "install/share/talk", root / "src/talk"
+    assert (share / "x/c.yaml").readlink() == sources / "cfg/one/c.yaml"
+    assert (share / "y/c.yaml").readlink() == sources / "cfg/two/c.yaml"
+    assert (share / "one/c.yaml").readlink() == sources / "cfg/two/c.yaml"
+    assert not (share / "z/c.yaml").is_symlink(), "its source is no file of the package"
+
+
+def test_modules_in_a_folder_of_another_name_are_linked_to_their_own_sources(tree: Tree) -> None:
+    setup = SETUP["src/talk/setup.py"].replace(
+        'packages=["talk"],',
+        'packages=["talk", "talk.deep"], package_dir={"talk": "talk", "talk.deep": "other"},',
+    )
+    alike = {f"src/talk/{name}/__init__.py": "" for name in ("other", "deep", "talk/deep")}
+    root = tree({**SETUP, "src/talk/setup.py": setup, **alike})
+    assert install(root, "--link") == 0
+    assert (
+        root / "install" / SITE / "talk/deep/__init__.py"
+    ).readlink() == root / "src/talk/other/__init__.py"
+
+
+def test_what_a_backend_does_not_say_is_linked_only_where_one_source_would_do(tree: Tree) -> None:
+    project = PROJECT["src/talk/pyproject.toml"]
+    shared = """
+[tool.hatch.build.targets.wheel.shared-data]
+"cfg/one/c.yaml" = "share/talk/x/c.yaml"
+"cfg/two/c.yaml" = "share/talk/y/c.yaml"
+"cfg/two/d.yaml" = "share/talk/y/d.yaml"
+"""
+    alike = {f"src/talk/cfg/{name}.yaml": "same" for name in ("one/c", "two/c", "two/d")}
+    root = tree(
+        {**PROJECT, "src/talk/pyproject.toml": project + shared, **alike, "src/talk/other/__init__.py": ""}
+    )
+    assert install(root, "--link") == 0
+    share, sources = root / "install/share/talk", root / "src/talk"
+    assert [(share / name).is_symlink() for name in ("x/c.yaml", "y/c.yaml")] == [False, False]
+    assert (share / "y/d.yaml").readlink() == sources / "cfg/two/d.yaml"
+    assert (root / "install" / SITE / "talk/__init__.py").readlink() == sources / "talk/__init__.py"
+
+
+def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
+    root = tree(PROJECT)
     assert install(root) == 0
     assert hello(root) == "hello from hatch\n"
 
