@@ -11,6 +11,8 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
+from forge.frozen import frozen
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
@@ -18,6 +20,15 @@ if TYPE_CHECKING:
 
 UNKNOWN = "unknown"
 """What a package installed of which there is no record, such as one that another tool built."""
+
+
+@frozen
+class Extra:
+    """What one package is made from beside what all are: more options, tools and variables of its `Parts`."""
+
+    options: tuple[str, ...] = ()
+    tools: Pairs = ()
+    environment: Pairs = ()
 
 
 class Outlook:
@@ -110,6 +121,8 @@ def _first_difference(now: Pairs, then: Pairs) -> str | None:
 def _option(now: Iterable[str], then: Iterable[str]) -> str:
     known, said = list(then), list(now)
     added = next((word for word in said if word not in known), None)
+    if added is not None and added.startswith((MANIFEST, NAMED_FILE)):
+        return f"{added.rpartition(' ')[0]} changed"
     if added is not None:
         return f"the option '{added}' is new"
     gone = next((word for word in known if word not in said), None)
@@ -123,29 +136,59 @@ def _sources(news: tuple[str, ...]) -> str:
     return f"'{news[0]}'{rest} changed"
 
 
+MANIFEST, NAMED_FILE = "what its package.xml comes to", "the file "
+"""How words among the options begin that end in a digest."""
+
+
 def environment_that_counts(variables: Mapping[str, str]) -> Pairs:
     """Return the variables that compilers, CMake, Python and ROS packages read."""
-    names = (name for name in variables if name in _NAMES or name.startswith(_BEGINNINGS))
-    return tuple((name, variables[name]) for name in sorted(names) if name not in _WITHOUT_EFFECT)
+    return tuple((name, variables[name]) for name in sorted(variables) if counts(name))
 
 
-_WITHOUT_EFFECT = frozenset({"CMAKE_BUILD_PARALLEL_LEVEL"})
-"""What says how fast to build, not what."""
+def counts(name: str) -> bool:
+    """Tell if a variable of this name counts for every package."""
+    return name in _NAMES or (name.startswith(_BEGINNINGS) and name not in WITHOUT_EFFECT)
 
-_NAMES = frozenset(
-    """CC CXX CPP FC CFLAGS CXXFLAGS CPPFLAGS FFLAGS LDFLAGS ARFLAGS CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH
-    LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH SOURCE_DATE_EPOCH DESTDIR PYTHONPATH PYTHONHOME
-    PYTHONNOUSERSITE BUILD_TESTING
-    """.split()  # noqa: SIM905  (a list of thirty lines would say no more)
+
+WITHOUT_EFFECT = frozenset(
+    """CMAKE_BUILD_PARALLEL_LEVEL CMAKE_COLOR_DIAGNOSTICS CMAKE_EXPORT_BUILD_DATABASE
+    CMAKE_EXPORT_COMPILE_COMMANDS CMAKE_INSTALL_PARALLEL_LEVEL CMAKE_INSTALL_PREFIX CMAKE_MSVCIDE_RUN_PATH
+    CMAKE_NO_VERBOSE CMAKE_TEST_LAUNCHER CMAKE_TLS_VERIFY CMAKE_TLS_VERSION
+    PKG_CONFIG_DEBUG_SPEW PKG_CONFIG_LOG
+    """.split()  # noqa: SIM905
 )
+"""What begins like a variable that counts, and says how to build or what to print, not what."""
+
+CONFIGURING = frozenset({"python", "cmake", "ninja", "make"})
+"""The tools of a package that compiles nothing."""
+
+FOR_COMPILERS = frozenset(
+    """ASM ASMFLAGS CC CFLAGS CPP CPPFLAGS CUDAARCHS CUDACXX CUDAFLAGS CUDAHOSTCXX CXX CXXFLAGS FC FFLAGS
+    HIPCXX HIPFLAGS HIPHOSTCXX ISPC ISPCFLAGS LDFLAGS OBJC OBJCFLAGS OBJCXX OBJCXXFLAGS
+    AR ARFLAGS AS LD NM OBJCOPY RANLIB STRIP CMAKE_BUILD_TYPE
+    CPATH C_INCLUDE_PATH CPLUS_INCLUDE_PATH OBJC_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH
+    CCC_OVERRIDE_OPTIONS CCACHE_COMPILER LD_RUN_PATH LDEMULATION GNUTARGET
+    """.split()  # noqa: SIM905
+)
+"""Variables that only concern what is compiled."""
+
+_NAMES = FOR_COMPILERS | frozenset(
+    """ADSP_ROOT DESTDIR INCLUDE LIB MACOSX_DEPLOYMENT_TARGET SDKROOT
+    BUILD_TESTING GTEST_DIR GMOCK_DIR MAKEFILES SOURCE_DATE_EPOCH
+    CUDA_BIN_PATH CUDA_HOME CUDA_INC_PATH CUDA_LIB_PATH CUDA_PATH CUDA_ROOT CUDA_TOOLKIT_ROOT
+    CUDA_TOOLKIT_ROOT_DIR CUDAToolkit_ROOT NVCC_APPEND_FLAGS NVCC_CCBIN NVCC_PREPEND_FLAGS
+    PYTHONPATH PYTHONHOME PYTHONNOUSERSITE PYTHONPLATLIBDIR PYTHONSAFEPATH PYTHONUSERBASE
+    _PYTHON_HOST_PLATFORM _PYTHON_SYSCONFIGDATA_NAME
+    ARCHFLAGS CCSHARED LDCXXSHARED LDSHARED PBR_VERSION PDM_BUILD_SCM_VERSION
+    AMENT_PREFIX_PATH ROS_DISTRO ROS_PYTHON_VERSION ROS_VERSION
+    """.split()  # noqa: SIM905  (a list of eighty lines would say no more)
+)
+"""From the manuals of CMake (cmake-env-variables), gcc, ld, clang, nvcc, Python, setuptools and ament."""
 _BEGINNINGS = (
     "CMAKE_",
     "PKG_CONFIG",
-    "AMENT_",
-    "ROS_",
-    "CUDA",
-    "RMW_",
     "STATIC_ROSIDL",
     "SETUPTOOLS_",
     "DISTUTILS",
+    "SKBUILD_",
 )

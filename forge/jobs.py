@@ -10,6 +10,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from forge import fallback, installation
+from forge.freshness import FOR_COMPILERS
 from forge.frozen import frozen
 from forge.interpreter import own_command
 from forge.model import RUN_KINDS
@@ -57,7 +58,10 @@ class Jobs:
 
         def begin(task: Task, environment: Mapping[str, str]) -> None:
             self._begin(task, environment)
-            if toolchain is not None and task.package.build_type in CMAKE_TYPES:
+            # Arguments of its own, and hooks of its needs, may name another compiler.
+            words = (*task.package.words("cmake-args"), *task.package.words("ament-cmake-args"))
+            usual = not words and _for_compilers(environment) == _for_compilers(self.variables)
+            if toolchain is not None and usual and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.records.source(task), task.build_dir, self.variables)
 
         return Frame(self._environment, begin, self._install, self._undo, self._restore, self._remark)
@@ -126,6 +130,11 @@ _FROM_NEEDS = frozenset(
         *("PKG_CONFIG_PATH", "PYTHONPATH", "FORGE_COMMAND", VARIABLE),
     }
 )
+
+
+def _for_compilers(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return what the variables say of compilers; flags are said anew for each package."""
+    return {name: value for name, value in variables.items() if name in FOR_COMPILERS}
 
 
 def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:

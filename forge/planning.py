@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.deferred import Deferred
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
-from forge.freshness import Outlook, why_at_all, why_different
+from forge.freshness import CONFIGURING, FOR_COMPILERS, Extra, Outlook, why_at_all, why_different
 from forge.frozen import frozen
 from forge.graph import closure, closures, ordered_names, round_about
 from forge.model import BuildPlan, Parts, Task
@@ -16,7 +16,7 @@ from forge.names import did_you_mean
 from forge.recipes import RECIPES
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from forge.model import Package, Pairs, Record, Selection, Snapshot, Step
     from forge.provision import Provision
@@ -107,6 +107,16 @@ class Standing:
     underlays: str = ""
     force: str = ""
     selected: frozenset[str] = frozenset()
+    named: Callable[[Package, Snapshot], Extra] = lambda *_: Extra()
+    """What a package depends on beside all this, since its text or an option names it."""
+
+    def tools_of(self, package: Package) -> Pairs:
+        """Return the tools that a package is made with: those that forge brings along compile nothing."""
+        return tuple(pair for pair in self.tools if not package.embedded or pair[0] in CONFIGURING)
+
+    def environment_of(self, package: Package) -> Pairs:
+        """Return the variables that count for a package."""
+        return tuple(pair for pair in self.environment if not (package.embedded and pair[0] in FOR_COMPILERS))
 
     def forced(self, name: str) -> str:
         """Return the option by which the user wants the package built though it may be fresh, or ''."""
@@ -129,11 +139,12 @@ def settled(task: Task, outlook: Outlook, record: Record | None, *, reads_other:
 
 
 def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen, standing: Standing) -> Parts:
+    more = standing.named(package, snapshot)
     return Parts(
         forge=standing.forge,
-        options=RECIPES[package.build_type].options(package, kitchen.of(package)),
-        tools=standing.tools,
-        environment=standing.environment,
+        options=(*RECIPES[package.build_type].options(package, kitchen.of(package)), *more.options),
+        tools=(*standing.tools_of(package), *more.tools),
+        environment=(*standing.environment_of(package), *more.environment),
         sources=snapshot.sources[package.name].digest,
         needs=given,
         underlays=standing.underlays,

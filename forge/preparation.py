@@ -18,6 +18,7 @@ from forge.interpreter import find_interpreter, own_command, require_modules
 from forge.launching.choice import chosen
 from forge.lengths import too_long
 from forge.makeflags import read_make_flags
+from forge.named_inputs import NamedInputs
 from forge.options import cache_wanted
 from forge.places import unfit_folders
 from forge.planning import Standing
@@ -125,7 +126,7 @@ def prepare(
         site_packages=interpreter.site_packages,
         wheels=(*warm, "-m", "forge.wheels"),
         generator=through_worker,
-        tools=identities(tools, interpreter.path, variables),
+        tools=identities(tools, interpreter.path, variables, options.cmake_args),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
@@ -164,16 +165,23 @@ def standing(
     loaded: Loaded,
     kitchen: Kitchen,
     variables: Mapping[str, str],
-) -> Standing:
-    """Return what holds for every package: forge, tools, environment, and whom --force means."""
-    return Standing(
-        forge=forge_stamp(),
+) -> tuple[Standing, NamedInputs]:
+    """Return what holds for every package: forge, tools, environment, and whom --force means.
+
+    And apart what finds out what single packages name, to be saved once the plan is made.
+    """
+    stamp, provision = forge_stamp(), loaded.provision
+    named = NamedInputs(kitchen, provision.needs, provision.packages, variables, stamp)
+    held = Standing(
+        forge=stamp,
         tools=kitchen.tools,
         environment=environment_that_counts(variables),
         underlays=_names_below(find_underlays(variables, kitchen.layout.install).prefixes),
         force=force_of(options),
         selected=frozenset(loaded.selection.names),
+        named=named.of,
     )
+    return held, named
 
 
 def _names_below(prefixes: Sequence[Path]) -> str:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 from forge.errors import EnvironmentFault, Problem, raise_if_any
 from forge.frozen import frozen
 from forge.launching.choice import not_found
+from forge.program_lookup import ProgramLookup
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from forge.model import Package, Pairs
 
@@ -132,21 +133,66 @@ def find_ctest(variables: Mapping[str, str]) -> Path:
     return found
 
 
-def identities(tools: Tools | None, python: Path, variables: Mapping[str, str]) -> Pairs:
-    """Return the programs whose replacement changes what a build makes, each with what tells it apart."""
-    path = variables.get("PATH", os.defpath)
-    programs = {"python": python}
+def identities(
+    tools: Tools | None, python: Path, variables: Mapping[str, str], arguments: Sequence[str] = ()
+) -> Pairs:
+    """Return the programs whose replacement changes what a build makes, each with what tells it apart.
+
+    `arguments` are what CMake is told for every package.
+    """
+    found = {"python": _identity(python)}
+    lookup = ProgramLookup(variables)
     if tools:
-        programs |= {"cmake": tools.cmake}
+        found["cmake"] = _identity(tools.cmake)
         for name, program in (("ninja", tools.ninja), ("make", tools.make)):
             if program:
-                programs[name] = program
-        for name, variable in (("cc", "CC"), ("c++", "CXX")):
-            words = variables.get(variable, name).split()
-            found = shutil.which(words[0], path=path) if words else None
-            if found:
-                programs[name] = Path(found)
-    return tuple((name, _identity(program)) for name, program in sorted(programs.items()))
+                found[name] = _identity(program)
+    for name, variable in _COMPILING.items() if tools else ():
+        found |= _behind(name, variables.get(variable) or name, lookup)
+    for variable in _NAMED_PROGRAMS:
+        if variables.get(variable, "").strip():
+            found |= _behind(variable, variables[variable], lookup)
+    flags = " ".join((*arguments, *(variables.get(name, "") for name in _FLAGS)))
+    for linker in dict.fromkeys(_USE_LINKER.findall(flags)):
+        for name in (linker, f"ld.{linker}", f"ld64.{linker}"):
+            if identity := lookup.identity(name):
+                found[name] = identity
+    return tuple(sorted(found.items()))
+
+
+def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:
+    """Return the programs that definitions for CMake name, as -DCMAKE_C_COMPILER=clang does."""
+    found: dict[str, str] = {}
+    for name, value in definitions(arguments):
+        if _PROGRAM_VARIABLE.search(name) or value.startswith("/"):
+            found |= _behind(name, value.replace(";", " "), lookup)
+    return tuple(sorted(found.items()))
+
+
+def definitions(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield name and value of each -D among the arguments of CMake, written in one word or in two."""
+    words = iter(arguments)
+    for word in words:
+        text = next(words, "") if word == "-D" else word[2:] if word.startswith("-D") else ""
+        name, separator, value = text.partition("=")
+        if separator:
+            yield name.partition(":")[0], value
+
+
+def cmake_root(cmake: Path) -> Path | None:
+    """Return the folder of CMake's own modules and templates; None where they are not beside the program."""
+    roots = sorted((cmake.resolve().parents[1] / "share").glob("cmake*"))
+    return next((root for root in roots if (root / "Modules" / "CMakeDetermineSystem.cmake").is_file()), None)
+
+
+def _behind(name: str, words: str, lookup: ProgramLookup) -> dict[str, str]:
+    """Return the programs that words lead to: the first under the given name, the others beside it."""
+    found: dict[str, str] = {}
+    for word in words.split():
+        for identity in lookup.behind(word) if not word.startswith("-") else ():
+            if identity not in found.values():
+                found[f"{name} {len(found) + 1}" if found else name] = identity
+    return found
 
 
 def program_of(identity: str) -> str:
@@ -155,6 +201,22 @@ def program_of(identity: str) -> str:
 
 
 _GONE = " is not there"
+
+_COMPILING = {"cc": "CC", "c++": "CXX", "ld": "LD"} | {
+    name: name.upper() for name in ("ar", "as", "nm", "objcopy", "ranlib", "strip")
+}
+"""What compiles, and the variable that names another program for it."""
+_NAMED_PROGRAMS = (
+    *("ASM", "CCACHE_COMPILER", "CPP", "CUDACXX", "CUDAHOSTCXX", "FC", "HIPCXX", "ISPC"),
+    *("LDCXXSHARED", "LDSHARED", "OBJC", "OBJCXX", "PKG_CONFIG"),
+)
+"""Variables that name programs of builds, where they are set."""
+_FLAGS = ("CFLAGS", "CXXFLAGS", "LDFLAGS", "LDSHARED")
+_USE_LINKER = re.compile(r"-fuse-ld=([^\s\"';]+)")
+_PROGRAM_VARIABLE = re.compile(
+    r"_(COMPILER|LAUNCHER|LINKER|AR|RANLIB|NM|OBJCOPY|OBJDUMP|READELF|STRIP|EXECUTABLE|PROGRAM|COMMAND"
+    r"|EMULATOR|ADDR2LINE|DLLTOOL|MT)$"
+)
 
 
 def _identity(program: Path) -> str:

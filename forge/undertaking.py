@@ -27,6 +27,7 @@ from forge.jobserver import common_style, joined_pool, own_pool, spoken
 from forge.launching.accounts import Account, open_account
 from forge.live import is_wanted, live_view
 from forge.makeflags import read_make_flags
+from forge.named_inputs import named_by
 from forge.options import CLUSTER, cache_wanted, spelled
 from forge.pictures.sampling import watched
 from forge.preparation import force_of
@@ -241,7 +242,9 @@ def toolchain_of(
     """
     if kitchen.cmake is None or kitchen.ament_cmake_args:
         return None
-    told_apart = (*kitchen.tools, *environment_that_counts(variables))
+    named = named_by(kitchen.cmake_args, variables)
+    contents = tuple((word, "") for word in named.options)
+    told_apart = (*kitchen.tools, *named.tools, *contents, *environment_that_counts(variables))
     return Toolchain(kitchen.layout.build, kitchen.cmake, common_arguments(kitchen), told_apart, python)
 
 

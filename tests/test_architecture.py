@@ -30,7 +30,8 @@ FLOORS = {
         identification identity limits mixins overrides plain_packages testing testing.*
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
-        audience bundling fallback links ownership underlays saves interrupts
+        audience bundling fallback links ownership underlays saves interrupts config_search named_inputs
+        program_lookup
         pictures.pages pictures.sampling
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
@@ -43,7 +44,7 @@ FLOORS = {
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
         completing hints progress unused_variables
-        assignments lengths places excerpts pictures pictures.* caching.action_result
+        named_variables assignments lengths places excerpts pictures pictures.* caching.action_result
         examining examining.* needs needs.* mistyped launching launching.*
     """,
     1: "model layout interfaces.model caching.model",

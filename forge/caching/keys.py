@@ -59,7 +59,7 @@ def circumstances(tools: Pairs, table: FileTable) -> tuple[str, ...]:
     own = [path for folder in _own_folders(home) for path in source_files(str(folder), "embedded")]
     said = contents_of(own, table)
     mine = [f"{os.path.relpath(path, home.parent)} {said[path]}" for path in own]
-    programs = {name: program_of(identity) for name, identity in tools}
+    programs = {name: os.path.realpath(program_of(identity)) for name, identity in tools}
     found = contents_of(programs.values(), table)
     table.forget_others({*said, *found})
     with contextlib.suppress(OSError):  # a home that may only be read

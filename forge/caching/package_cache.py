@@ -23,6 +23,7 @@ from forge.caching.restoring import Contents, Planter
 from forge.caching.trees import TICK, Unfit, index_of, strays, survey, tree_of
 from forge.errors import Problem
 from forge.frozen import frozen
+from forge.tools import program_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
@@ -225,7 +226,15 @@ class PackageCache:
             if self._held is None:
                 self._held = keys.circumstances(self._circle.tools, self._circle.own)
         needs = self._lineage.needs_of(task.name, task.needs)
-        return keys.first_key(task, needs, self._held, self._circle.places)
+        return keys.first_key(task, needs, (*self._held, *self._own_programs(task)), self._circle.places)
+
+    def _own_programs(self, task: Task) -> list[str]:
+        """Return what programs say that this package alone names."""
+        shared = frozenset(self._circle.tools)
+        paths = {n: program_of(identity) for n, identity in task.parts.tools if (n, identity) not in shared}
+        words = {name: self._circle.places.loose_word(os.path.realpath(path)) for name, path in paths.items()}
+        contents = self._outside.look(words.values()).contents
+        return [f"{os.path.basename(name)} {contents[word]}" for name, word in sorted(words.items())]  # noqa: PTH119
 
     def _find_in(self, store: Store, first: str) -> Found | None:
         """Return what a store has for any of the lists of inputs that it knows, the latest first."""

@@ -91,9 +91,9 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
         closing(open_records(root, layout, interpreter)) as records,
     ):
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
-        plan, outlook = make_plan(
-            names, loaded.provision, snapshot, kitchen, standing(options, loaded, kitchen, variables)
-        )
+        held, named = standing(options, loaded, kitchen, variables)
+        plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, held)
+        named.save()
         records.confirm(plan, snapshot, outlook)
         refuse_what_is_too_long(plan, loaded, kitchen, variables)
         if plan.tasks or not manner.checking:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
+from forge.freshness import MANIFEST
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from forge.layout import Layout
-    from forge.model import Package, Pairs, Step
+    from forge.model import Kind, Package, Pairs, Step
 
 
 @frozen
@@ -57,7 +61,18 @@ class Kitchen:
     """For each of these languages, what the environment says of its flags."""
 
     def of(self, package: Package) -> Kitchen:
-        """Return the kitchen with what the package's own settings add to the options of all."""
+        """Return the kitchen with what the package's own settings add to the options of all.
+
+        What forge brings along compiles nothing and is told only what can concern it.
+        """
+        if package.embedded:
+            return replace(
+                self,
+                cmake_args=tuple(_without_compiling(self.cmake_args)),
+                ament_cmake_args=(),
+                test_results=None,
+                path_maps=(),
+            )
         if not package.settings:
             return self
         return replace(
@@ -88,8 +103,30 @@ class BuildType:
     options: Callable[[Package, Kitchen], tuple[str, ...]]
 
 
+COMPILING = re.compile(
+    r"CMAKE_(BUILD_TYPE|EXPORT_COMPILE_COMMANDS|VERBOSE_MAKEFILE|COLOR_(DIAGNOSTICS|MAKEFILE)"
+    r"|(C|CXX|CUDA|Fortran)_(COMPILER|COMPILER_LAUNCHER|FLAGS|FLAGS_[A-Z]+|STANDARD|STANDARD_REQUIRED|EXTENSIONS)"
+    r"|(EXE|SHARED|MODULE|STATIC)_LINKER_FLAGS(_[A-Z]+)?|POSITION_INDEPENDENT_CODE|INTERPROCEDURAL_OPTIMIZATION"
+    r"|UNITY_BUILD|LINKER_TYPE|BUILD_RPATH|INSTALL_RPATH|INSTALL_RPATH_USE_LINK_PATH)"
+)
+"""Variables of CMake that only concern what is compiled, linked, or shown meanwhile."""
+
+
+def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:
+    """Yield the arguments of CMake without definitions that only concern what is compiled."""
+    words = iter(arguments)
+    for word in words:
+        said = (word, next(words, "")) if word == "-D" else (word,)
+        name, separator, _ = "".join(said).removeprefix("-D").partition("=")
+        if not (word.startswith("-D") and separator and COMPILING.fullmatch(name.partition(":")[0])):
+            yield from said
+
+
 def places(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
-    """Return where a package comes from and goes to, and for which Python, as every build type's options."""
+    """Return what every build type has as options.
+
+    Where a package comes from and goes to, for which Python, and what its manifest comes to.
+    """
     layout = kitchen.layout
     return (
         str(kitchen.root / package.path),
@@ -98,4 +135,19 @@ def places(package: Package, kitchen: Kitchen) -> tuple[str, ...]:
         f"{layout.word}{' links' if layout.symlink and not package.embedded else ''}",
         str(kitchen.python),
         kitchen.site_packages,
+        *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),
     )
+
+
+def _manifest(package: Package) -> str:
+    """Return a digest of what conditions, groups and settings outside of the package make of its manifest."""
+    manifest = package.manifest
+    said = [package.type, *package.hooks, "", *manifest.groups, "", *manifest.group_dependencies, ""]
+    for dependency in manifest.dependencies:
+        said += (dependency.name, _kinds(dependency.kinds), *map("".join, dependency.versions))
+    return hashlib.blake2b("\0".join(said).encode(errors="surrogateescape"), digest_size=8).hexdigest()
+
+
+@cache
+def _kinds(kinds: frozenset[Kind]) -> str:
+    return " ".join(sorted(kind.value for kind in kinds))

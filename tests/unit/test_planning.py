@@ -1,18 +1,20 @@
 """From packages, selection and snapshot to a plan."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import forge
 from forge.errors import WorkspaceError
-from forge.freshness import Outlook
+from forge.freshness import Extra, Outlook
 from forge.graph import ordered_names
 from forge.layout import Layout
 from forge.model import BuildPlan, Mark, Package, Record, Selection, Snapshot
 from forge.planning import Standing, make_plan, settled, wanted_names
 from forge.provision import Provision
-from forge.recipes.kitchen import Kitchen
+from forge.recipes.kitchen import COMPILING, Kitchen
 from tests.packages import package
 
 LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), Path("/ws/log"))
@@ -29,7 +31,7 @@ KITCHEN = Kitchen(
 SOURCES = {name: Mark("stamp", f"sources of {name}") for name in ("e", "a", "b", "p")}
 INSTALLED = {name: Mark("stamp", f"files of {name}") for name in ("e", "a", "b", "p")}
 COMPLETE = Snapshot(present=frozenset({"e", "a", "b"}), sources=SOURCES)
-STANDING = Standing("forge 1", (("cmake", "3"),), (("CXX", "g++"),))
+STANDING = Standing("forge 1", (("c++", "12"), ("cmake", "3")), (("CXX", "g++"), ("ROS_DISTRO", "jazzy")))
 
 
 def provision(*packages: Package) -> Provision:
@@ -144,14 +146,73 @@ def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: S
         (replace(KITCHEN, cmake_args=("-DX=1",)), STANDING, "the option '-DX=1' is new"),
         (replace(KITCHEN, layout=replace(LAYOUT, merged=True)), STANDING, "the option '/ws/install' is new"),
         (KITCHEN, replace(STANDING, forge="forge 2"), "forge itself changed"),
-        (KITCHEN, replace(STANDING, tools=(("cmake", "4"),)), "the tool 'cmake' changed"),
-        (KITCHEN, replace(STANDING, environment=()), "the environment variable 'CXX' changed"),
+        (KITCHEN, replace(STANDING, tools=(("c++", "12"), ("cmake", "4"))), "the tool 'cmake' changed"),
+        (
+            KITCHEN,
+            replace(STANDING, environment=(("CXX", "g++"),)),
+            "the environment variable 'ROS_DISTRO' changed",
+        ),
         (KITCHEN, replace(STANDING, underlays="b"), "packages were added to an underlay, or removed"),
         (KITCHEN, replace(STANDING, force="--force", selected=frozenset({"e", "a"})), "asked for by --force"),
     ],
 )
 def test_what_holds_for_all_is_a_reason_for_all(kitchen: Kitchen, standing: Standing, reason: str) -> None:
     assert reasons(AFTER, kitchen, standing) == {"e": reason, "a": reason}
+
+
+@pytest.mark.parametrize(
+    ("kitchen", "standing", "reason"),
+    [
+        (
+            replace(KITCHEN, cmake_args=("-DCMAKE_BUILD_TYPE=Debug",)),
+            STANDING,
+            "'-DCMAKE_BUILD_TYPE=Debug' is new",
+        ),
+        (replace(KITCHEN, cmake_args=("-D", "CMAKE_CXX_FLAGS:STRING=-g")), STANDING, "'-D' is new"),
+        (replace(KITCHEN, ament_cmake_args=("-DX=1",)), STANDING, "'-DX=1' is new"),
+        (replace(KITCHEN, test_results=Path("/results")), STANDING, "'/results' is new"),
+        (replace(KITCHEN, path_maps=(("C", "-ffile-prefix-map=a=b"),)), STANDING, "'path maps' is new"),
+        (replace(KITCHEN, layout=replace(LAYOUT, symlink=True)), STANDING, "'isolated links' is new"),
+        (KITCHEN, replace(STANDING, tools=(("c++", "13"), ("cmake", "3"))), "the tool 'c++' changed"),
+        (
+            KITCHEN,
+            replace(STANDING, environment=(("CXX", "clang++"), ("ROS_DISTRO", "jazzy"))),
+            "'CXX' changed",
+        ),
+    ],
+)
+def test_what_only_concerns_compiling_and_users_leaves_embedded_packages_alone(
+    kitchen: Kitchen, standing: Standing, reason: str
+) -> None:
+    found = reasons(AFTER, kitchen, standing)
+    assert found.keys() == {"a"}
+    assert found["a"].endswith(reason)
+
+
+def test_an_embedded_package_names_no_variable_of_those_that_it_is_not_told() -> None:
+    folder = Path(forge.__file__).parent / "embedded"
+    texts = [p.read_text() for p in folder.rglob("*") if p.suffix in {".cmake", ".in", ".txt"}]
+    named = {name for text in texts for name in re.findall(r"\b(?:CMAKE)_\w+", text)}
+    passed_on = {
+        "CMAKE_BUILD_TYPE",
+        "CMAKE_C_FLAGS",
+        "CMAKE_CXX_FLAGS",
+    }  # to Google Test, for tests of others
+    assert {name for name in named if COMPILING.fullmatch(name)} <= passed_on
+
+
+def test_what_conditions_make_of_a_manifest_is_an_option() -> None:
+    more = replace(PROVISION.packages["a"].manifest, group_dependencies=("group",))
+    packages = {**PROVISION.packages, "a": replace(PROVISION.packages["a"], manifest=more)}
+    made, _ = make_plan(("e", "a"), replace(PROVISION, packages=packages), AFTER, KITCHEN, STANDING)
+    assert {n: t.reason for n, t in made.tasks.items()} == {"a": "what its package.xml comes to changed"}
+
+
+def test_what_a_package_names_counts_for_it_alone() -> None:
+    def named(package: Package, _: Snapshot) -> Extra:
+        return Extra(tools=(("protoc", "2"),)) if package.name == "a" else Extra()
+
+    assert reasons(AFTER, KITCHEN, replace(STANDING, named=named)) == {"a": "the tool 'protoc' changed"}
 
 
 def test_an_option_less_and_options_in_another_order() -> None:

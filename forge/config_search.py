@@ -1,0 +1,59 @@
+"""Where find_package finds a package's config file below a prefix, as far as a prefix alone decides it."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+_INSIDE = ("", "/cmake", "/CMake")
+_LIBRARIES = ("lib64", "lib32", "libx32", "lib", "share")
+
+
+def prefixes_of_path(folders: Sequence[str]) -> tuple[str, ...]:
+    """Return the prefixes that CMake derives from entries of PATH: what is above 'bin' and 'sbin'."""
+    pairs = (folder.rstrip("/").rpartition("/") for folder in folders)
+    return tuple(dict.fromkeys(above or "/" for above, _, last in pairs if last in {"bin", "sbin"}))
+
+
+class ConfigSearch:
+    """Looks for config files; what is in a folder is read once."""
+
+    def __init__(self) -> None:
+        """Begin with nothing read."""
+        self._entries: dict[str, tuple[str, ...]] = {}
+
+    def folder(self, prefix: str, name: str) -> str:
+        """Return the real folder of the config file of a package below a prefix, '' where there is none."""
+        files = (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
+        for folder in self._candidates(prefix, name.lower()):
+            if any(os.path.isfile(f"{folder}/{file}") for file in files):  # noqa: PTH113
+                return os.path.realpath(folder)
+        return ""
+
+    def _candidates(self, prefix: str, name: str) -> Iterator[str]:
+        """Yield the folders below a prefix in which CMake looks, the case of the name put aside."""
+        yield from (f"{prefix}{below}" for below in _INSIDE)
+        for entry in self._named(prefix, name):
+            yield from (f"{prefix}/{entry}{below}" for below in _INSIDE)
+        for base in self._bases(prefix):
+            yield from (f"{base}/cmake/{entry}" for entry in self._named(f"{base}/cmake", name))
+            for entry in self._named(base, name):
+                yield from (f"{base}/{entry}{below}" for below in _INSIDE)
+
+    def _bases(self, prefix: str) -> Iterator[str]:
+        yield from (f"{prefix}/lib/{entry}" for entry in self._listed(f"{prefix}/lib") if "-linux-" in entry)
+        yield from (f"{prefix}/{base}" for base in _LIBRARIES)
+
+    def _named(self, folder: str, name: str) -> Iterator[str]:
+        return (entry for entry in self._listed(folder) if entry.lower().startswith(name))
+
+    def _listed(self, folder: str) -> tuple[str, ...]:
+        if folder not in self._entries:
+            try:
+                self._entries[folder] = tuple(sorted(os.listdir(folder)))  # noqa: PTH208  (names alone)
+            except OSError:
+                self._entries[folder] = ()
+        return self._entries[folder]

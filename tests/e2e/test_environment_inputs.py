@@ -1,0 +1,329 @@
+"""Variables, programs and files that a package or an option names: what a change of them builds again."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree, Variables
+
+pytestmark = pytest.mark.needs("cmake", "gcc")
+
+MAIN = '#include <stdio.h>\n#ifndef V\n#define V 0\n#endif\nint main(void) { printf("%d", V); }\n'
+INSTALL = "add_executable({0}_x x.c)\ninstall(TARGETS {0}_x DESTINATION bin)\n"
+
+
+def cmake(name: str, text: str, *tags: str, language: str = "C", build: bool = True) -> dict[str, str]:
+    """Return the files of a CMake package that compiles a program after what `text` says."""
+    head = f"cmake_minimum_required(VERSION 3.16)\nproject({name} {language})\n"
+    files = {
+        f"src/{name}/package.xml": manifest_text(name, *tags, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": head + text + (INSTALL.format(name) if build else ""),
+    }
+    return files | ({f"src/{name}/x.c": MAIN} if build else {})
+
+
+class Builds:
+    """Builds of one workspace: what was started, and whether the result is that of a clean build."""
+
+    def __init__(self, forge: Forge, root: Path, *options: str) -> None:
+        """Build for the first time with `build`."""
+        self._forge = forge
+        self._root = root
+        self._options = options
+
+    def build(self, env: Variables | None = None, *options: str) -> list[str]:
+        """Build; return the packages that were started, those that forge brings along left out."""
+        ran = self._forge("build", *self._options, *options, cwd=self._root, env=env)
+        assert ran.code == 0, ran.out + ran.err
+        started = [line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")]
+        return sorted(started)
+
+    def tree(self) -> dict[str, bytes]:
+        """Return what is installed."""
+        install = self._root / "install"
+        return {
+            str(path.relative_to(install)): path.read_bytes() for path in install.rglob("*") if path.is_file()
+        }
+
+    def same_as_clean(self, env: Variables | None = None, *options: str) -> bool:
+        """Tell if a clean build makes what is installed now."""
+        found = self.tree()
+        for folder in ("build", "install", "log"):
+            shutil.rmtree(self._root / folder, ignore_errors=True)
+        self.build(env, *options)
+        return found == self.tree()
+
+
+IDLE = (
+    *("ROS_DOMAIN_ID", "ROS_LOG_DIR", "ROS_LOCALHOST_ONLY", "RMW_IMPLEMENTATION", "CUDA_VISIBLE_DEVICES"),
+    *(
+        "ROS_MASTER_URI",
+        "ROS_HOSTNAME",
+        "PKG_CONFIG_DEBUG_SPEW",
+        "CUDA_CACHE_PATH",
+        "AMENT_TRACE_SETUP_FILES",
+    ),
+    *("CMAKE_COLOR_DIAGNOSTICS", "CMAKE_BUILD_PARALLEL_LEVEL"),
+)
+
+
+def test_what_cannot_change_a_build_builds_nothing(forge: Forge, tree: Tree) -> None:
+    builds = Builds(forge, tree(cmake("a", "")))
+    builds.build()
+    assert builds.build(dict.fromkeys(IDLE, "1")) == []
+    assert builds.build({"ROS_DISTRO": "other"}) == ["a"]
+
+
+def test_a_variable_counts_for_the_package_that_names_it_and_for_who_reads_its_files(
+    forge: Forge, tree: Tree
+) -> None:
+    config = "install(FILES dConfig.cmake DESTINATION share/d/cmake)\n"
+    builds = Builds(
+        forge,
+        tree(
+            cmake("a", "if(DEFINED ENV{FOO})\nadd_definitions(-DV=$ENV{FOO})\nendif()\n")
+            | cmake("b", "")
+            | cmake("d", config, build=False)
+            | cmake("e", "find_package(d REQUIRED)\nadd_definitions(-DV=1${d_V})\n", "<depend>d</depend>")
+            | {"src/d/dConfig.cmake": "set(d_V $ENV{BAR})\n"}
+        ),
+    )
+    builds.build({"FOO": "1"})
+    assert builds.build({"FOO": "2"}) == ["a"]
+    assert builds.build({"FOO": "2", "BAR": "3"}) == ["d", "e"]
+    assert builds.build({"FOO": "2", "BAR": "3"}) == []
+    assert builds.same_as_clean({"FOO": "2", "BAR": "3"})
+
+
+def test_a_value_is_not_written_down(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "set(x $ENV{TOKEN})\n"))
+    Builds(forge, root).build({"TOKEN": "geheim-4711"})
+    written = [root / "build" / name for name in ("forge_journal.jsonl", "forge_names.json")]
+    assert all("geheim-4711" not in path.read_text() for path in written)
+
+
+def test_a_variable_of_setup_py(forge: Forge, tree: Tree) -> None:
+    setup = "import os\nfrom setuptools import setup\n"
+    setup += "setup(name='p', version=os.environ.get('VER', '1'), py_modules=['p'])\n"
+    builds = Builds(
+        forge,
+        tree(
+            {
+                "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+                "src/p/setup.py": setup,
+                "src/p/p.py": "",
+                "src/p/setup.cfg": "[install]\ninstall_scripts=$base/lib/p\n",
+            }
+        ),
+    )
+    builds.build()
+    assert builds.build({"OTHER": "2"}) == []
+    assert builds.build({"VER": "2"}) == ["p"]
+    assert builds.same_as_clean({"VER": "2"})
+
+
+def test_text_that_a_package_includes_from_elsewhere_names_variables_too(forge: Forge, tree: Tree) -> None:
+    files = cmake("a", "include(../../common.cmake)\n") | {"common.cmake": "set(x 1)\n"}
+    root = tree(files)
+    builds = Builds(forge, root)
+    builds.build({"FOO": "1"})
+    assert builds.build({"FOO": "2"}) == []
+    tree({"common.cmake": "add_definitions(-DV=$ENV{FOO})\n"})
+    assert builds.build({"FOO": "2"}) == ["a"]
+    assert builds.build({"FOO": "3"}) == ["a"]
+    assert builds.same_as_clean({"FOO": "3"})
+
+
+@pytest.mark.parametrize("variable", ["zed_ROOT", "zed_DIR"])
+def test_where_find_package_looks(forge: Forge, tree: Tree, variable: str) -> None:
+    configs = {f"opt/z{i}/share/zed/cmake/zedConfig.cmake": f"set(zed_V {i})\n" for i in "12"}
+    text = "find_package(zed REQUIRED)\nadd_definitions(-DV=${zed_V})\n"
+    root = tree(cmake("a", text) | cmake("b", "") | configs | {"opt/COLCON_IGNORE": ""})
+    values = {i: f"{root}/opt/z{i}" + ("/share/zed/cmake" if variable == "zed_DIR" else "") for i in "12"}
+    builds = Builds(forge, root)
+    builds.build({variable: values["1"]})
+    assert builds.build({variable: values["2"]}) == ["a"]
+    assert builds.same_as_clean({variable: values["2"]})
+
+
+def path(*folders: Path) -> dict[str, str | None]:
+    """Return a PATH with folders in front."""
+    return {"PATH": os.pathsep.join((*map(str, folders), os.environ["PATH"]))}
+
+
+GENERATED = """execute_process(COMMAND mytool OUTPUT_VARIABLE O OUTPUT_STRIP_TRAILING_WHITESPACE)
+add_definitions(-DV=${O})
+"""
+
+
+def test_a_program_of_the_same_name_earlier_on_path(forge: Forge, tree: Tree) -> None:
+    tools = {f"opt/b{i}/mytool": f"#!/bin/sh\necho {i}\n" for i in "12"}
+    others = {"opt/other/code": "#!/bin/sh\n", "opt/COLCON_IGNORE": ""}
+    root = tree(cmake("a", GENERATED) | cmake("b", "") | tools | others)
+    builds = Builds(forge, root)
+    first, second, other = (root / "opt" / name for name in ("b1", "b2", "other"))
+    builds.build(path(first))
+    assert builds.build(path(other, first)) == []
+    assert builds.build(path(second, first)) == ["a"]
+    assert builds.same_as_clean(path(second, first))
+
+
+def test_a_program_that_appears_or_is_replaced(forge: Forge, tree: Tree) -> None:
+    text = "find_program(T mytool)\nif(T)\n" + GENERATED + "endif()\n"
+    root = tree(cmake("a", text) | cmake("b", "") | {"opt/COLCON_IGNORE": "", "opt/b/x": ""})
+    builds = Builds(forge, root)
+    builds.build(path(root / "opt/b"))
+    for count in ("1", "20"):
+        tree({"opt/b/mytool": f"#!/bin/sh\necho {count}\n"})
+        assert builds.build(path(root / "opt/b")) == ["a"]
+    assert builds.same_as_clean(path(root / "opt/b"))
+
+
+def test_a_prefix_of_path_provides_a_package(forge: Forge, tree: Tree) -> None:
+    configs = {f"opt/z{i}/share/zed/cmake/zedConfig.cmake": f"set(zed_V {i})\n" for i in "12"}
+    programs = {f"opt/z{i}/bin/zz{i}": "#!/bin/sh\n" for i in "123"} | {"opt/COLCON_IGNORE": ""}
+    text = "find_package(zed REQUIRED)\nadd_definitions(-DV=${zed_V})\n"
+    root = tree(cmake("a", text) | cmake("b", "") | configs | programs)
+    builds = Builds(forge, root)
+    bins = {i: root / f"opt/z{i}/bin" for i in "123"}
+    builds.build(path(bins["1"]))
+    assert builds.build(path(bins["3"], bins["1"])) == []
+    assert builds.build(path(bins["2"], bins["1"])) == ["a"]
+    assert builds.same_as_clean(path(bins["2"], bins["1"]))
+
+
+def wrapper(number: str) -> str:
+    return f'#!/bin/sh\nexec gcc -DV={number} "$@"\n'
+
+
+def test_a_toolchain_file_and_what_it_includes(forge: Forge, tree: Tree) -> None:
+    compilers = {f"opt/cc{i}": wrapper(i) for i in "12"}
+    root = tree(cmake("a", "") | compilers | {"opt/COLCON_IGNORE": ""})
+    tree({"opt/tc.cmake": "include(${CMAKE_CURRENT_LIST_DIR}/more.cmake)\n"})
+    tree({"opt/more.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc1)\n"})
+    builds = Builds(forge, root, "--cmake-args", f"-DCMAKE_TOOLCHAIN_FILE={root}/opt/tc.cmake")
+    builds.build()
+    assert builds.build() == []
+    tree({"opt/more.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc2)\n"})
+    assert builds.build() == ["a"]
+    tree({"opt/cc2": wrapper("300")})
+    assert builds.build() == ["a"]
+    assert builds.same_as_clean()
+
+
+def test_the_toolchain_file_of_the_environment(forge: Forge, tree: Tree) -> None:
+    compilers = {f"opt/cc{i}": wrapper(i) for i in "12"}
+    root = tree(cmake("a", "") | compilers | {"opt/COLCON_IGNORE": ""})
+    variables = {"CMAKE_TOOLCHAIN_FILE": f"{root}/opt/tc.cmake"}
+    builds = Builds(forge, root)
+    tree({"opt/tc.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc1)\n"})
+    builds.build(variables)
+    tree({"opt/tc.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc2)\n"})
+    assert builds.build(variables) == ["a"]
+    assert builds.same_as_clean(variables)
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [
+        "-C{}/opt/init.cmake",
+        "-DCMAKE_PROJECT_INCLUDE={}/opt/init.cmake",
+        "-DCMAKE_USER_MAKE_RULES_OVERRIDE={}/opt/init.cmake",
+    ],
+)
+def test_files_that_options_name(forge: Forge, tree: Tree, argument: str) -> None:
+    text = 'set(CMAKE_C_FLAGS_INIT "-DV={0}")\nset(VV {0} CACHE STRING "" FORCE)\n'
+    root = tree(cmake("a", "add_definitions(-DW=${VV})\n") | {"opt/init.cmake": text.format(1)})
+    builds = Builds(forge, root, "--cmake-args", argument.format(root))
+    builds.build()
+    tree({"opt/init.cmake": text.format(2)})
+    assert builds.build() == ["a"]
+    assert builds.same_as_clean()
+
+
+def test_a_compiler_that_an_option_names_is_replaced(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake("a", "") | {"opt/cc1": wrapper("1"), "opt/COLCON_IGNORE": ""})
+    builds = Builds(forge, root, "--cmake-args", f"-DCMAKE_C_COMPILER={root}/opt/cc1")
+    builds.build()
+    tree({"opt/cc1": wrapper("200")})
+    assert builds.build() == ["a"]
+    assert builds.same_as_clean()
+
+
+def test_arguments_of_one_package_may_name_another_compiler(forge: Forge, tree: Tree) -> None:
+    """What is known of everybody's compiler is not handed to a package that has its own."""
+    text = 'set(file ${CMAKE_BINARY_DIR}/c.txt)\nfile(WRITE ${file} "${CMAKE_C_COMPILER}")\n'
+    text += "install(FILES ${file} DESTINATION share)\n"
+    root = tree(cmake("a", text) | cmake("b", text) | {"opt/cc1": wrapper("1"), "opt/COLCON_IGNORE": ""})
+    tree({"forge.toml": f'[packages.b]\ncmake-args = ["-DCMAKE_TOOLCHAIN_FILE={root}/opt/tc.cmake"]\n'})
+    tree({"opt/tc.cmake": f"set(CMAKE_C_COMPILER {root}/opt/cc1)\n"})
+    Builds(forge, root).build()
+    said = {name: (root / "install" / name / "share/c.txt").read_text() for name in "ab"}
+    assert said["b"] == f"{root}/opt/cc1"
+    assert said["a"] != said["b"]
+
+
+def test_modules_of_others_in_a_folder_like_that_of_cmake(forge: Forge, tree: Tree) -> None:
+    root = tree({"opt/share/cmake/Modules/My.cmake": "set(VV 1)\n", "opt/COLCON_IGNORE": ""})
+    text = f"list(APPEND CMAKE_MODULE_PATH {root}/opt/share/cmake/Modules)\n"
+    text += "include(My)\nadd_definitions(-DV=${VV})\n"
+    tree(cmake("a", text))
+    builds = Builds(forge, root)
+    builds.build()
+    tree({"opt/share/cmake/Modules/My.cmake": "set(VV 2)\n"})
+    assert builds.build() == ["a"]
+    assert builds.same_as_clean()
+
+
+def test_a_condition_on_what_is_not_in_the_workspace(forge: Forge, tree: Tree) -> None:
+    tag = '<exec_depend condition="$FOO == 1">zlib</exec_depend>'
+    builds = Builds(forge, tree(cmake("a", "", tag) | cmake("b", "")))
+    builds.build()
+    assert builds.build({"FOO": "1"}) == ["a"]
+    assert builds.same_as_clean({"FOO": "1"})
+
+
+def test_hooks_and_dependencies_of_colcon_meta(forge: Forge, tree: Tree) -> None:
+    text = "install(FILES h.sh DESTINATION share/a)\n"
+    root = tree(cmake("a", text) | cmake("b", "") | {"src/a/h.sh": "export FOO=1\n"})
+    builds = Builds(forge, root)
+    builds.build()
+    for said in ("hooks: [share/a/h.sh]", "run-dependencies: [zlib]"):
+        tree({"colcon.meta": f"names:\n  a:\n    {said}\n"})
+        assert builds.build() == ["a"]
+    (root / "colcon.meta").unlink()
+    tree({"forge.toml": '[packages.a]\nrun-dependencies = ["zlib1g"]\n'})
+    assert builds.build() == ["a"]
+    assert builds.same_as_clean()
+
+
+def test_options_of_users_leave_what_forge_brings_along_alone(forge: Forge, tree: Tree) -> None:
+    text = "find_package(ament_cmake REQUIRED)\nament_package()\n"
+    files = cmake("a", text, "<buildtool_depend>ament_cmake</buildtool_depend>", build=False)
+    files["src/a/package.xml"] = files["src/a/package.xml"].replace(">cmake<", ">ament_cmake<")
+    builds = Builds(forge, tree(files))
+    assert builds.build() == ["a", "ament_cmake"]
+    options = ("--symlink-install", "--ament-cmake-args", "-DX=1", "--cmake-args", "-DCMAKE_BUILD_TYPE=Debug")
+    assert builds.build({"CXXFLAGS": "-O1"}, *options) == ["a"]
+
+
+def test_results_in_the_cache_know_what_a_package_names(forge: Forge, tree: Tree) -> None:
+    tools = {f"opt/b{i}/mytool": f"#!/bin/sh\necho {i}\n" for i in "12"} | {"opt/COLCON_IGNORE": ""}
+    root = tree(cmake("a", GENERATED + "add_definitions(-DW=$ENV{FOO}1)\n") | tools)
+    made = []
+    for folder, value in (("b1", "1"), ("b2", "1"), ("b2", "2"), ("b1", "1")):
+        shutil.rmtree(root / "install", ignore_errors=True)
+        shutil.rmtree(root / "build", ignore_errors=True)
+        variables = path(root / "opt" / folder) | {"FOO": value}
+        ran = forge("build", "--cache", str(root / "cache"), cwd=root, env=variables)
+        made.append("came from the cache" in ran.out)
+    assert made == [False, False, False, True], "the first three are three different results"
