@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from bisect import bisect_left
+from itertools import islice
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ class ConfigSearch:
 
     def __init__(self) -> None:
         """Begin with nothing read."""
-        self._entries: dict[str, tuple[str, ...]] = {}
+        self._entries: dict[str, list[tuple[str, str]]] = {}
 
     def folder(self, prefix: str, name: str) -> str:
         """Return the real folder of the config file of a package below a prefix, '' where there is none."""
@@ -44,16 +46,23 @@ class ConfigSearch:
                 yield from (f"{base}/{entry}{below}" for below in _INSIDE)
 
     def _bases(self, prefix: str) -> Iterator[str]:
-        yield from (f"{prefix}/lib/{entry}" for entry in self._listed(f"{prefix}/lib") if "-linux-" in entry)
+        yield from (
+            f"{prefix}/lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry
+        )
         yield from (f"{prefix}/{base}" for base in _LIBRARIES)
 
     def _named(self, folder: str, name: str) -> Iterator[str]:
-        return (entry for entry in self._listed(folder) if entry.lower().startswith(name))
+        listed = self._listed(folder)
+        for low, entry in islice(listed, bisect_left(listed, (name, "")), None):
+            if not low.startswith(name):
+                break
+            yield entry
 
-    def _listed(self, folder: str) -> tuple[str, ...]:
+    def _listed(self, folder: str) -> list[tuple[str, str]]:
+        """Return what is in a folder, sorted by names in lower case, which come first."""
         if folder not in self._entries:
             try:
-                self._entries[folder] = tuple(sorted(os.listdir(folder)))  # noqa: PTH208  (names alone)
+                self._entries[folder] = sorted((entry.lower(), entry) for entry in os.listdir(folder))  # noqa: PTH208  (names alone)
             except OSError:
-                self._entries[folder] = ()
+                self._entries[folder] = []
         return self._entries[folder]

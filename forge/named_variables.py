@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
 
 LISTS = "CMakeLists.txt"
 
@@ -24,8 +24,8 @@ class Named:
     """What a text names.
 
     `words` may be programs: bare words and absolute paths. `included` are other files and folders of CMake,
-    as they are written; `scripts` are names of files that it may run. `exported` and `exported_packages` are
-    the `variables` and `packages` that count for users of the package, too.
+    as they are written; `scripts` are names of files that it may run. Of variables, packages
+    and words those that are `exported` count for users of the package, too.
     """
 
     variables: frozenset[str] = _NOBODY
@@ -35,6 +35,7 @@ class Named:
     included: frozenset[str] = _NOBODY
     exported: frozenset[str] = _NOBODY
     exported_packages: frozenset[str] = _NOBODY
+    exported_words: frozenset[str] = _NOBODY
 
     def __or__(self, other: Named) -> Named:
         """Return what either of two texts names."""
@@ -46,6 +47,7 @@ class Named:
             self.included | other.included,
             self.exported | other.exported,
             self.exported_packages | other.exported_packages,
+            self.exported_words | other.exported_words,
         )
 
 
@@ -89,7 +91,9 @@ def in_lists(text: str) -> Named:
 def in_module(text: str) -> Named:
     """Return what a file of CMake names that may be installed, so that others may include it as well."""
     found = in_lists(text)
-    return found | Named(exported=found.variables, exported_packages=found.packages)
+    return found | Named(
+        exported=found.variables, exported_packages=found.packages, exported_words=found.words
+    )
 
 
 def in_find_module(text: str) -> Named:
@@ -120,16 +124,6 @@ def in_shell(text: str) -> Named:
         words=frozenset(_words(_without_comments(text))),
         scripts=frozenset(_SCRIPT.findall(text)),
     )
-
-
-def variables_of_packages(packages: Iterable[str], names: Iterable[str]) -> Iterator[str]:
-    """Yield those of `names` in which find_package looks for one of `packages`, as NAME_ROOT and NAME_DIR."""
-    known = frozenset(packages)
-    capitals = frozenset(package.upper() for package in known)
-    for name in names:
-        package, _, ending = name.rpartition("_")
-        if package in known or (ending == "ROOT" and package in capitals):
-            yield name
 
 
 _ENV = re.compile(r"\bENV\s*\{\s*([A-Za-z_]\w*)|\bENV\s+([A-Za-z_]\w*)|\bprintenv\s+([A-Za-z_]\w*)")

@@ -27,7 +27,7 @@ from forge.provision import INTERFACE_GROUP, missing_problems
 from forge.recipes.cmake import FLAGS
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
-from forge.tools import find_tools, identities
+from forge.tools import condensed, find_tools, identities
 from forge.underlays import lost_underlays
 from forge.unused_variables import odd_words
 from forge.workspace import warn
@@ -174,7 +174,7 @@ def standing(
     named = NamedInputs(kitchen, provision.needs, provision.packages, variables, stamp)
     held = Standing(
         forge=stamp,
-        tools=kitchen.tools,
+        tools=condensed(kitchen.tools),
         environment=environment_that_counts(variables),
         underlays=_names_below(find_underlays(variables, kitchen.layout.install).prefixes),
         force=force_of(options),

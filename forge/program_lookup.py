@@ -7,8 +7,6 @@ import os
 import stat
 from typing import TYPE_CHECKING
 
-from forge.named_variables import in_shell
-
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -59,9 +57,11 @@ class ProgramLookup:
             found[identity] = None
             path = identity.rsplit(" ", 2)[0]
             text = _script(path)
-            for other in sorted(in_shell(text).words) if text else ():
-                if said := self.identity(other):
-                    found[said] = None
+            if text:
+                from forge.named_variables import in_shell  # noqa: PLC0415  (most compilers are no scripts)
+
+                started = map(self.identity, sorted(in_shell(text).words))
+                found |= dict.fromkeys(filter(None, started))
             if not text and os.path.basename(os.path.realpath(path)) not in _LAUNCHERS:  # noqa: PTH119
                 break
         return tuple(found)

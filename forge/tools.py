@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 import re
@@ -153,18 +154,25 @@ def identities(
         if variables.get(variable, "").strip():
             found |= _behind(variable, variables[variable], lookup)
     flags = " ".join((*arguments, *(variables.get(name, "") for name in _FLAGS)))
-    for linker in dict.fromkeys(_USE_LINKER.findall(flags)):
+    for linker in dict.fromkeys(re.findall(_USE_LINKER, flags)) if "-fuse-ld" in flags else ():
         for name in (linker, f"ld.{linker}", f"ld64.{linker}"):
             if identity := lookup.identity(name):
                 found[name] = identity
     return tuple(sorted(found.items()))
 
 
+def condensed(tools: Pairs) -> Pairs:
+    """Return programs as records have them: those that come with the linker as one digest."""
+    beside = "\0".join(f"{name} {identity}" for name, identity in tools if name in _BINUTILS)
+    digest = hashlib.blake2b(beside.encode(errors="surrogateescape"), digest_size=8).hexdigest()
+    return tuple(sorted((*(pair for pair in tools if pair[0] not in _BINUTILS), (BINUTILS, digest))))
+
+
 def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:
     """Return the programs that definitions for CMake name, as -DCMAKE_C_COMPILER=clang does."""
     found: dict[str, str] = {}
     for name, value in definitions(arguments):
-        if _PROGRAM_VARIABLE.search(name) or value.startswith("/"):
+        if name.endswith(_PROGRAM_VARIABLES) or value.startswith("/"):
             found |= _behind(name, value.replace(";", " "), lookup)
     return tuple(sorted(found.items()))
 
@@ -202,9 +210,9 @@ def program_of(identity: str) -> str:
 
 _GONE = " is not there"
 
-_COMPILING = {"cc": "CC", "c++": "CXX", "ld": "LD"} | {
-    name: name.upper() for name in ("ar", "as", "nm", "objcopy", "ranlib", "strip")
-}
+BINUTILS = "binutils"
+_BINUTILS = frozenset({"ar", "as", "ld", "nm", "objcopy", "ranlib", "strip"})
+_COMPILING = {"cc": "CC", "c++": "CXX", **{name: name.upper() for name in sorted(_BINUTILS)}}
 """What compiles, and the variable that names another program for it."""
 _NAMED_PROGRAMS = (
     *("ASM", "CCACHE_COMPILER", "CPP", "CUDACXX", "CUDAHOSTCXX", "FC", "HIPCXX", "ISPC"),
@@ -212,11 +220,12 @@ _NAMED_PROGRAMS = (
 )
 """Variables that name programs of builds, where they are set."""
 _FLAGS = ("CFLAGS", "CXXFLAGS", "LDFLAGS", "LDSHARED")
-_USE_LINKER = re.compile(r"-fuse-ld=([^\s\"';]+)")
-_PROGRAM_VARIABLE = re.compile(
-    r"_(COMPILER|LAUNCHER|LINKER|AR|RANLIB|NM|OBJCOPY|OBJDUMP|READELF|STRIP|EXECUTABLE|PROGRAM|COMMAND"
-    r"|EMULATOR|ADDR2LINE|DLLTOOL|MT)$"
+_USE_LINKER = r"-fuse-ld=([^\s\"';]+)"
+_PROGRAM_VARIABLES = (
+    *("_COMPILER", "_LAUNCHER", "_LINKER", "_AR", "_RANLIB", "_NM", "_OBJCOPY", "_OBJDUMP", "_READELF"),
+    *("_STRIP", "_EXECUTABLE", "_PROGRAM", "_COMMAND", "_EMULATOR", "_ADDR2LINE"),
 )
+"""How variables of CMake end that name programs."""
 
 
 def _identity(program: Path) -> str:

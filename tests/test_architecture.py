@@ -31,7 +31,7 @@ FLOORS = {
         worker_client workspace_root cleaning compile_commands completion_words interfaces
         interfaces.loading interfaces.records interfaces.sources interfaces.writing
         audience bundling fallback links ownership underlays saves interrupts config_search named_inputs
-        program_lookup
+        program_lookup build_texts
         pictures.pages pictures.sampling
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings

@@ -23,7 +23,7 @@ from forge.caching.restoring import Contents, Planter
 from forge.caching.trees import TICK, Unfit, index_of, strays, survey, tree_of
 from forge.errors import Problem
 from forge.frozen import frozen
-from forge.tools import program_of
+from forge.tools import condensed, program_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
@@ -230,7 +230,7 @@ class PackageCache:
 
     def _own_programs(self, task: Task) -> list[str]:
         """Return what programs say that this package alone names."""
-        shared = frozenset(self._circle.tools)
+        shared = frozenset(condensed(self._circle.tools))
         paths = {n: program_of(identity) for n, identity in task.parts.tools if (n, identity) not in shared}
         words = {name: self._circle.places.loose_word(os.path.realpath(path)) for name, path in paths.items()}
         contents = self._outside.look(words.values()).contents

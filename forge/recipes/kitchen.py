@@ -103,7 +103,7 @@ class BuildType:
     options: Callable[[Package, Kitchen], tuple[str, ...]]
 
 
-COMPILING = re.compile(
+COMPILING = (
     r"CMAKE_(BUILD_TYPE|EXPORT_COMPILE_COMMANDS|VERBOSE_MAKEFILE|COLOR_(DIAGNOSTICS|MAKEFILE)"
     r"|(C|CXX|CUDA|Fortran)_(COMPILER|COMPILER_LAUNCHER|FLAGS|FLAGS_[A-Z]+|STANDARD|STANDARD_REQUIRED|EXTENSIONS)"
     r"|(EXE|SHARED|MODULE|STATIC)_LINKER_FLAGS(_[A-Z]+)?|POSITION_INDEPENDENT_CODE|INTERPROCEDURAL_OPTIMIZATION"
@@ -118,7 +118,7 @@ def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:
     for word in words:
         said = (word, next(words, "")) if word == "-D" else (word,)
         name, separator, _ = "".join(said).removeprefix("-D").partition("=")
-        if not (word.startswith("-D") and separator and COMPILING.fullmatch(name.partition(":")[0])):
+        if not (word.startswith("-D") and separator and re.fullmatch(COMPILING, name.partition(":")[0])):
             yield from said
 
 

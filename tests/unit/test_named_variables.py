@@ -13,7 +13,6 @@ from forge.named_variables import (
     in_shell,
     reader_of,
     reader_of_script,
-    variables_of_packages,
 )
 
 
@@ -119,11 +118,6 @@ def test_scripts_and_included_files() -> None:
     text = 'execute_process(COMMAND sh ${X}/gen.sh)\ninclude(../../common.cmake)\nadd_subdirectory("a b")'
     assert in_lists(text).scripts == {"gen.sh"}
     assert {"../../common.cmake", "a"} <= in_lists(text).included
-
-
-def test_where_find_package_looks_for_a_package() -> None:
-    names = ["zed_ROOT", "ZED_ROOT", "zed_DIR", "ZED_DIR", "other_ROOT", "PATH"]
-    assert list(variables_of_packages({"zed"}, names)) == ["zed_ROOT", "ZED_ROOT", "zed_DIR"]
 
 
 def test_which_files_a_build_may_run() -> None:

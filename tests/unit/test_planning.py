@@ -198,7 +198,7 @@ def test_an_embedded_package_names_no_variable_of_those_that_it_is_not_told() ->
         "CMAKE_C_FLAGS",
         "CMAKE_CXX_FLAGS",
     }  # to Google Test, for tests of others
-    assert {name for name in named if COMPILING.fullmatch(name)} <= passed_on
+    assert {name for name in named if re.fullmatch(COMPILING, name)} <= passed_on
 
 
 def test_what_conditions_make_of_a_manifest_is_an_option() -> None:
