@@ -45,8 +45,6 @@ class Uses:
 
     def __or__(self, other: Uses) -> Uses:
         """Return what either of two names."""
-        if other is _NOTHING:
-            return self
         return Uses(
             self.variables | other.variables,
             self.packages | other.packages,
@@ -107,6 +105,13 @@ class NamedInputs:
         self._files: dict[str, NamedFiles] = {}
         self._known: tuple[Mapping[str, Entry], Mapping[str, NamedFiles]] | None = None
         self._exports: dict[str, Uses] = {}
+        said = (
+            *_paths((*kitchen.cmake_args, *kitchen.ament_cmake_args)),
+            variables.get("CMAKE_TOOLCHAIN_FILE"),
+        )
+        self._relative = any(word and not word.startswith("/") for word in said)
+        self._usual: dict[bool, Extra] = {}
+        """What arguments come to that are the same for all packages, and for embedded ones."""
         self._scanner: Scanner | None = None
         self._changed = False
 
@@ -117,7 +122,9 @@ class NamedInputs:
             return Extra(arguments.options)
         uses = self._entry(package.name, snapshot).own
         for need in self._needs[package.name]:
-            uses |= self._exported(need, snapshot)
+            exported = self._exports.get(need) or self._exported(need, snapshot)
+            if exported is not _NOTHING:
+                uses |= exported
         named = uses.variables.intersection(self._variables)
         if self._places:
             packages = uses.packages.union(dependency.name for dependency in package.manifest.dependencies)
@@ -206,7 +213,8 @@ class NamedInputs:
             embedded = self._packages[current].embedded
             uses = _NOTHING if embedded else self._entry(current, snapshot).exported
             for need in self._needs[current]:
-                uses |= self._exports[need]
+                if self._exports[need] is not _NOTHING:
+                    uses |= self._exports[need]
             self._exports[current] = uses
         return self._exports[name]
 
@@ -214,6 +222,9 @@ class NamedInputs:
         """Return the files and the programs that the arguments of CMake name for a package."""
         if not package.build_type.endswith("cmake"):
             return Extra()
+        usual = not (package.settings or self._relative)
+        if usual and package.embedded in self._usual:
+            return self._usual[package.embedded]
         kitchen = self._kitchen.of(package)
         words = (*kitchen.cmake_args, *kitchen.ament_cmake_args)
         bases = (str(kitchen.layout.build_dir(package.name)), str(kitchen.root / package.path))
@@ -225,7 +236,10 @@ class NamedInputs:
                 known = read_files(paths)
                 self._changed = True
             self._files[key] = known
-        return _extra(words, self._files[key] if paths else NamedFiles(), self._lookup)
+        found = _extra(words, self._files[key] if paths else NamedFiles(), self._lookup)
+        if usual:
+            self._usual[package.embedded] = found
+        return found
 
 
 def named_by(arguments: Sequence[str], variables: Mapping[str, str]) -> Extra:
@@ -280,10 +294,11 @@ def _paths(arguments: Sequence[str]) -> Iterator[str]:
 def _variables_of(packages: Iterable[str], names: Iterable[str]) -> Iterator[str]:
     """Yield those of `names` in which find_package looks for one of `packages`, as NAME_ROOT and NAME_DIR."""
     known = frozenset(packages)
-    capitals = frozenset(package.upper() for package in known)
     for name in names:
         package, _, ending = name.rpartition("_")
-        if package in known or (ending == "ROOT" and package in capitals):
+        if package in known or (
+            ending == "ROOT" and package.isupper() and package.lower() in map(str.lower, known)
+        ):
             yield name
 
 
