@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
 from forge.build.build_dir import INSTALLED, set_aside
+from forge.fallback import put_aside
 from forge.folders import MANIFESTS
 from forge.frozen import frozen
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
-from forge.results import remove_file
+from forge.results import BEFORE, remove_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -40,7 +41,7 @@ _BUILD_MARKS = (
 _BUILD_FILES = (".built_by", "COLCON_IGNORE", "compile_commands.json", "forge_*", ".forge_*")
 _INSTALL_FILES = (
     *(LAYOUT_MARKER, "COLCON_IGNORE", ".forge.json", "_local_setup_util_*.py"),
-    *("setup.*", "local_setup.*"),
+    *("setup.*", "local_setup.*", BEFORE),
 )
 _LOG_FILES = ("COLCON_IGNORE", "latest", "latest_*")
 _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
@@ -83,6 +84,8 @@ def litter_of_package(name: str, layout: Layout, records: Mapping[str, Record]) 
         yield Litter(label, layout.install, files)
     elif not layout.merged and os.path.lexists(prefix):
         yield Litter(f"prefix of '{name}'", layout.install, (prefix,))
+    if aside := put_aside(name, layout):
+        yield Litter(f"what a killed build had put aside of '{name}'", layout.install, tuple(aside))
 
 
 def litter_of_workspace(

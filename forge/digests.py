@@ -78,8 +78,7 @@ class FileTable:
         entry = known.get(path)
         if entry is not None and entry[0] == said:
             return entry[1]
-        with open(path, "rb") as stream:  # noqa: PTH123  (thousands of files: no Path for each)
-            found = hashlib.blake2b(stream.read(), digest_size=16).hexdigest()
+        found = content_digest(path)
         known[path] = ("" if _racy(status) else said, found)
         self._own.discard(path)
         self._changed = True
@@ -94,11 +93,10 @@ class FileTable:
         self._own.add(path)
         self._changed = True
 
-    def changed(self, path: str) -> bool:
-        """Tell if a regular file says something else than when it was last asked for; a link never does."""
-        status = os.lstat(path)
-        before = self._load().get(path, ("", ""))[1]
-        return stat.S_ISREG(status.st_mode) and self.digest(path, status) != before
+    def known(self, path: str, status: os.stat_result) -> str:
+        """Return the content digest of a file that had this stat; '' when nobody has read it."""
+        said, digest = self._load().get(path, ("", ""))
+        return digest if said == _said(status) else ""
 
     def forget_others(self, paths: Collection[str]) -> None:
         """Remember nothing but the given files: a table that many builds share must not grow."""
@@ -170,6 +168,12 @@ def stamp_files(paths: Iterable[str]) -> str:
     for path in paths:
         stamp.update(f"{path}\0{_stats(path, _status(path))}\n".encode(errors="surrogateescape"))
     return stamp.hexdigest()
+
+
+def content_digest(path: str) -> str:
+    """Return the digest of what a file says; raises OSError as open does."""
+    with open(path, "rb") as stream:  # noqa: PTH123  (thousands of files: no Path for each)
+        return hashlib.blake2b(stream.read(), digest_size=16).hexdigest()
 
 
 def contents_of(paths: Iterable[str], table: FileTable, stats: Stats = _NOBODY_LOOKED) -> dict[str, str]:

@@ -1,7 +1,10 @@
-"""What was installed of a package before it is built anew, kept until that has gone well.
+"""What was installed of a package before it is built anew, put aside until that has gone well.
 
-A build that fails, or is interrupted, leaves the package as it was; after a kill the next build does that
-if it fails, too. What CMake code writes into an installed large file in place is beyond this.
+So a package is always installed as by a first build: nothing of an earlier one is in the way, is found by
+its own build, or stays behind. A build that fails, or is interrupted, puts everything back; after a kill the
+next build does that if it fails, too. In a shared prefix the files move that the package's lists name, in a
+prefix of its own everything does. What other packages have installed as well, and what is outside of the
+prefix, stays where it is: there a copy is kept.
 """
 
 from __future__ import annotations
@@ -13,11 +16,12 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.files import replace_file
+from forge.files import BYTECODE, remove_tree, replace_file, tree_below
 from forge.installation import markers
+from forge.results import BEFORE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
 
     from forge.layout import Layout
 
@@ -26,48 +30,228 @@ _SMALL = 65536
 """Bytes up to which a file is copied; larger ones are linked, which costs nothing however large they are."""
 
 
-def keep(name: str, layout: Layout, files: Iterable[str]) -> None:
-    """Keep the installed `files` of a package that is wholly installed, unless older ones are kept still."""
-    folder = _folder(name, layout)
-    marks = markers(name, layout)
-    if (folder / _LIST).is_file() or not Path(marks[0]).is_file():
+def keep(name: str, layout: Layout, files: Iterable[str], shared: Collection[str] = ()) -> None:
+    """Put aside what is installed of a package, unless what an earlier build put aside is there still.
+
+    `files` are those that records and lists name, as absolute paths; of these others have installed the
+    `shared` ones as well.
+    """
+    prefix = str(layout.prefix(name))
+    files = dict.fromkeys((*files, *(markers(name, layout) if layout.merged else ())))
+    movable = [path for path in files if path.startswith(f"{prefix}/") and path not in shared]
+    staying = files.keys() - set(movable)
+    if staying:
+        _copy_all(_folder(name, layout, "copies"), sorted(staying))
+    if layout.merged:
+        _keep_listed(name, layout, movable)
+    else:
+        _keep_prefix(name, layout)
+
+
+def earlier_files(name: str, layout: Layout) -> dict[str, tuple[str, os.stat_result]]:
+    """Return what was put aside: where each file is now, and its stat, by the path that it had."""
+    prefix, folder = layout.prefix(name), _folder(name, layout)
+    cut = len(str(folder))
+    found = {f"{prefix}{path[cut:]}": (path, status) for path, status in tree_below(str(folder))[0]}
+    copies = _folder(name, layout, "copies")
+    for number, path, *_ in _listed(copies):
+        found[path] = (f"{copies}/{number}", os.lstat(copies / number))
+    return found
+
+
+def bring_back(name: str, layout: Layout, paths: Iterable[str]) -> None:
+    """Put files that no build had installed where they were, unless something else is there now."""
+    prefix, folder = str(layout.prefix(name)), str(_folder(name, layout))
+    for path in paths:
+        # A file of somebody else must not fail the build.
+        with contextlib.suppress(OSError):
+            if path.startswith(f"{prefix}/") and not os.path.lexists(path):
+                os.makedirs(os.path.dirname(path), exist_ok=True)  # noqa: PTH103, PTH120
+                os.rename(f"{folder}{path[len(prefix) :]}", path)  # noqa: PTH104
+
+
+def restore(name: str, layout: Layout) -> None:
+    """Put back what was put aside; a package of which something is lost looks as if it was not installed."""
+    part = _folder(name, layout, "part")
+    if part.is_dir():
+        _move_back(part, layout.prefix(name))
+    if _folder(name, layout).is_dir():
+        if layout.merged:
+            _move_back(_folder(name, layout), layout.prefix(name))
+        else:
+            _restore_prefix(name, layout)
+    if not _put_copies_back(_folder(name, layout, "copies")):
+        for path in markers(name, layout):
+            remove_tree(path)
+    drop(name, layout)
+
+
+def drop(name: str, layout: Layout) -> None:
+    """Keep nothing any more."""
+    for kind in ("", "copies", "trash"):
+        remove_tree(str(_folder(name, layout, kind)))
+
+
+def tidy(layout: Layout) -> None:
+    """Remove the folder for what is put aside, if nothing is."""
+    with contextlib.suppress(OSError):
+        os.rmdir(layout.install / BEFORE)  # noqa: PTH106
+
+
+def put_aside(name: str, layout: Layout) -> list[Path]:
+    """Return the folders with what a killed build has put aside of a package."""
+    folders = (_folder(name, layout, kind) for kind in ("", "part", "copies", "trash"))
+    return [folder for folder in folders if folder.is_dir()]
+
+
+def _folder(name: str, layout: Layout, kind: str = "") -> Path:
+    """Return a folder for a package; no package has a dot in its name."""
+    return layout.install / BEFORE / (f"{name}.{kind}" if kind else name)
+
+
+def _keep_prefix(name: str, layout: Layout) -> None:
+    """Put a prefix aside as it stands; after a kill, remove what the killed build had installed there."""
+    prefix, folder, part = layout.prefix(name), _folder(name, layout), _folder(name, layout, "part")
+    if part.is_dir():
+        _move_entries(part, prefix)
+    if folder.is_dir():
+        _empty(prefix, _folder(name, layout, "trash"))
+        return
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    if not prefix.is_dir():
+        # This says that whatever will be there is of this build.
+        folder.mkdir()
+        return
+    if not prefix.is_symlink():
+        with contextlib.suppress(OSError):  # a mount
+            prefix.rename(folder)
+            return
+    part.mkdir()
+    _move_entries(prefix, part)
+    part.rename(folder)
+
+
+def _restore_prefix(name: str, layout: Layout) -> None:
+    prefix, folder, trash = layout.prefix(name), _folder(name, layout), _folder(name, layout, "trash")
+    _empty(prefix, trash)
+    if not any(folder.iterdir()):
+        return
+    if not os.path.lexists(prefix):
+        folder.rename(prefix)
+        return
+    _move_entries(folder, prefix)
+
+
+def _empty(prefix: Path, trash: Path) -> None:
+    """Remove a prefix at once, or what is in it if that is elsewhere; what is no folder is not ours."""
+    if prefix.is_symlink() or not prefix.is_dir():
+        for entry in prefix.iterdir() if prefix.is_dir() else ():
+            remove_tree(str(entry))
+        return
+    remove_tree(str(trash))
+    try:
+        prefix.rename(trash)
+    except OSError:  # a mount
+        for entry in prefix.iterdir():
+            remove_tree(str(entry))
+    remove_tree(str(trash))
+
+
+def _move_entries(source: Path, target: Path) -> None:
+    """Move what is in a folder into another one, which may be on another file system."""
+    target.mkdir(parents=True, exist_ok=True)
+    for entry in source.iterdir():
+        remove_tree(str(target / entry.name))
+        shutil.move(entry, target / entry.name)
+    with contextlib.suppress(OSError):
+        source.rmdir()
+
+
+def _keep_listed(name: str, layout: Layout, paths: Iterable[str]) -> None:
+    """Move files out of a shared prefix, and remove the folders that this leaves empty."""
+    prefix, folder, part = layout.install, _folder(name, layout), _folder(name, layout, "part")
+    if part.is_dir():
+        # Killed while it moved: all of it is as the last good build had it.
+        _move_back(part, prefix)
+    target = folder if folder.is_dir() else part
+    target.mkdir(parents=True, exist_ok=True)
+    emptied = set()
+    for path in sorted(paths):
+        aside = target / os.path.relpath(path, prefix)
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+                continue
+            if os.path.lexists(aside):
+                os.unlink(path)  # noqa: PTH108
+            else:
+                os.lstat(path)
+                aside.parent.mkdir(parents=True, exist_ok=True)
+                os.rename(path, aside)  # noqa: PTH104
+            emptied.add(os.path.dirname(path))  # noqa: PTH120
+    for path in sorted(emptied, reverse=True):
+        _remove_empty(Path(path), prefix)
+    if target is part:
+        part.rename(folder)
+
+
+def _remove_empty(folder: Path, root: Path) -> None:
+    """Remove a folder that holds nothing, or only bytecode of what was there, and those that this empties."""
+    while folder != root:
+        try:
+            if all(entry.name == BYTECODE for entry in folder.iterdir()):
+                remove_tree(str(folder / BYTECODE))
+            folder.rmdir()
+        except OSError:
+            return
+        folder = folder.parent
+
+
+def _move_back(source: Path, target: Path) -> None:
+    """Move files to where they were, and what has been made in their place since out of the way."""
+    for path, _ in tree_below(str(source))[0]:
+        place = target / os.path.relpath(path, source)
+        for parent in reversed(place.relative_to(target).parents[:-1]):
+            if not (target / parent).is_dir():
+                remove_tree(str(target / parent))
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.is_dir() and not place.is_symlink():
+            remove_tree(str(place))
+        os.replace(path, place)  # noqa: PTH105
+    remove_tree(str(source))
+
+
+def _copy_all(folder: Path, paths: Iterable[str]) -> None:
+    """Keep copies of files, unless older ones are kept still."""
+    if (folder / _LIST).is_file():
         return
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     kept = []
-    for number, path in enumerate(dict.fromkeys((*files, *marks))):
-        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+    for number, path in enumerate(paths):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
             status = os.lstat(path)
             _copy(Path(path), folder / str(number), linked=status.st_size > _SMALL)
             kept.append((str(number), path, status.st_mtime_ns, status.st_size))
     replace_file(folder / _LIST, json.dumps(kept).encode())
 
 
-def restore(name: str, layout: Layout) -> None:
-    """Put back what was kept; a package of which something is lost is left looking as if not installed."""
-    folder = _folder(name, layout)
-    try:
-        kept = json.loads((folder / _LIST).read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return
-    marks = frozenset(markers(name, layout))
+def _put_copies_back(folder: Path) -> bool:
+    """Make files what they were; return False if one is lost."""
     whole = True
-    for number, path, modified, size in sorted(kept, key=lambda entry: entry[1] in marks):
+    for number, path, modified, size in _listed(folder):
         status = os.lstat(folder / number)
         if (status.st_mtime_ns, status.st_size) != (modified, size):
             whole = False  # it was linked, and written to in its place
-        elif whole or path not in marks:
+        else:
             _put_back(folder / number, Path(path))
-    drop(name, layout)
+    return whole
 
 
-def drop(name: str, layout: Layout) -> None:
-    """Keep nothing any more."""
-    shutil.rmtree(_folder(name, layout), ignore_errors=True)
-
-
-def _folder(name: str, layout: Layout) -> Path:
-    return layout.build / ".forge_before" / name
+def _listed(folder: Path) -> list[tuple[str, str, int, int]]:
+    try:
+        return [tuple(entry) for entry in json.loads((folder / _LIST).read_bytes())]
+    except (OSError, ValueError, RecursionError):
+        return []
 
 
 def _copy(source: Path, target: Path, *, linked: bool) -> None:

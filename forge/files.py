@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
+import stat
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -11,6 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+BYTECODE = "__pycache__"
 _DRAFT = ".forge-draft"
 
 
@@ -46,6 +49,58 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
+    """Return the files and links below a folder with their own stats, and the empty folders.
+
+    What Python compiles for itself when programs run is left out. No folder, no files.
+    """
+    files: list[tuple[str, os.stat_result]] = []
+    empty: list[str] = []
+    waiting = [root]
+    while waiting:
+        folder = waiting.pop()
+        count = len(files) + len(waiting)
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    if not entry.is_dir(follow_symlinks=False):
+                        files.append((entry.path, entry.stat(follow_symlinks=False)))
+                    elif entry.name != BYTECODE:
+                        waiting.append(entry.path)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        if len(files) + len(waiting) == count and folder != root:
+            empty.append(folder)
+    return files, empty
+
+
+def remove_tree(path: str) -> None:
+    """Remove a file, a link or a folder with all below it, as far as the system lets us."""
+    try:
+        os.unlink(path)  # noqa: PTH108
+    except FileNotFoundError:
+        return
+    except OSError:
+        with contextlib.suppress(OSError):  # it is empty
+            os.rmdir(path)  # noqa: PTH106
+            return
+        shutil.rmtree(path, ignore_errors=True)
+        if os.path.isdir(path):  # noqa: PTH112
+            _make_writable(path)
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _make_writable(root: str) -> None:
+    """Give us the right to remove what is in a folder: it may have been installed without."""
+    with contextlib.suppress(OSError):
+        os.chmod(root, stat.S_IRWXU)  # noqa: PTH101
+    for folder, names, _ in os.walk(root):
+        for path in (f"{folder}/{name}" for name in names):
+            if not os.path.islink(path):  # noqa: PTH114
+                with contextlib.suppress(OSError):
+                    os.chmod(path, stat.S_IRWXU)  # noqa: PTH101
 
 
 def remove_drafts(root: Path) -> None:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from forge import scripts
 from forge.ament_index import INDEX
 from forge.environment import Installed
-from forge.files import replace_file, write_if_changed
+from forge.files import replace_file, tree_below, write_if_changed
 from forge.folders import listed_files
 from forge.hooks import package_hooks
 from forge.prefixes import PACKAGES
 from forge.results import STATE, recorded_underlays
 from forge.shells import SHELLS
-from forge.sourcing import package_edits, packages_in_order
+from forge.sourcing import own_edits, package_edits, packages_in_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,11 +41,11 @@ def install_package(
     `installed` holds what this package alone installed, below the prefix; without it forge looks.
     """
     prefix = layout.prefix(package.name)
-    files = _own_files(package.name, layout) if installed is None else map(str, installed)
+    files = frozenset(_own_files(package.name, layout) if installed is None else map(str, installed))
     if package.build_type == "ament_python":
         _write_implicit(package, prefix, symlink=layout.symlink)
     share = prefix / "share" / package.name
-    hooks = package_hooks(package.name, package.build_type, frozenset(files), python.site_packages)
+    hooks = package_hooks(package.name, package.build_type, files, python.site_packages)
     _remove_others(share / "hook", {f"{name}.dsv" for name in hooks})
     for name, line in hooks.items():
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
@@ -54,24 +54,35 @@ def install_package(
     sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
     # Always a new file: its stamp tells readers that any of the package's hooks may have changed.
     replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
-    edits = package_edits(package.name, prefix)
+    edits = own_edits(package.name, prefix, files) if layout.merged else package_edits(package.name, prefix)
     for shell in SHELLS:
         text = scripts.package_setup(shell, prefix, Installed(package.name, "", edits))
         write_if_changed(share / f"package.{shell}", text)
     write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
 
 
-def installed_files(package: Package, layout: Layout) -> tuple[str, ...]:
-    """Return the absolute paths, sorted, of all that the package's last build put into its prefix."""
+def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the absolute paths, sorted, of all files that a build has just installed, and empty folders.
+
+    Folders have '/' at their end. In a prefix of its own that is all there is, since the build began without
+    one; the lists of tools add what went elsewhere. In a shared one these lists are all that is known, and
+    they name no folders.
+    """
     prefix = layout.prefix(package.name)
     found = set(listed_files(layout.build_dir(package.name)))
+    if not layout.merged:
+        files, folders = tree_below(str(prefix))
+        elsewhere = (path for path in found if not path.startswith(f"{prefix}/"))
+        return tuple(sorted((*(path for path, _ in files), *elsewhere))), tuple(
+            sorted(f"{path}/" for path in folders)
+        )
     share = prefix / "share" / package.name
     own = [share / f"package.{extension}" for extension in ("dsv", *SHELLS)]
     own += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
     if package.build_type == "ament_python":
         own += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
     found.update(str(path) for path in own if os.path.lexists(path))
-    return tuple(sorted(found))
+    return tuple(sorted(found)), ()
 
 
 def markers(name: str, layout: Layout) -> tuple[str, ...]:
@@ -102,8 +113,7 @@ def finish_workspace(
     chain = _joined_chain(recorded_underlays(root), underlays)
     state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
     other = write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
-    written = (root / f"{name}.{shell}" for name in ("setup", "local_setup") for shell in SHELLS)
-    if as_before and not other and all(path.is_file() for path in written):
+    if as_before and not other:
         return chain
     packages = packages_in_order(root)
     for shell in SHELLS:
@@ -121,9 +131,8 @@ def _own_files(name: str, layout: Layout) -> Iterator[str]:
     """
     prefix = layout.prefix(name)
     if not layout.merged:
-        for folder, _, files in os.walk(prefix):
-            below = os.path.relpath(folder, prefix)
-            yield from (file if below == "." else f"{below}/{file}" for file in files)
+        cut = len(f"{prefix}/")
+        yield from (path[cut:] for path, _ in tree_below(str(prefix))[0])
         return
     listed = listed_files(layout.build_dir(name))
     yield from (path.removeprefix(f"{prefix}/") for path in listed if path.startswith(f"{prefix}/"))

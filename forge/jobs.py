@@ -75,9 +75,7 @@ class Jobs:
         return {name: value for name, value in found.items() if value or name in self.variables}
 
     def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
-        self.records.begin(task)
-        fallback.keep(task.name, self.layout, task.earlier)
-        installation.uninstall_markers(task.name, self.layout)
+        self._put_aside(task)
         self.records.prepare(task, self._set_by_needs(environment))
 
     def _set_by_needs(self, environment: Mapping[str, str]) -> Pairs:
@@ -88,17 +86,20 @@ class Jobs:
             if self.variables.get(name) != value and name not in _FROM_NEEDS
         )
 
+    def _put_aside(self, task: Task) -> None:
+        self.records.begin(task)
+        fallback.keep(task.name, self.layout, task.earlier, self.records.shared(task))
+
     def _restore(self, task: Task) -> Record | None:
         """Install what the cache has for a task; None when it has nothing, and nothing was touched."""
         found = self.cache.find(task) if self.cache else None
         if found is None or self.cache is None:
             return None
         with closing(found):
-            self.records.begin(task)
-            fallback.keep(task.name, self.layout, task.earlier)
-            installation.uninstall_markers(task.name, self.layout)
-            files = self.cache.restore(task, found)
-            record = self.records.restored(task, found, files)
+            self._put_aside(task)
+            files, empty = self.cache.restore(task, found)
+            record = self.records.restored(task, found, files, empty)
+        self.records.carry_over(task)
         fallback.drop(task.name, self.layout)
         return record
 
@@ -112,6 +113,7 @@ class Jobs:
         needs |= {need for need in self.provision.needs[task.name] if packages[need].embedded}
         installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
         record = self.records.make(task)
+        self.records.carry_over(task)
         fallback.drop(task.name, self.layout)
         return self.cache.keep(task, record) if self.cache else record
 

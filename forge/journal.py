@@ -5,7 +5,8 @@ outside the workspace that later lines number; a line {"package": ...} replaces 
 of that package. A package that began and did not end has an incomplete record, which makes no package
 fresh. A line that cannot be read, or a file of another version, counts as nothing: the package is built
 again, with a note. A line {"ended": false} says that a build began to change the install folder; unless
-{"ended": true} follows, it was killed before it wrote the workspace's scripts.
+{"ended": true} follows, it was killed before it wrote the workspace's scripts. A line {"scripts": ...} has
+the stamp of these scripts.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ class Journal:
         """Whether the last build that ran anything came to its end."""
         self.stamp = ""
         """The stamp of all external files when every record agreed with them, else empty."""
+        self.scripts = ""
+        """The stamp of the workspace's scripts as they were last written."""
         self._externals: dict[str, int] = {}
         self._lines = 0
         self._stream: FileIO | None = None
@@ -86,6 +89,12 @@ class Journal:
         """Forget the stamp of all external files, which must be looked at again."""
         self.stamp = ""
 
+    def note_scripts(self, stamp: str) -> None:
+        """Note the stamp of the workspace's scripts."""
+        if stamp != self.scripts:
+            self.scripts = stamp
+            self._append({"scripts": stamp})
+
     def remember(self, name: str, record: Record) -> None:
         """Replace what is known of a package."""
         self.records[name] = record
@@ -110,6 +119,7 @@ class Journal:
             self._externals.clear()
             self._number(used)
             lines: list[Mapping[str, object]] = [_HEADER, {"externals": used}]
+            lines += [{"scripts": self.scripts}] if self.scripts else []
             lines += [self._written(name, record) for name, record in sorted(self.records.items())]
             replace_file(self.path, "".join(json.dumps(line) + "\n" for line in lines).encode())
             self._lines = len(lines)
@@ -130,6 +140,8 @@ class Journal:
                     self.ended = entry["ended"] is True
                 elif "stamp" in entry:
                     self.stamp = _text(entry["stamp"])
+                elif "scripts" in entry:
+                    self.scripts = _text(entry["scripts"])
                 elif "externals" in entry and "package" not in entry:
                     table += _texts(entry["externals"])
                 elif "parts" in entry:
@@ -203,6 +215,7 @@ def _record(entry: Mapping[str, Any], table: list[str]) -> Record:
         saved=_texts(entry["saved"]),
         from_empty=entry["from_empty"] is True,
         read_from=_texts(entry["read_from"]),
+        folders=_texts(entry["folders"]),
     )
 
 

@@ -196,7 +196,8 @@ class Record:
     `tree` is what the files come to whatever the path, for the package cache; '' when nobody has asked.
     `saved` are inputs that were written while the build ran: what it made may be of any state of them.
     `from_empty` tells if it began in an empty build folder. `read_from` are packages that it does not
-    declare to need, and of which it read files in their build folders or prefixes.
+    declare to need, and of which it read files in their build folders or prefixes. `folders` are the empty
+    folders that it installed, as absolute paths with '/' at their end.
     """
 
     parts: Parts
@@ -212,6 +213,7 @@ class Record:
     saved: tuple[str, ...] = ()
     from_empty: bool = False
     read_from: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()
 
 
 @frozen

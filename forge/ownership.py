@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from forge.digests import FileTable
     from forge.layout import Layout
-    from forge.model import Record
+    from forge.model import BuildPlan, Record
 
 NOTE = "forge_installed.json"
 
@@ -32,20 +32,57 @@ def note_contents(build: Path, files: Iterable[str], table: FileTable) -> None:
 
 def clashes(layout: Layout, records: Mapping[str, Record], names: Collection[str]) -> tuple[Problem, ...]:
     """Return a problem for each file that one of `names` and another package install differently."""
+    return tuple(_problem(path, among, layout) for path, among in disputed(layout, records, names).items())
+
+
+def disputed(
+    layout: Layout, records: Mapping[str, Record], names: Collection[str]
+) -> Mapping[str, list[str]]:
+    """Return, by path, the packages that install a file differently, one of `names` among them."""
     if not layout.merged:
-        return ()
+        return {}
     owners: dict[str, list[str]] = {}
     for name in sorted(records):
         if records[name].complete:
             for path in records[name].files:
                 owners.setdefault(path, []).append(name)
-    shared = {path: among for path, among in owners.items() if len(among) > 1 and {*names} & {*among}}
+    shared = {
+        path: among
+        for path, among in sorted(owners.items())
+        if len(among) > 1 and not frozenset(names).isdisjoint(among)
+    }
     notes = {name: _note(layout.build_dir(name)) for name in {n for among in shared.values() for n in among}}
-    return tuple(
-        _problem(path, among, layout)
-        for path, among in sorted(shared.items())
+    return {
+        path: among
+        for path, among in shared.items()
         if len({notes[name].get(path, "") for name in among}) > 1
-    )
+    }
+
+
+def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, Record]) -> frozenset[str]:
+    """Return those of a package's paths that other packages have installed, too."""
+    others = (record for other, record in list(records.items()) if other != name)
+    return frozenset[str]().union(*(paths.intersection(record.files) for record in others))
+
+
+def rivals(plan: BuildPlan, layout: Layout, records: Mapping[str, Record]) -> frozenset[str]:
+    """Return the fresh packages of a plan that install a file differently from one that is built.
+
+    They must be installed again: only after all of them, in order, is there what a clean build would leave.
+    """
+    found = disputed(layout, records, plan.tasks)
+    return frozenset(name for among in found.values() for name in among).intersection(plan.fresh)
+
+
+def overwritten(plan: BuildPlan, layout: Layout, records: Mapping[str, Record]) -> frozenset[str]:
+    """Return the packages that may have lost a file to one of a plan, as they would in a clean build."""
+    found: set[str] = set()
+    for among in disputed(layout, records, plan.tasks).values():
+        built = [plan.tasks[name] for name in among if name in plan.tasks]
+        found.update(
+            name for name in among if name in plan.tasks or any(name in task.needs for task in built)
+        )
+    return frozenset(found)
 
 
 def _note(build: Path) -> Mapping[str, str]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.build.input_manifest import Changes, FileState, compare, read_manifest, write_manifest
@@ -27,12 +26,13 @@ from forge.journal import open_journal
 from forge.model import Finished, Fresh, Record
 from forge.planning import settled
 from forge.prefixes import PACKAGES, find_underlays
-from forge.results import STATE, remove_file
+from forge.results import workspace_scripts
 from forge.snapshot import moved_externals
 from forge.tools import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
+    from pathlib import Path
 
     from forge.build.build_dir import BegunBuild
     from forge.caching.package_cache import Found
@@ -137,7 +137,6 @@ class Records:
         """Look at what is installed of a package now, so that afterwards it shows what is different."""
         record = self.journal.records.get(task.name)
         files = record.files if record else ()
-        mark_files(files, self.table)
         self._altered[task.name] = self._said_to_shells(task.name, files, {})
 
     def prepare(self, task: Task, set_by_needs: Pairs) -> None:
@@ -177,12 +176,13 @@ class Records:
     def make(self, task: Task) -> Record:
         """Return the record of a task that ended well, once what only its last build installed is gone."""
         from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
+        from forge.build.installed_files import date_files  # noqa: PLC0415
         from forge.externals import external_inputs  # noqa: PLC0415
         from forge.installation import installed_files  # noqa: PLC0415
 
         build = task.build_dir
-        files = installed_files(task.package, self._layout)
-        self._date(files)
+        files, folders = installed_files(task.package, self._layout)
+        stats = date_files(task, files, self._layout, self.table)
         declared = (self.source(task), build, *map(self._layout.prefix, (task.name, *task.needs)))
         searched = (self._layout.install,)
         found = external_inputs(build, self.source(task), declared, searched)
@@ -193,7 +193,7 @@ class Records:
         build_dir.finish_build_dir(build, externals, saved)
         contents = {path: state.content for path, state in externals.items()}
         read = tuple(externals), digest_of(externals, contents)
-        record = self._made(task, files, read, {})
+        record = self._made(task, files, folders, read, stats)
         return replace(
             record,
             began=build_dir.began(build),
@@ -223,35 +223,51 @@ class Records:
             names |= {name for name, record in records if not installed.isdisjoint(record.files)}
         return tuple(sorted(names & self.journal.records.keys() - {task.name}))
 
-    def restored(self, task: Task, found: Found, files: Mapping[str, os.stat_result | None]) -> Record:
-        """Return the record of a task whose `files` came out of the cache, its build folder left as it is.
+    def restored(
+        self,
+        task: Task,
+        found: Found,
+        files: Mapping[str, os.stat_result | None],
+        folders: tuple[str, ...],
+    ) -> Record:
+        """Return the record of a task whose files came out of the cache, its build folder left as it is.
 
         They are sorted, each with its stat if it has one just taken.
         The record says of no build folder that it belongs to it: the next build of the package begins anew.
         """
-        stats = {path: status for path, status in files.items() if status is not None}
-        record = self._made(task, tuple(files), (found.externals, found.external), stats)
+        from forge.build.installed_files import date_files  # noqa: PLC0415  (most builds make nothing)
+
+        known = {path: status for path, status in files.items() if status is not None}
+        stats = date_files(task, tuple(files), self._layout, self.table, known)
+        record = self._made(task, tuple(files), folders, (found.externals, found.external), stats)
         return replace(record, seconds=found.tree.seconds, tree=found.tree.digest)
 
     def _made(
-        self, task: Task, files: tuple[str, ...], read: tuple[tuple[str, ...], str], stats: Stats
+        self,
+        task: Task,
+        files: tuple[str, ...],
+        folders: tuple[str, ...],
+        read: tuple[tuple[str, ...], str],
+        stats: Stats,
     ) -> Record:
         """Return the record; `read` are the external files and what they say, `stats` of some of `files`."""
-        from forge.ownership import note_contents  # noqa: PLC0415  (most builds make nothing)
+        from forge.build.installed_files import remove_stale  # noqa: PLC0415  (most builds make nothing)
+        from forge.ownership import note_contents  # noqa: PLC0415
 
-        self._remove_stale(task.name, set(task.earlier) - set(files))
+        remove_stale(task, files, self._layout, self.journal.records)
         if self._altered[task.name] == self._said_to_shells(task.name, files, stats):
             del self._altered[task.name]
         if self._layout.merged:
             note_contents(task.build_dir, files, self.table)
-        installed = mark_files(files, self.table, stats=stats)
-        self._describe_installed(task.name, installed.digest, files, stats)
+        installed = mark_files((*files, *folders), self.table, stats=stats)
+        self._describe_installed(task.name, installed.digest, (*files, *folders), stats)
         return Record(
             parts=task.parts,
             complete=True,
             sources=task.sources,
             installed=installed,
             files=files,
+            folders=folders,
             externals=read[0],
             external=read[1],
         )
@@ -289,13 +305,20 @@ class Records:
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""
         install = self._layout.install
-        if self._ran or plan.tasks or self._unfinished or not (install / STATE).is_file():
-            from forge.installation import finish_workspace  # noqa: PLC0415  (most builds change nothing)
+        scripts = workspace_scripts(install)
+        untouched = self.journal.scripts == stamp_files(scripts)
+        if self._ran or plan.tasks or self._unfinished or not untouched:
+            from forge.fallback import tidy  # noqa: PLC0415  (most builds change nothing)
+            from forge.installation import finish_workspace  # noqa: PLC0415
 
             chain = find_underlays(variables, install).chain
-            as_before = not self._altered and not self._unfinished
+            as_before = untouched and not self._altered and not self._unfinished
             finish_workspace(self._layout, chain, self._interpreter.path, as_before=as_before)
+            tidy(self._layout)
             self.journal.end(ended=True)
+            self.journal.note_scripts(stamp_files(scripts))
+        if self._ran and self._layout.merged:
+            self._accept_other_contents(plan)
         if self._ran:
             self.journal.doubt()
         if not self.journal.stamp:
@@ -303,6 +326,42 @@ class Records:
             stamp = stamp_files(self.journal.externals)
             if not moved_externals(self.journal, self.table):
                 self.journal.agree(stamp)
+
+    def shared(self, task: Task) -> frozenset[str]:
+        """Return what other packages have installed, too, of all that a task had in a shared prefix."""
+        if not task.earlier or not self._layout.merged:
+            return frozenset()
+        from forge.ownership import owned_by_others  # noqa: PLC0415  (most trees are not merged)
+
+        return owned_by_others(task.name, frozenset(task.earlier), self.journal.records)
+
+    def carry_over(self, task: Task) -> None:
+        """Put back into a prefix what was there and no build had installed."""
+        from forge.build.installed_files import carry_over  # noqa: PLC0415  (most builds make nothing)
+
+        if not self._layout.merged:
+            carry_over(task, self._layout, self.journal.records.get(task.name))
+
+    def rivals(self, plan: BuildPlan) -> frozenset[str]:
+        """Return the fresh packages of a plan that must be installed again, since a file is written over."""
+        if not self._layout.merged or not plan.tasks:
+            return frozenset()
+        from forge.ownership import rivals  # noqa: PLC0415  (most trees are not merged)
+
+        return rivals(plan, self._layout, self.journal.records)
+
+    def _accept_other_contents(self, plan: BuildPlan) -> None:
+        """Let a file count as unchanged where a later package has just written over it.
+
+        What the package gives to others stays what it installed itself; only the stamp is another.
+        """
+        from forge.ownership import overwritten  # noqa: PLC0415  (most trees are not merged)
+
+        for name in sorted(overwritten(plan, self._layout, self.journal.records)):
+            record = self.journal.records[name]
+            stamp = mark_files((*record.files, *record.folders), self.table).stamp
+            if stamp != record.installed.stamp:
+                self.journal.remember(name, replace(record, installed=replace(record.installed, stamp=stamp)))
 
     def clashes(self, names: Collection[str]) -> tuple[Problem, ...]:
         """Return what any of the packages and others install into one prefix, with different contents."""
@@ -327,26 +386,6 @@ class Records:
         share, index = f"{prefix}/share/{name}/", str(prefix / PACKAGES / name)
         told = [path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))]
         return digest_of(told, contents_of(told, self.table, stats)) if told else ""
-
-    def _date(self, files: tuple[str, ...]) -> None:
-        """Give installed files whose content changed the present time.
-
-        CMake copies times cut to the second, so a header that changed soon after something was compiled
-        with it would look older than the object, and nobody would compile that again.
-        """
-        for path in files:
-            if self.table.changed(path):
-                os.utime(path)
-
-    def _remove_stale(self, name: str, paths: set[str]) -> None:
-        """Remove files that this package no longer installs, unless another package does."""
-        if not paths:
-            return
-        others = (record for other, record in list(self.journal.records.items()) if other != name)
-        kept = {path for record in others for path in record.files if path in paths}
-        for path in sorted(paths - kept, reverse=True):
-            if Path(path).is_relative_to(self._layout.install):
-                remove_file(Path(path), self._layout.install)
 
 
 def open_records(root: Path, layout: Layout, interpreter: Interpreter) -> Records:

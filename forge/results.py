@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 from forge.errors import Place, Problem, WorkspaceError
 from forge.files import write_if_changed
 from forge.prefixes import LAYOUT_MARKER
+from forge.shells import SHELLS
 
 if TYPE_CHECKING:
     from forge.layout import Layout
 
 STATE = ".forge.json"
+BEFORE = ".forge_before"
+"""In the install folder, what was installed of packages that are being built: it moves there at once."""
 
 _BUILDERS = ("colcon", "forge")
 
@@ -88,6 +91,12 @@ def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
             "this is no state of forge", Place(root / STATE), hint="remove the file and build again"
         )
         raise WorkspaceError(problem) from error
+
+
+def workspace_scripts(root: Path) -> list[str]:
+    """Return what an install tree has beside its packages: forge's state and the scripts to source."""
+    scripts = (f"{root}/{name}.{shell}" for name in ("setup", "local_setup") for shell in SHELLS)
+    return [f"{root}/{STATE}", *scripts]
 
 
 def remove_file(path: Path, root: Path) -> None:

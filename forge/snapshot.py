@@ -33,7 +33,7 @@ def take_snapshot(
         sources[name] = mark_tree(home, table, record.sources if record else None)
         news[name] = tuple(path[len(home) + 1 :] for path in sorted(table.news))
         if record:
-            installed[name] = mark_files(record.files, table, record.installed)
+            installed[name] = mark_files((*record.files, *record.folders), table, record.installed)
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
     return Snapshot(records, sources, installed, moved, ListedFiles(layout), frozenset(present), news)

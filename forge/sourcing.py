@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from forge.environment import Hook
+
 _NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
 _SHELL_S_OWN = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
 
@@ -92,7 +94,24 @@ def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
         stamp = (prefix / "share" / name / "package.dsv").stat()
     except (FileNotFoundError, NotADirectoryError):
         return ()
-    return _read_edits(name, prefix, (stamp.st_ino, stamp.st_mtime_ns, stamp.st_size))
+    return _read_edits(name, prefix, (stamp.st_ino, stamp.st_ctime_ns, stamp.st_size))
+
+
+def own_edits(name: str, prefix: Path, files: Iterable[str]) -> tuple[Edit | Script, ...]:
+    """Return what an installed package does to the environment by its own files, relative to a shared prefix.
+
+    What others have installed there by now, and what they have not yet, makes no difference.
+    """
+    own = {"", "."}
+    for file in files:
+        path = file
+        while path not in own:
+            own.add(path)
+            path = path.rpartition("/")[0]
+    return settle(
+        _read_hooks(name, prefix),
+        lambda path: os.path.exists(path) if path.startswith("/") else os.path.normpath(path) in own,  # noqa: PTH110
+    )
 
 
 def forget_edits() -> None:
@@ -103,6 +122,12 @@ def forget_edits() -> None:
 @lru_cache(maxsize=4096)
 def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
     """Read the dsv files of a package; its package.dsv is written anew whenever it is installed."""
+    # Unlike Path.exists, os.path.exists says no to a name that no file can have.
+    return settle(_read_hooks(name, prefix), lambda path: os.path.exists(prefix / path))  # noqa: PTH110
+
+
+def _read_hooks(name: str, prefix: Path) -> Iterable[Hook]:
+    """Read the dsv files of a package."""
 
     @cache
     def read(path: str) -> str | None:
@@ -114,8 +139,7 @@ def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[
                 return None
             raise
 
-    # Unlike Path.exists, os.path.exists says no to a name that no file can have.
-    return settle(read_hooks(name, read), lambda path: os.path.exists(prefix / path))  # noqa: PTH110
+    return read_hooks(name, read)
 
 
 def _apply(

@@ -138,10 +138,11 @@ class PackageCache:
             self._outside.distrust()
         return found
 
-    def restore(self, task: Task, found: Found) -> dict[str, os.stat_result | None]:
+    def restore(self, task: Task, found: Found) -> tuple[dict[str, os.stat_result | None], tuple[str, ...]]:
         """Write what was found into the task's prefix.
 
-        Return the absolute paths of what tools had listed, sorted, each with its stat if it was written now.
+        Return the absolute paths of the files, sorted, each with its stat if it is small and was written now,
+        and those of empty folders.
         """
         planter = Planter(task.prefix, self._circle.places)
         planter.plant(found.tree, found.contents)
@@ -149,8 +150,9 @@ class PackageCache:
         for path, status, digest in planter.written:
             self._circle.table.learn(path, status, digest)
             stats[path] = status
-        listed = sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves if leaf.listed)
-        return {path: stats.get(path) for path in listed}
+        paths = sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves)
+        empty = tuple(f"{task.prefix}/{path}/" for path in found.tree.empty_folders)
+        return {path: stats.get(path) for path in paths}, empty
 
     def keep(self, task: Task, record: Record) -> Record:
         """Keep what a task has just installed; return its record with what its tree comes to."""

@@ -68,8 +68,11 @@ class Planter:
             else:
                 content = contents.small(leaf)
                 self._write(path, leaf, self._places.settled(content) if leaf.loose else content, new=new)
-        for folder in tree.folders:
+        for folder, _ in tree.folders:
             self._folder(folder)
+        for folder, mode in reversed(tree.folders):
+            if mode and self._seen[folder]:
+                os.chmod(f"{self._prefix}/{folder}", mode)  # noqa: PTH101
 
     def _folder(self, name: str) -> bool:
         """Make a folder below the prefix; tell if nothing was there."""

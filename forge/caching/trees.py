@@ -17,10 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from forge.caching.model import Digest
 from forge.caching.relocation import Bound
+from forge.files import BYTECODE
 from forge.frozen import frozen
+from forge.results import BEFORE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.caching.relocation import Places
@@ -36,7 +38,7 @@ _SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
 TICK = 0.05
 """Seconds by which the clocks of files and of processes may differ."""
 
-_VERSION = 1
+_VERSION = 2
 _NO_NAMES = frozenset({"", ".", ".."})
 _HEX = re.compile(r"[0-9a-f]{64}\Z")
 _LONGEST = 4096
@@ -48,8 +50,7 @@ class Leaf:
     """An installed file: `path` from the prefix, permissions, and what it says with paths put aside.
 
     `offset` is where it begins in the pack; a large one has none, and its bytes are the blob `hash`.
-    `loose` tells that paths are to be put in again. A link has a `target` instead. What the tools do not
-    list as installed, such as what CMake code wrote, is not `listed`.
+    `loose` tells that paths are to be put in again. A link has a `target` instead.
     """
 
     path: str
@@ -59,23 +60,30 @@ class Leaf:
     offset: int = -1
     loose: bool = False
     target: str | None = None
-    listed: bool = True
 
 
 @frozen
 class Tree:
-    """All files of a package, sorted by path, and the folders with nothing in them.
+    """All files of a package, sorted by path, and its folders that are empty or have unusual permissions.
 
+    Each of these has its permissions, 0 for those that any new folder gets.
     `seconds` is how long the build took, for estimates; `bound` says why the tree holds only where it was
     made, '' if it holds anywhere.
     """
 
     package: str
     leaves: tuple[Leaf, ...]
-    folders: tuple[str, ...] = ()
+    folders: tuple[tuple[str, int], ...] = ()
     seconds: float = 0.0
     bound: str = ""
     pack: Digest | None = None
+
+    @property
+    def empty_folders(self) -> tuple[str, ...]:
+        """The folders in which nothing is, sorted."""
+        paths = (*(leaf.path for leaf in self.leaves), *dict(self.folders))
+        full = {parent for path in paths for parent in _parents(path)}
+        return tuple(path for path, _ in self.folders if path not in full)
 
     @property
     def digest(self) -> str:
@@ -85,7 +93,8 @@ class Tree:
             said.update(
                 f"{leaf.path}\0{leaf.mode:o} {leaf.hash} {leaf.target}\n".encode(errors="surrogateescape")
             )
-        said.update("\0".join(self.folders).encode(errors="surrogateescape"))
+        folders = (f"{path}\0{mode:o}\n" for path, mode in self.folders)
+        said.update("".join(folders).encode(errors="surrogateescape"))
         return said.hexdigest()
 
 
@@ -102,16 +111,14 @@ def survey(
 ) -> Tree:
     """Read what a package installed, and hand the contents of its pack to `pack`, in order.
 
-    Tools list its files; in a prefix of its own, what else appeared since its build began belongs to it, too,
-    but for what Python compiles for itself. Raises Unfit for what cannot be kept, such as a file of which
-    nobody knows whose it is, and OSError for what is not there.
+    Raises Unfit for what cannot be kept, and OSError for what is not there.
     """
     prefix = str(layout.prefix(package))
-    names, folders = _below(prefix, record, alone=not layout.merged)
+    names = [_name(prefix, path) for path in record.files]
     leaves, offset, bound = [], 0, ""
     whole = hashlib.sha256()
-    for name, is_listed in sorted(names.items()):
-        leaf, content, why = _leaf(f"{prefix}/{name}", name, places, offset, listed=is_listed)
+    for name in sorted(names):
+        leaf, content, why = _leaf(f"{prefix}/{name}", name, places, offset)
         leaves.append(leaf)
         if content:
             whole.update(content)
@@ -119,6 +126,7 @@ def survey(
             offset += len(content)
         if why and not bound:
             bound = f"'{name}' has {why} in it"
+    folders = _folders(prefix, names, [_name(prefix, path.rstrip("/")) for path in record.folders])
     return Tree(package, tuple(leaves), folders, 0.0, bound, Digest(whole.hexdigest(), offset))
 
 
@@ -130,8 +138,7 @@ def strays(install: Path, records: Mapping[str, Record], since: float) -> dict[s
     listed = {path for record in records.values() for path in record.files}
     found = {}
     for folder, folders, files in os.walk(install):
-        if "__pycache__" in folders:
-            folders.remove("__pycache__")
+        folders[:] = (name for name in folders if name not in {BYTECODE, BEFORE})
         for name in files if folder != str(install) else ():
             path = f"{folder}/{name}"
             if path not in listed and (changed := os.lstat(path).st_ctime) >= since - TICK:
@@ -143,7 +150,7 @@ def index_of(tree: Tree) -> bytes:
     """Return the tree as JSON, the index."""
     said = {"forge_tree": _VERSION, **asdict(tree)}
     said["leaves"] = [
-        [leaf.path, leaf.mode, leaf.size, leaf.hash, leaf.offset, leaf.loose, leaf.target, leaf.listed]
+        [leaf.path, leaf.mode, leaf.size, leaf.hash, leaf.offset, leaf.loose, leaf.target]
         for leaf in tree.leaves
     ]
     return json.dumps(said).encode()
@@ -162,7 +169,7 @@ def tree_of(index: bytes) -> Tree:
         tree = Tree(
             package=_text(said["package"]),
             leaves=tuple(_leaf_of(entry) for entry in said["leaves"]),
-            folders=tuple(map(_safe, said["folders"])),
+            folders=tuple((_safe(path), _number(mode) & 0o777) for path, mode in said["folders"]),
             seconds=_duration(said["seconds"]),
             bound=_text(said["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
@@ -176,36 +183,31 @@ def tree_of(index: bytes) -> Tree:
     return tree
 
 
-def _below(prefix: str, record: Record, *, alone: bool) -> tuple[dict[str, bool], tuple[str, ...]]:
-    """Return the names of a package's files, each with whether tools list it, and of empty folders."""
-    names: dict[str, bool] = {}
-    for path in record.files:
-        if not path.startswith(f"{prefix}/"):
-            raise Unfit(f"it installs '{path}', outside of its prefix")
-        names[path[len(prefix) + 1 :]] = True
-    empty = []
-    for folder, folders, files in os.walk(prefix) if alone else ():
-        if "__pycache__" in folders:
-            folders.remove("__pycache__")
-        below = folder[len(prefix) + 1 :]
-        links = [name for name in folders if os.path.islink(f"{folder}/{name}")]  # noqa: PTH114
-        for name in (f"{below}/{name}" if below else name for name in (*files, *links)):
-            if name not in names and os.lstat(f"{prefix}/{name}").st_ctime < record.began - TICK:
-                raise Unfit(f"'{name}' is in its prefix, and nobody knows who put it there")
-            names.setdefault(name, False)
-        if not folders and not files and below:
-            empty.append(below)
-    return names, tuple(sorted(empty))
+def _name(prefix: str, path: str) -> str:
+    """Return a path from the prefix; raises Unfit for one outside of it."""
+    if not path.startswith(f"{prefix}/"):
+        raise Unfit(f"it installs '{path}', outside of its prefix")
+    return path[len(prefix) + 1 :]
 
 
-def _leaf(
-    path: str, name: str, places: Places, offset: int, *, listed: bool
-) -> tuple[Leaf, bytes | None, str]:
+def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[tuple[str, int], ...]:
+    """Return the empty folders, and those above files whose rights are not those of the prefix."""
+    found = dict.fromkeys(empty, 0)
+    usual = stat.S_IMODE(os.stat(prefix).st_mode)  # noqa: PTH116
+    for path in {*found, *(parent for name in (*names, *found) for parent in _parents(name))}:
+        status = os.lstat(f"{prefix}/{path}")
+        mode = stat.S_IMODE(status.st_mode)
+        if stat.S_ISDIR(status.st_mode) and mode != usual and not mode & _SPECIAL:
+            found[path] = mode
+    return tuple(sorted(found.items()))
+
+
+def _leaf(path: str, name: str, places: Places, offset: int) -> tuple[Leaf, bytes | None, str]:
     """Return a file as a leaf, what it adds to the pack, and why it is bound to where it is."""
     status = os.lstat(path)
     if stat.S_ISLNK(status.st_mode):
         target = os.readlink(path)  # noqa: PTH115  (thousands of files: no Path for each)
-        return Leaf(name, 0, 0, "", target=places.loose_word(target), listed=listed), None, ""
+        return Leaf(name, 0, 0, "", target=places.loose_word(target)), None, ""
     if not stat.S_ISREG(status.st_mode) or status.st_mode & _SPECIAL:
         raise Unfit(f"'{name}' is no ordinary file")
     kept, why, rewritten = _content(path, status, places)
@@ -217,7 +219,6 @@ def _leaf(
         # A large file is linked or copied as it stands: what would have to be rewritten goes into the pack.
         offset if rewritten or len(kept) < LARGE else -1,
         rewritten,
-        listed=listed,
     )
     return leaf, bytes(kept) if leaf.offset >= 0 else None, why
 
@@ -240,7 +241,7 @@ def _content(path: str, status: os.stat_result, places: Places) -> tuple[bytes |
 
 
 def _leaf_of(entry: list[Any]) -> Leaf:
-    path, mode, size, digest, offset, loose, target, listed = entry
+    path, mode, size, digest, offset, loose, target = entry
     return Leaf(
         path=_safe(path),
         mode=_number(mode) & 0o777,
@@ -249,7 +250,6 @@ def _leaf_of(entry: list[Any]) -> Leaf:
         offset=offset if offset == -1 else _number(offset),
         loose=loose is True,
         target=None if target is None else _text(target),
-        listed=listed is True,
     )
 
 
@@ -259,14 +259,15 @@ def _refuse_crossing(tree: Tree) -> None:
     if len(paths) != len(tree.leaves):
         raise ValueError("a path comes twice")
     checked: set[str] = set()
-    for path in (*paths, *tree.folders):
+    folders = {path for path, _ in tree.folders}
+    for path in (*paths, *folders):
         for parent in _parents(path):
             if parent in checked:
                 break
             if parent in paths:
                 raise ValueError(f"'{path}' lies below what is no folder")
             checked.add(parent)
-    if paths & set(tree.folders):
+    if paths & folders or len(folders) != len(tree.folders):
         raise ValueError("a path comes twice")
 
 

@@ -6,14 +6,16 @@ import os
 import sys
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
 from forge import package_options
-from forge.errors import Problem, SelectionError
+from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.launching.choice import LAUNCHERS, NONE
 from forge.manner import Manner
+from forge.model import Mark
 from forge.occupancy import occupied
 from forge.planning import make_plan, wanted_names
 from forge.preparation import (
@@ -91,8 +93,12 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
         closing(open_records(root, layout, interpreter)) as records,
     ):
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
-        held, named = standing(options, loaded, kitchen, variables)
-        plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, held)
+        holds, named = standing(options, loaded, kitchen, variables)
+        plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, holds)
+        while rivals := records.rivals(plan):
+            again = {**snapshot.installed, **dict.fromkeys(rivals, Mark())}
+            snapshot = replace(snapshot, installed=again)
+            plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, holds)
         named.save()
         records.confirm(plan, snapshot, outlook)
         refuse_what_is_too_long(plan, loaded, kitchen, variables)
@@ -106,6 +112,8 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
             records.finish(plan, variables)
             report = Report(plan, loaded.packages, handlers, None)
             _conclude_at_once(plan, options, report, manner, time.monotonic() - begun)
+            if options.strict:
+                raise_if_any(records.clashes(plan.fresh), WorkspaceError)
             return 0
         from forge.undertaking import Undertaking, carry_out  # noqa: PLC0415  (a build of nothing is quick)
 

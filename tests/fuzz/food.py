@@ -150,10 +150,10 @@ _CTEST: Final = b"""<Site><Testing><Test Status="failed"><Name>a</Name><Results>
 """
 _FLAGS: Final = b"kw -j8 -l2.5 --jobserver-auth=3,4 --jobserver-fds=5,6 --no-print-directory -- A=b"
 _TREE: Final = (
-    b'{"forge_tree": 1, "package": "p", "seconds": 1.5, "bound": "", "folders": ["share/empty"], '
+    b'{"forge_tree": 2, "package": "p", "seconds": 1.5, "bound": "", "folders": [["share/empty", 448]], '
     b'"pack": {"hash": "' + b"0" * 64 + b'", "size": 9}, "leaves": ['
-    b'["lib/a", 420, 9, "' + b"1" * 64 + b'", 0, true, null, true], '
-    b'["lib/b", 0, 0, "", -1, false, "a", false]]}'
+    b'["lib/a", 420, 9, "' + b"1" * 64 + b'", 0, true, null], '
+    b'["lib/b", 0, 0, "", -1, false, "a"]]}'
 )
 _ACTION: Final = (
     b"\x12O\n\x04pack\x12E\n@"

@@ -153,11 +153,11 @@ _JSON: Final = (
 )
 
 _TREE: Final = (
-    b'{"forge_tree": 1, "package": "p", "seconds": 1.5, "bound": "", "folders": [], "pack": {"hash": "'
+    b'{"forge_tree": 2, "package": "p", "seconds": 1.5, "bound": "", "folders": [], "pack": {"hash": "'
     + b"0" * 64
     + b'", "size": 9}, "leaves": ['
 )
-_LINK: Final = b'["z", 0, 0, "", -1, false, "x", false]]}'
+_LINK: Final = b'["z", 0, 0, "", -1, false, "x"]]}'
 
 SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     "manifest": _DOCUMENT,
@@ -317,16 +317,16 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     ),
     "cached-tree": (
         *_JSON,
-        Shape("links", b'["l%d", 0, 0, "", -1, false, "x", false], ', _TREE, after=_LINK),
-        Shape("files", b'["f%d", 420, 1, "' + b"1" * 64 + b'", 0, true, null, true], ', _TREE, after=_LINK),
-        Shape("twins", b'["l", 0, 0, "", -1, false, "x", false], ', _TREE, after=_LINK),
-        Shape("files below files", b'["a%e/a%d", 0, 0, "", -1, false, "x", false], ', _TREE, after=_LINK),
+        Shape("links", b'["l%d", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),
+        Shape("files", b'["f%d", 420, 1, "' + b"1" * 64 + b'", 0, true, null], ', _TREE, after=_LINK),
+        Shape("twins", b'["l", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),
+        Shape("files below files", b'["a%e/a%d", 0, 0, "", -1, false, "x"], ', _TREE, after=_LINK),
         Shape("a deep file", b"a/", _TREE + b'["', after=_LINK[2:]),
         Shape(
             "folders",
-            b'"f%d", ',
+            b'["f%d", 0], ',
             _TREE.partition(b"], ")[0],
-            after=b'"f"' + b"".join(_TREE.partition(b"], ")[1:]) + _LINK,
+            after=b'["f", 0]' + b"".join(_TREE.partition(b"], ")[1:]) + _LINK,
         ),
     ),
     "cached-inputs": (

@@ -391,7 +391,7 @@ def cached_tree(data: bytes) -> None:
     with contextlib.suppress(ValueError):
         tree = tree_of(data)
         assert tree_of(index_of(tree)) == tree
-        for path in (*(leaf.path for leaf in tree.leaves), *tree.folders):
+        for path in (*(leaf.path for leaf in tree.leaves), *dict(tree.folders)):
             assert not Path(path).is_absolute()
             assert ".." not in Path(path).parts
 

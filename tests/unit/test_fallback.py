@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -11,7 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge import fallback
-from forge.installation import uninstall_markers
+from forge.files import remove_tree
+from forge.results import BEFORE
 from tests.installs import Made, make_install
 from tests.packages import manifest_text
 
@@ -72,7 +74,7 @@ def test_an_install_that_fails_half_way_changes_nothing(
         write(tmp_path, words="other", last="two")
     assert forge("build", *options, cwd=tmp_path).code == 1
     assert installed(tmp_path) == before
-    assert not list((tmp_path / "build/.forge_before").iterdir())
+    assert not (tmp_path / "install/.forge_before").exists()
     (tmp_path / "src/walker/more.cmake").unlink()
     write(tmp_path, last="two")
     assert forge("build", *options, cwd=tmp_path).code == 0
@@ -110,30 +112,51 @@ def test_an_interrupted_install_changes_nothing(forge: Forge, tmp_path: Path) ->
     assert installed(tmp_path) == before
 
 
-def kept(tmp_path: Path) -> tuple[Layout, Path, Path]:
-    """Install a package, keep it, and begin to build it anew; return the layout and two of its files."""
-    layout = make_install(tmp_path, [Made("walker", files={"bin/small": "small", "lib/large": BIG})])
+def kept(tmp_path: Path, *, merged: bool = False) -> tuple[Layout, Path, Path]:
+    """Install a package, and put it aside but for a file that others installed; return two of its files."""
+    files = {"bin/small": "small", "lib/large": BIG}
+    layout = make_install(tmp_path, [Made("walker", files=files)], merged=merged)
     prefix = layout.prefix("walker")
-    files = (prefix / "bin/small", prefix / "lib/large")
-    fallback.keep("walker", layout, map(str, (*files, prefix / "never/there")))
-    uninstall_markers("walker", layout)
-    return layout, *files
+    small, large = prefix / "bin/small", prefix / "lib/large"
+    names = [str(path) for path in (small, large, prefix / "never/there")]
+    fallback.keep("walker", layout, names, [str(large)] if merged else ())
+    return layout, small, large
 
 
-def test_after_a_kill_the_last_good_state_is_kept(tmp_path: Path) -> None:
+@pytest.mark.parametrize("merged", [False, True], ids=["isolated", "merged"])
+def test_after_a_kill_the_last_good_state_is_kept(tmp_path: Path, *, merged: bool) -> None:
     """What the killed build left is nobody's good state."""
-    layout, small, _ = kept(tmp_path)
+    layout, small, large = kept(tmp_path, merged=merged)
+    assert not small.exists()
+    assert large.exists() == merged
+    small.parent.mkdir(parents=True)
     small.write_text("half")
     fallback.keep("walker", layout, [str(small)])
+    assert not small.exists()
     fallback.restore("walker", layout)
-    assert small.read_text() == "small"
+    assert (small.read_text(), large.read_text()) == ("small", BIG)
     assert (layout.prefix("walker") / "share/walker/package.dsv").is_file()
+    fallback.tidy(layout)
+    assert not (layout.install / BEFORE).exists()
+
+
+def test_a_kill_while_files_move_loses_none(tmp_path: Path) -> None:
+    """Half of them are aside: all of them are good."""
+    layout, small, _ = kept(tmp_path, merged=True)
+    (layout.install / BEFORE / "walker").rename(layout.install / BEFORE / "walker.part")
+    (layout.install / BEFORE / "walker.part/share/walker/package.sh").unlink()
+    script = layout.install / "share/walker/package.sh"
+    script.parent.mkdir(parents=True, exist_ok=True)
+    script.write_text("still there")
+    fallback.keep("walker", layout, [str(small)])
+    assert not script.exists()
+    fallback.restore("walker", layout)
+    assert (small.read_text(), script.read_text()) == ("small", "still there")
 
 
 def test_what_was_written_in_place_is_not_taken_for_good(tmp_path: Path) -> None:
-    """A large file is linked, not copied: then the package does not look installed."""
-    layout, small, large = kept(tmp_path)
-    small.unlink()
+    """A large file that others installed, too, is linked: then the package looks not installed."""
+    layout, small, large = kept(tmp_path, merged=True)
     with large.open("a") as stream:
         stream.write("more")
     fallback.restore("walker", layout)
@@ -141,10 +164,31 @@ def test_what_was_written_in_place_is_not_taken_for_good(tmp_path: Path) -> None
     assert not (layout.prefix("walker") / "share/walker/package.dsv").exists()
 
 
-def test_nothing_is_kept_of_what_never_was_whole(tmp_path: Path) -> None:
-    """A first build has nothing to go back to."""
-    layout = make_install(tmp_path, [Made("walker")])
-    uninstall_markers("walker", layout)
+def test_a_package_that_was_not_there_is_not_there_again(tmp_path: Path) -> None:
+    """A first build that fails leaves nothing, and takes nothing with it that is no folder."""
+    layout = make_install(tmp_path, [])
+    prefix = layout.prefix("walker")
+    fallback.keep("walker", layout, [])
+    (prefix / "share").mkdir(parents=True)
+    fallback.restore("walker", layout)
+    assert not prefix.exists()
+    prefix.write_text("mine")
     fallback.keep("walker", layout, [])
     fallback.restore("walker", layout)
-    assert not (layout.build / ".forge_before").exists()
+    assert prefix.read_text() == "mine"
+
+
+def test_folders_that_may_not_be_written_to_go_as_well(tmp_path: Path) -> None:
+    """A package may install such; where links lead nothing happens."""
+    outside = tmp_path / "outside"
+    outside.mkdir(mode=0o500)
+    (outside / "x").touch()
+    locked = tmp_path / "prefix/share/locked"
+    locked.mkdir(parents=True)
+    (locked / "x").touch()
+    (locked / "link").symlink_to(outside)
+    locked.chmod(0o500)
+    remove_tree(str(tmp_path / "prefix"))
+    assert not (tmp_path / "prefix").exists()
+    assert stat.S_IMODE(outside.stat().st_mode) == 0o500
+    assert (outside / "x").exists()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import stat
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import pytest
 from forge.caching.relocation import Places
 from forge.caching.restoring import Contents, Planter
 from forge.caching.trees import LARGE, Tree, Unfit, index_of, survey, tree_of
+from forge.files import tree_below
 from forge.layout import Layout
 from forge.model import Parts, Record
 
@@ -34,10 +34,12 @@ def installed(root: Path, files: Mapping[str, bytes]) -> Layout:
     return layout
 
 
-def surveyed(layout: Layout, pack: Path, listed: tuple[str, ...] = (), began: float = 0.0) -> Tree:
+def surveyed(layout: Layout, pack: Path, elsewhere: tuple[str, ...] = ()) -> Tree:
     """Return the tree of 'a', with its pack in a file."""
+    files, folders = tree_below(str(layout.prefix("a")))
     with pack.open("wb") as stream:
-        record = Record(Parts(), files=listed, began=began)
+        names = (*(path for path, _ in files), *elsewhere)
+        record = Record(Parts(), files=names, folders=tuple(f"{path}/" for path in folders))
         return survey("a", layout, record, Places(layout.install.parent, layout), stream.write)
 
 
@@ -69,16 +71,21 @@ def look(prefix: Path) -> dict[str, tuple[int, bytes]]:
 
 
 def test_a_tree_is_planted_as_it_was(tmp_path: Path) -> None:
-    """Rights, links, empty files and folders, large files; names that are no UTF-8."""
+    """Rights, also of folders, links, empty files and folders, large files; names that are no UTF-8."""
     layout = installed(tmp_path / "one", {"lib/small": b"x", "lib/large": b"y" * LARGE, "share/empty": b""})
     prefix = layout.prefix("a")
     (prefix / "lib/small").chmod(0o755)
     (prefix / "lib/linked").symlink_to("small")
     (prefix / "hollow/within").mkdir(parents=True)
+    (prefix / "locked/within").mkdir(parents=True)
+    (prefix / "locked/within").chmod(0o700)
+    (prefix / "locked").chmod(0o500)
+    (prefix / "share").chmod(0o700)
     Path(os.fsdecode(bytes(prefix) + b"/share/\xff")).write_bytes(b"odd")
     tree = surveyed(layout, tmp_path / "pack")
     again = tree_of(index_of(tree))
     assert again == tree
+    assert again.empty_folders == ("hollow/within", "locked/within")
     other = planted(again, tmp_path / "pack", prefix, tmp_path / "two")
     assert look(other.prefix("a")) == look(prefix)
     assert surveyed(other, tmp_path / "pack2").digest == tree.digest
@@ -113,15 +120,6 @@ def test_what_nobody_may_restore_is_not_kept(tmp_path: Path) -> None:
         surveyed(installed(tmp_path / "b", {}), tmp_path / "pack", ("/etc/passwd",))
 
 
-def test_a_file_from_before_the_build_is_somebody_elses(tmp_path: Path) -> None:
-    layout = installed(tmp_path, {"share/a/notes.txt": b"mine"})
-    assert surveyed(layout, tmp_path / "pack").leaves
-    with pytest.raises(Unfit, match="nobody knows who put it there"):
-        surveyed(layout, tmp_path / "pack", began=time.time() + 1)
-    listed = (f"{layout.prefix('a')}/share/a/notes.txt",)
-    assert surveyed(layout, tmp_path / "pack", listed, time.time() + 1).leaves
-
-
 def test_what_python_compiled_for_itself_is_left_out(tmp_path: Path) -> None:
     layout = installed(tmp_path, {"lib/m.py": b"", "lib/__pycache__/m.cpython-311.pyc": bytes(tmp_path)})
     assert [leaf.path for leaf in surveyed(layout, tmp_path / "pack").leaves] == ["lib/m.py"]
@@ -130,7 +128,7 @@ def test_what_python_compiled_for_itself_is_left_out(tmp_path: Path) -> None:
 def index(*leaves: list[Any], **other: object) -> bytes:
     """Return an index as somebody else may write it."""
     said: dict[str, object] = {
-        "forge_tree": 1,
+        "forge_tree": 2,
         "package": "a",
         "leaves": leaves,
         "folders": [],
@@ -143,7 +141,7 @@ def index(*leaves: list[Any], **other: object) -> bytes:
 
 def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) -> list[Any]:
     """Return a leaf as it stands in an index."""
-    return [path, 0o644, size, HASH, offset, False, target, True]
+    return [path, 0o644, size, HASH, offset, False, target]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +152,7 @@ def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) ->
         b"{}",
         b"\xff",
         b"[" * 100_000,
-        index(forge_tree=2),
+        index(forge_tree=1),
         index(leaf("../x")),
         index(leaf("/etc/passwd")),
         index(leaf("a/../../x")),
@@ -166,8 +164,10 @@ def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) ->
         index(leaf("x"), leaf("x")),
         index(leaf("x", target="/etc"), leaf("x/passwd")),
         index(leaf("x"), leaf("x/y")),
-        index(leaf("x"), folders=["x"]),
-        index(folders=["../x"]),
+        index(leaf("x"), folders=[["x", 0]]),
+        index(folders=[["../x", 0]]),
+        index(folders=["x"]),
+        index(folders=[["x", 0], ["x", 7]]),
         index(leaf("x", offset=10)),
         index(leaf("x", offset=-2)),
         index(leaf("x", size=-1)),
