@@ -428,7 +428,7 @@ def test_a_scheduler_that_does_not_answer_is_said(tmp_path: Path) -> None:
 
 
 def test_without_dask_the_way_to_get_it_is_said(tmp_path: Path) -> None:
-    write(tmp_path / "absent", {"distributed.py": "raise ImportError\n"})
+    write(tmp_path / "absent", {"sitecustomize.py": "import sys\nsys.modules['distributed'] = None\n"})
     workspace = Workspace(write(tmp_path / "ws", plain("a")), Loopback(tmp_path, address="tcp://127.0.0.1:9"))
     path = os.pathsep.join((str(tmp_path / "absent"), str(ROOT)))
     process = workspace.start(*workspace.options, env={"PYTHONPATH": path})
