@@ -1,18 +1,34 @@
 """`python -m forge` and the `forge` command."""
 
 import gc
+import os
 import sys
 
 
 def main() -> int:
     """Carry out the command of this process, which ends then; returns its exit code."""
-    from forge import cli  # noqa: PLC0415  (once it is known where modules come from)
+    _insist_on_utf8()
+    # Here, once it is known where modules come from.
+    from forge import cli  # noqa: PLC0415
+    from forge.interrupts import open_standard_streams  # noqa: PLC0415
 
+    open_standard_streams()
     code = cli.main()
     # At the end the interpreter looks for cycles among all that is left, for 20 ms after a large build. What
     # has to be closed is closed by now.
     gc.freeze()
     return code
+
+
+def _insist_on_utf8() -> None:
+    """Start anew in UTF-8 mode where Python encodes paths otherwise: all that forge writes is UTF-8.
+
+    That is so in old locales, and in the C locale when PYTHONUTF8 is 0.
+    """
+    if sys.getfilesystemencoding() == "utf-8" or sys.flags.utf8_mode:
+        return
+    environment = {**os.environ, "PYTHONUTF8": "1"}
+    os.execve(sys.executable, [sys.executable, "-X", "utf8", *sys.orig_argv[1:]], environment)  # noqa: S606
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from forge.jobserver import TOKEN
+from forge.jobserver import MOST_JOBS, TOKEN
 from forge.makeflags import MakeFlags
 
 if TYPE_CHECKING:
@@ -50,6 +50,8 @@ class Budget:
         short: Callable[[], bool] = lambda: False,
     ) -> None:
         """Begin with all tokens in hand, or with the one that a make above gave us."""
+        # More tokens than the pipe holds would block who gives one back.
+        jobs = min(jobs, pool.room if pool is not None and not pool.joined else MOST_JOBS)
         self.jobs = jobs
         self.local = jobs
         """How many of the jobs are for this machine: all, unless a farm takes some."""
@@ -233,10 +235,10 @@ class Budget:
             self._hand += [TOKEN] * self.jobs
 
     def _give_away(self, count: int) -> None:
-        if self._pool is not None:
-            for token in [token for token in self._hand if token != _UNASKED][: max(0, count)]:
-                self._hand.remove(token)
-                self._pool.give(token)
+        if self._pool is not None and count > 0:
+            tokens = [token for token in self._hand if token != _UNASKED]
+            given = self._pool.give(b"".join(tokens[:count]))
+            self._hand = [_UNASKED] * (len(self._hand) - len(tokens)) + tokens[given:]
 
 
 def without_jobs(variables: Mapping[str, str]) -> dict[str, str]:

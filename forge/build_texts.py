@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.config_search import ConfigSearch, prefixes_of_path
 from forge.digests import RACY_NANOSECONDS, source_files, stamp_files
+from forge.files import open_regular
 from forge.freshness import NAMED_FILE, counts
 from forge.named_inputs import VOLATILE, Entry, NamedFiles, Uses, digest_of_text, is_text
 from forge.named_variables import LISTS, Named, in_find_module, in_module, reader_of, reader_of_script
@@ -179,7 +180,7 @@ def _joined_words(text: str) -> Iterable[str]:
 def _text(path: str) -> str:
     """Return the text of a file, '' for one that cannot be read or is too large for a script."""
     try:
-        with open(path, encoding="utf-8", errors="surrogateescape") as stream:  # noqa: PTH123
+        with open(path, encoding="utf-8", errors="surrogateescape", opener=open_regular) as stream:
             return stream.read(_LARGEST)
     except (OSError, ValueError):
         return ""

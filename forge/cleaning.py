@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from forge.ament_index import INDEX
 from forge.build.build_dir import INSTALLED, set_aside
 from forge.fallback import put_aside
+from forge.files import listed_paths
 from forge.folders import MANIFESTS
 from forge.frozen import frozen
 from forge.prefixes import LAYOUT_MARKER, PACKAGES
@@ -141,7 +142,7 @@ def _installed(name: str, layout: Layout, records: Mapping[str, Record]) -> tupl
     """Return the files that this package alone put into a merged install."""
     found = set(records[name].files) if name in records else set()
     for manifest in MANIFESTS:
-        found.update(os.path.normpath(line) for line in _lines(layout.build_dir(name) / manifest))
+        found.update(listed_paths(layout.build_dir(name) / manifest))
     share = layout.install / "share" / name
     own = [*share.glob("package.*"), *share.glob("hook/*"), layout.install / PACKAGES / name]
     found.update(map(str, (*own, *(layout.install / INDEX).glob(f"*/{name}"))))
@@ -172,10 +173,3 @@ def _folders(base: Path) -> Iterator[Path]:
 
 def _entries(base: Path) -> list[Path]:
     return sorted(base.iterdir()) if base.is_dir() else []
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return [line for line in path.read_text("utf-8", "surrogateescape").splitlines() if line]
-    except OSError:
-        return []

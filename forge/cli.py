@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 a package failed, 2 the user must mend something, 70 our b
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import os
 import sys
@@ -15,8 +16,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.configuration import GENERAL, configured
-from forge.errors import EXIT_INTERRUPTED, ForgeError, said_once
-from forge.interrupts import caught, interrupt
+from forge.errors import EXIT_INTERRUPTED, ForgeError, Problem, said_once
+from forge.interrupts import caught, interrupt, is_writable
 from forge.refusals import refusal
 from forge.workspace_root import find_root, standing_in, typed_elsewhere
 
@@ -76,8 +77,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:
         return _refused(error)
-    except Exception:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
-        return _our_bug()
+    except Exception as error:  # noqa: BLE001  (the last resort: say that it is our fault, and where to tell)
+        return _no_memory() if isinstance(error, MemoryError) else _our_bug()
     return code
 
 
@@ -254,10 +255,16 @@ def _folder(arguments: Sequence[str]) -> Path:
 
 def _refused(error: OSError) -> int:
     """Tell what the system refuses, unless it is a fault of ours."""
-    problem = refusal(error)
+    problem = None if error.errno == errno.EBADF and is_writable(1) else refusal(error)
     if problem is None:
         return _our_bug()
     print(problem.render(), file=sys.stderr)
+    return EXIT_USER
+
+
+def _no_memory() -> int:
+    hint = "is there a limit? 'ulimit -v' shows it; with fewer '--jobs' less is needed"
+    print(Problem("there is not enough memory", hint=hint).render(), file=sys.stderr)
     return EXIT_USER
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.errors import Place, Problem, SelectionError, WorkspaceError
+from forge.files import read_file
 from forge.formats import read_toml, read_yaml
 from forge.frozen import frozen
 from forge.names import did_you_mean
@@ -72,8 +73,8 @@ def _sources(
     """Yield the files that say something about the command, lowest first."""
     defaults = Path(setting("DEFAULTS_FILE", variables) or home(variables) / "defaults.yaml")
     for path in (defaults, root / _LOCAL_DEFAULTS):
-        if path.is_file():
-            said = read_yaml(path.read_bytes(), path)
+        if path.exists():
+            said = read_yaml(read_file(path), path)
             general = {
                 key: value
                 for key, value in _table(said, "", path).items()
@@ -94,7 +95,7 @@ def _sources(
 
 def _forge_toml(root: Path) -> dict[str, Any]:
     path = root / FORGE_TOML
-    return read_toml(path.read_bytes(), path) if path.is_file() else {}
+    return read_toml(read_file(path), path) if path.exists() else {}
 
 
 def _table(said: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:

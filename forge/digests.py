@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from forge.build.input_manifest import FileState, InputManifest
 from forge.files import replace_file
 from forge.model import Mark
+from forge.source_names import is_source, is_source_folder
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -35,25 +36,11 @@ _COARSE_NANOSECONDS = 2_000_000_000
 NAMES_IN = "/."
 """The end of a path that stands for the names in a folder, whatever the files say."""
 
+_BLOCK = 1 << 20
+"""How many bytes are read at a time: a file may be larger than the memory."""
+
 _NOBODY_LOOKED: Stats = {}
 
-_LITTER_FOLDERS = frozenset(
-    {
-        ".git",
-        ".hg",
-        ".svn",
-        ".bzr",
-        "__pycache__",
-        ".pytest_cache",
-        ".mypy_cache",
-        ".ruff_cache",
-        ".idea",
-        ".vscode",
-    }
-)
-_LITTER_ENDINGS = (".pyc", ".pyo", "~", ".swp", ".swo", ".egg-info")
-_LITTER_BEGINNINGS = (".#", "#")
-_LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE"})
 _RESULTS = frozenset({".built_by", ".colcon_install_layout", "latest_build"})
 """Beside COLCON_IGNORE, these mark where builds, installs and logs go, perhaps within a lone package."""
 
@@ -172,8 +159,12 @@ def stamp_files(paths: Iterable[str]) -> str:
 
 def content_digest(path: str) -> str:
     """Return the digest of what a file says; raises OSError as open does."""
-    with open(path, "rb") as stream:  # noqa: PTH123  (thousands of files: no Path for each)
-        return hashlib.blake2b(stream.read(), digest_size=16).hexdigest()
+    digest = hashlib.blake2b(digest_size=16)
+    with open(path, "rb", buffering=0) as stream:  # noqa: PTH123  (thousands of files: no Path for each)
+        # A block at a time: a recording may be larger than the memory.
+        while block := stream.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def contents_of(paths: Iterable[str], table: FileTable, stats: Stats = _NOBODY_LOOKED) -> dict[str, str]:
@@ -212,30 +203,30 @@ def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
     waiting: list[tuple[str, tuple[str, ...]]] = [(root, (root,))]
     while waiting:
         folder, way = waiting.pop()
-        entries = _entries(folder)
+        entries = _entries(folder, way[0])
         if entries is None:
             continue
         targets = []
+        names = {entry.name for entry in entries}
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
-                if _counts_as_folder(entry.name):
+                if is_source_folder(entry.name, names.__contains__):
                     waiting.append((entry.path, way))
-            elif entry.is_symlink() and is_source(entry.name):
+            elif entry.is_symlink() and is_source(entry.name, names.__contains__):
                 target = os.path.realpath(entry.path)
-                if not entry.is_dir():
+                if not _leads_to_folder(entry):
                     targets.append(target)
                 elif not _leads_back(target, way):
                     waiting.append((entry.path, (*way, target)))
         yield folder, tuple(targets)
 
 
-def is_source(name: str) -> bool:
-    """Tell if a file of this name counts as a source."""
-    return not (name in _LITTER or name.endswith(_LITTER_ENDINGS) or name.startswith(_LITTER_BEGINNINGS))
-
-
-def _counts_as_folder(name: str) -> bool:
-    return name not in _LITTER_FOLDERS and not name.endswith(".egg-info")
+def _leads_to_folder(link: os.DirEntry[str]) -> bool:
+    """Tell if a link leads to a folder; one that leads to itself leads nowhere."""
+    try:
+        return link.is_dir()
+    except OSError:
+        return False
 
 
 def _leads_back(target: str, way: tuple[str, ...]) -> bool:
@@ -243,10 +234,11 @@ def _leads_back(target: str, way: tuple[str, ...]) -> bool:
     return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in way)
 
 
-def _entries(folder: str) -> list[os.DirEntry[str]] | None:
-    """Return what is in a folder, sorted; None where results of a build go, or when it has just vanished.
+def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
+    """Return what is in a folder, sorted; None for one that is no part of the sources below `root`.
 
-    Raises other OSErrors.
+    That is where results of a build go, an environment of Python, what an editor builds, and what has just
+    vanished. Raises other OSErrors.
     """
     try:
         with os.scandir(folder) as found:
@@ -254,7 +246,10 @@ def _entries(folder: str) -> list[os.DirEntry[str]] | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     names = {entry.name for entry in entries}
-    return None if "COLCON_IGNORE" in names and names & _RESULTS else entries
+    if "COLCON_IGNORE" in names and names & _RESULTS:
+        return None
+    by_editor = "CMakeCache.txt" in names and os.path.basename(folder).startswith("cmake-build-")  # noqa: PTH119
+    return None if folder != root and (by_editor or "pyvenv.cfg" in names) else entries
 
 
 def _below(
@@ -268,17 +263,17 @@ def _below(
     Folders come as paths with '/' at their end, the first one if its stat is given as `itself`. `way` are
     the folders that links and the root lead through, which are not entered again.
     """
-    entries = _entries(folder)
+    entries = _entries(folder, way[0])
     if entries is None:
         return
+    names = {entry.name for entry in entries}
     if itself is not None:
         yield f"{folder}/", itself, len(way) > 1
     for entry in entries:
         name = entry.name
         is_folder = entry.is_dir(follow_symlinks=False)
-        if is_folder and (name == without or not _counts_as_folder(name)):
-            continue
-        if not is_folder and not is_source(name):
+        counts = is_source_folder if is_folder else is_source
+        if (is_folder and name == without) or not counts(name, names.__contains__):
             continue
         try:
             status = entry.stat(follow_symlinks=False)
@@ -289,7 +284,7 @@ def _below(
             yield from _below(entry.path, way, without, status)
             continue
         yield entry.path, status, len(way) > 1
-        if entry.is_symlink() and entry.is_dir():
+        if entry.is_symlink() and _leads_to_folder(entry):
             target = os.path.realpath(entry.path)
             if not _leads_back(target, way):
                 yield from _below(entry.path, (*way, target), without)

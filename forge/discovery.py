@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import glob
 import os
+import stat
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.errors import Place, Problem
+from forge.files import unfit
 from forge.identification import TELLING, identify, read_package
 from forge.identity import NOTHING
 from forge.model import Dependency, Kind, Package, Workspace
 from forge.overrides import Overrides
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from forge.errors import Problem
     from forge.identity import Identity
 
+_READ_BY_TOOLS = (
+    *("CMakeLists.txt", "setup.cfg", "pyproject.toml", "MANIFEST.in", ".cmake", ".in", ".py"),
+    *(".c", ".cc", ".cpp", ".cxx", ".h", ".hh", ".hpp", ".hxx", ".S", ".s"),
+    *(".msg", ".srv", ".action", ".idl"),
+)
 ROS_DEFAULTS = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "humble"}
 """What manifests may ask about and a machine without ROS does not say."""
 
@@ -53,6 +60,31 @@ def discover_embedded() -> Mapping[str, Package]:
     return {p.name: replace(p, embedded=True) for p in packages}
 
 
+def special_files(root: Path, folder: Path) -> Iterator[Problem]:
+    """Yield the named pipes and devices of a package that are named as sources are; `folder` is below `root`.
+
+    Build tools open these by themselves, and wait for a writer, or read without end.
+    """
+    waiting = [os.path.join(root, folder)]  # noqa: PTH118  (every file of a package: text is faster)
+    while waiting:
+        try:
+            with os.scandir(waiting.pop()) as found:
+                entries = sorted(found, key=lambda entry: entry.name)
+        except OSError:
+            continue  # who takes the snapshot of the sources tells
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                waiting += [] if entry.name.startswith(".") else [entry.path]
+            elif entry.name.endswith(_READ_BY_TOOLS) and not entry.is_file(follow_symlinks=False):
+                try:
+                    status = entry.stat()
+                except OSError:
+                    continue
+                if not stat.S_ISDIR(status.st_mode) and (reason := unfit(entry.path, status)):
+                    place = folder / os.path.relpath(entry.path, root / folder)
+                    yield Problem(f"cannot read the file: {reason}", Place(place))
+
+
 class _Walk:
     """One walk over folders; no folder is seen twice, however linked."""
 
@@ -71,7 +103,11 @@ class _Walk:
         waiting = [(os.path.join(self.root, base), str(Path(base)))]  # noqa: PTH118  (2,000 folders: text is 10 times faster)
         while waiting:
             folder, spelling = waiting.pop()
-            entries = _entries(folder, self.visited)
+            try:
+                entries = _entries(folder, self.visited)
+            except PermissionError as error:
+                self.notes.append(_unreadable(spelling, error))
+                continue
             if entries is None:
                 continue
             identity = self.identity(spelling, entries)
@@ -113,7 +149,10 @@ def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
 
 
 def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | None:
-    """Return name -> is it a folder, or None when there is nothing to see or it was seen before."""
+    """Return name -> is it a folder, or None when there is nothing to see or it was seen before.
+
+    Raises PermissionError for a folder that may not be read.
+    """
     try:
         status = os.stat(folder)  # noqa: PTH116
         identity = (status.st_dev, status.st_ino)
@@ -122,9 +161,17 @@ def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | No
         visited.add(identity)
         with os.scandir(folder) as found:
             return {entry.name: _is_folder(entry) for entry in found}
+    except PermissionError:
+        raise
     except OSError:
-        # Unreadable, or gone while we looked: nobody can build what is in there.
+        # Gone while we looked, or a link that leads nowhere: nobody can build what is in there.
         return None
+
+
+def _unreadable(spelling: str, error: PermissionError) -> Problem:
+    reason = (error.strerror or str(error)).lower()
+    hint = "let this user read it, or put an empty file COLCON_IGNORE into the folder above it"
+    return Problem(f"left out, with all packages in it: {reason}", Place(Path(spelling)), hint)
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:

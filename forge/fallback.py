@@ -13,17 +13,20 @@ import contextlib
 import json
 import os
 import shutil
+import stat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.errors import Problem
 from forge.files import BYTECODE, remove_tree, replace_file, tree_below
 from forge.installation import markers
 from forge.results import BEFORE
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+    from collections.abc import Collection, Iterable, Iterator
 
     from forge.layout import Layout
+    from forge.model import Task
 
 _LIST = "list.json"
 _SMALL = 65536
@@ -230,9 +233,41 @@ def _copy_all(folder: Path, paths: Iterable[str]) -> None:
     for number, path in enumerate(paths):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
             status = os.lstat(path)
+            if stat.S_ISDIR(status.st_mode):
+                continue  # put there by somebody else: what was installed is gone
             _copy(Path(path), folder / str(number), linked=status.st_size > _SMALL)
             kept.append((str(number), path, status.st_mtime_ns, status.st_size))
     replace_file(folder / _LIST, json.dumps(kept).encode())
+
+
+def in_the_way(task: Task, layout: Layout) -> Iterator[Problem]:
+    """Yield what somebody put where the task will need a folder, or a file.
+
+    CMake installs a file *into* a folder of its name, and says that all is well.
+    """
+    name = task.name
+    for word, folder in (("build", task.build_dir), ("install", task.prefix)):
+        if os.path.lexists(folder) and not folder.is_dir():
+            hint = f"remove it, or choose another folder with '--{word}-base'"
+            yield Problem(f"the {word} folder '{folder}' of '{name}' is a file", hint=hint)
+    if not layout.merged or not task.earlier or (_folder(name, layout, "copies") / _LIST).is_file():
+        return  # a prefix of its own is put aside as a whole; a build that was killed may have put it there
+    files = set(task.earlier)
+    parents = {parent for path in files for parent in _parents(path, str(task.prefix))}
+    for path in sorted(files - parents):
+        if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114  (each installed file: no Path for each)
+            hint = "move it away, or remove it"
+            yield Problem(f"'{path}', which '{name}' installed as a file, is a folder now", hint=hint)
+    for path in sorted(parents - files):
+        if os.path.lexists(path) and not os.path.isdir(path):  # noqa: PTH112
+            hint = "move it away, or remove it"
+            yield Problem(f"'{path}', in which '{name}' installed files, is no folder now", hint=hint)
+
+
+def _parents(path: str, prefix: str) -> Iterator[str]:
+    """Yield the folders between a file and the prefix that it is in."""
+    while (path := os.path.dirname(path)).startswith(f"{prefix}/"):  # noqa: PTH120
+        yield path
 
 
 def _put_copies_back(folder: Path) -> bool:
@@ -269,6 +304,13 @@ def _put_back(kept: Path, path: Path) -> None:
         now = path.lstat()
         if now.st_ino == status.st_ino:
             return
+    # Where a file was kept, what stands there now was made by the build that failed.
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    for folder in path.parents:
+        if folder.is_dir():
+            break
+        folder.unlink(missing_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.forge-draft")
     draft.unlink(missing_ok=True)

@@ -3,18 +3,135 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 import stat
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from io import FileIO
     from pathlib import Path
 
 
 BYTECODE = "__pycache__"
 _DRAFT = ".forge-draft"
+
+LARGEST = 16 << 20
+"""How many bytes a file may have that people write and forge reads as a whole."""
+
+_MOST_PARTS = 8
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+class UnfitFileError(OSError):
+    """A file that is not read: it is no regular file, or it is too large. Names the file and the reason."""
+
+    def __init__(self, path: str, reason: str) -> None:
+        """Give `reason` in the words that follow the name of the file."""
+        super().__init__(None, reason, path)
+
+
+def read_file(path: str | Path, most: int = LARGEST) -> bytes:
+    """Return the bytes of a regular file.
+
+    Never waits for a writer, as for that of a named pipe, and never fills the memory. The null device reads
+    as an empty file. Raises UnfitFileError for anything else that is no regular file and for one of more
+    than `most` bytes, OSError as the system does.
+    """
+    with open(path, "rb", buffering=0, opener=open_regular) as stream:
+        content = _read_up_to(stream, most + 1)
+    if len(content) > most:
+        raise UnfitFileError(str(path), f"it is larger than {most >> 20} MiB")
+    return content
+
+
+def open_regular(path: str, flags: int) -> int:
+    """Return a descriptor of a regular file, for open(); raises UnfitFileError for what is none."""
+    # First without opening: to open some devices does something.
+    _refuse_unfit(path, os.stat(path))  # noqa: PTH116
+    descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        _refuse_unfit(path, os.fstat(descriptor))
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _refuse_unfit(path: str, status: os.stat_result) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    problem = unfit(path, status)
+    if problem:
+        raise UnfitFileError(str(path), problem)
+
+
+def read_text(path: str | Path, most: int = LARGEST) -> str:
+    """Return the text of a regular file, read as by `read_file`, its line ends as Python has them.
+
+    What is no UTF-8 is replaced.
+    """
+    text = read_file(path, most).decode(errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def text_or_nothing(path: str | Path, most: int = LARGEST) -> str:
+    """Return the same, or nothing where there is no file that can be read."""
+    try:
+        return read_text(path, most)
+    except OSError:
+        return ""
+
+
+def listed_paths(path: str | Path) -> Iterator[str]:
+    """Yield the absolute paths that a list of installed files holds, one on a line; none without a list.
+
+    A name with a line break or, by CMake, a semicolon takes several lines: these are put together where that
+    makes the name of a file.
+    """
+    try:
+        lines = read_file(path, 1 << 30).decode(errors="surrogateescape").split("\n")
+    except OSError:
+        return
+    starts = [at for at, line in enumerate(lines) if line.startswith("/")]
+    for start, end in pairwise((*starts, len(lines))):
+        yield os.path.normpath(_joined(lines[start:end]))
+
+
+def _joined(parts: list[str]) -> str:
+    """Return the longest name of a file that the first parts make, which were divided where it has a sign."""
+    names = [parts[0]]
+    found = parts[0]
+    for part in parts[1:_MOST_PARTS]:
+        names = [f"{name}{sign}{part}" for name in names for sign in "\n;"]
+        found = next(filter(os.path.lexists, names), found)
+    return found
+
+
+def unfit(path: str | Path, status: os.stat_result) -> str:
+    """Return why a file with this stat, links followed, cannot be read as a text; '' when it can be."""
+    kind = stat.S_IFMT(status.st_mode)
+    if kind == stat.S_IFREG or (kind == stat.S_IFCHR and os.path.realpath(path) == os.devnull):
+        return ""
+    return f"it is {_KINDS.get(kind, 'of an unknown kind')}, not a regular file"
+
+
+def _read_up_to(stream: FileIO, most: int) -> bytes:
+    blocks = []
+    while most > 0 and (block := stream.read(min(most, 1 << 16))):
+        blocks.append(block)
+        most -= len(block)
+    return b"".join(blocks)
 
 
 @contextlib.contextmanager

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shutil
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
+
+from forge.files import listed_paths
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,6 +56,4 @@ def clear(task: Task) -> None:
 def listed_files(build: Path) -> Iterator[str]:
     """Yield the absolute paths that the tools list in a build folder as installed, once or more."""
     for name in MANIFESTS:
-        with contextlib.suppress(OSError):
-            text = (build / name).read_text(encoding="utf-8", errors="surrogateescape")
-            yield from (os.path.normpath(line) for line in text.splitlines() if line)
+        yield from listed_paths(build / name)

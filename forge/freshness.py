@@ -106,7 +106,7 @@ def why_different(now: Parts, then: Parts, news: tuple[str, ...] = ()) -> str | 
     if now.options != then.options:
         return _option(now.options, then.options)
     if now.sources != then.sources:
-        return _sources(news)
+        return source_changes(news)
     need = _first_difference(now.needs, then.needs)
     if need:
         return f"'{need}', which it needs, came out different"
@@ -129,7 +129,8 @@ def _option(now: Iterable[str], then: Iterable[str]) -> str:
     return f"the option '{gone}' is gone" if gone is not None else "the order of its options changed"
 
 
-def _sources(news: tuple[str, ...]) -> str:
+def source_changes(news: tuple[str, ...]) -> str:
+    """Return what changed in the sources of a package; `news` are the files that were read anew."""
     if not news:
         return "files were added to it, removed or renamed"
     rest = f" and {len(news) - 1} more" if len(news) > 1 else ""

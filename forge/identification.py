@@ -6,11 +6,13 @@ colcon.pkg and *.meta files, package.xml, CMakeLists.txt, setup.py, and, ours, p
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.errors import Place, Problem, WorkspaceError
+from forge.files import read_file
 from forge.identity import HIDDEN, NOTHING, Folder, Identity
 from forge.manifest import parse_manifest
 from forge.model import Package
@@ -43,7 +45,7 @@ def identify(
         return HIDDEN
     folder = Folder(path, root / path, entries)
     try:
-        own = read_colcon_pkg(folder.place) if folder.has(COLCON_PKG) else {}
+        own = _colcon_pkg(folder)
         said = overrides.placed(folder.place)
         conflicts = _claim(folder, own, said, overrides)
         identity = _identify(folder, variables)
@@ -55,8 +57,9 @@ def identify(
     except WorkspaceError as error:
         return Identity(problems=_relative(error.problems, folder))
     except OSError as error:
-        problem = Problem(f"cannot read the manifest: {error.strerror}", Place(path / "package.xml"))
-        return Identity(problems=(problem,))
+        file = os.path.relpath(error.filename, folder.place) if error.filename else "package.xml"
+        what = "the manifest" if file == "package.xml" else "the file"
+        return Identity(problems=(Problem(f"cannot read {what}: {error.strerror}", Place(path / file)),))
     return replace(identity, notes=(*conflicts, *identity.notes))
 
 
@@ -64,13 +67,18 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
     """Return the package whose package.xml is in `folder`; raises WorkspaceError."""
     path = folder / "package.xml"
     try:
-        content = (root / path).read_bytes()
+        content = read_file(root / path)
     except OSError as error:
         raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Place(path))) from None
     manifest = parse_manifest(content, path, variables)
     actions = root / folder / "action"
     has_actions = actions.is_dir() and next(actions.glob("*.action"), None) is not None
     return Package(folder, manifest, has_actions=has_actions)
+
+
+def _colcon_pkg(folder: Folder) -> dict[str, Any]:
+    there = COLCON_PKG in folder.entries and (folder.place / COLCON_PKG).exists()
+    return read_colcon_pkg(folder.place) if there else {}
 
 
 def _check_name(package: Package) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from forge.files import read_file, read_text
 from forge.frozen import frozen
 
 if TYPE_CHECKING:
@@ -45,11 +46,11 @@ class Folder:
 
     def content(self, name: str) -> bytes:
         """Return a file's bytes."""
-        return (self.place / name).read_bytes()
+        return read_file(self.place / name)
 
     def text(self, name: str) -> str:
         """Return a file's text; bytes that are no UTF-8 are replaced."""
-        return (self.place / name).read_text(encoding="utf-8", errors="replace")
+        return read_text(self.place / name)
 
     def may_be(self, type_: str) -> bool:
         """Tell if nobody has said that it is something else."""

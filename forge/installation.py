@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge import scripts
 from forge.ament_index import INDEX
 from forge.environment import Installed
-from forge.files import replace_file, tree_below, write_if_changed
+from forge.files import read_file, replace_file, tree_below, write_if_changed
 from forge.folders import listed_files
 from forge.hooks import package_hooks
 from forge.prefixes import PACKAGES
@@ -81,8 +81,9 @@ def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], 
     own += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
     if package.build_type == "ament_python":
         own += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
-    found.update(str(path) for path in own if os.path.lexists(path))
-    return tuple(sorted(found)), ()
+    found.update(map(str, own))
+    # What is listed may be gone: a package can remove by its own code what CMake had installed.
+    return tuple(sorted(path for path in found if os.path.lexists(path))), ()
 
 
 def markers(name: str, layout: Layout) -> tuple[str, ...]:
@@ -151,7 +152,7 @@ def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
         manifest.unlink(missing_ok=True)
         manifest.symlink_to(package.manifest.path.absolute())
     else:
-        replace_file(manifest, package.manifest.path.read_bytes())
+        replace_file(manifest, read_file(package.manifest.path))
 
 
 def _remove_others(folder: Path, names: set[str]) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import fcntl
+import io
 import os
 import signal
+import sys
 import threading
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn
@@ -46,6 +49,38 @@ def caught(handle: Callable[[int], object]) -> Iterator[None]:
 def interrupt(_number: int) -> NoReturn:
     """Raise what Python itself raises for Ctrl-C alone."""
     raise KeyboardInterrupt
+
+
+def open_standard_streams() -> None:
+    """Open the null device in place of each standard stream that is closed.
+
+    Otherwise the next file that is opened gets its number, and is what programs that we start write to.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            # Names of files may be no UTF-8, and a stream may know ASCII alone.
+            utf8 = stream.encoding.lower() == "utf-8"
+            stream.reconfigure(errors="surrogateescape" if utf8 else "backslashreplace")
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if not _is_open(number):
+            # The lowest free number, which is this one.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # noqa: FBT003  (takes no name)
+        if getattr(sys, name) is None:
+            stream = open(number, mode, encoding="utf-8", errors="replace", closefd=False)  # noqa: SIM115  (until the process ends)
+            setattr(sys, name, stream)
+
+
+def is_writable(descriptor: int) -> bool:
+    """Tell if a descriptor is open for writing."""
+    return bool(fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE)
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager

@@ -8,6 +8,7 @@ inherit the pipe's two descriptors ('R,W'). One pipe of ours serves both: below 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import select
 import stat
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 
 FIFO, PIPE = "fifo", "pipe"
 TOKEN = b"+"
+
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+MOST_JOBS = (1 << 20) - _PAGE
+"""The largest pipe that Linux gives to everybody has a token for each of so many jobs."""
 
 _BLURB = (b"ninja: Jobserver mode detected", b"ninja: warning: Jobserver 'pipe' mode detected")
 _TRIALS = {
@@ -56,6 +61,12 @@ class Pool:
         self._bell, self._rope = os.pipe()
         os.set_blocking(self._patient, True)
 
+    @property
+    def room(self) -> int:
+        """How many tokens it can hold, if it is ours: of one page, some may have been taken already."""
+        size: int = fcntl.fcntl(self._writer, fcntl.F_GETPIPE_SZ)
+        return max(size - _PAGE, size // 2)
+
     def take(self) -> bytes:
         """Wait for a token; b'' after `wake`."""
         if not self.joined:
@@ -76,9 +87,12 @@ class Pool:
             return os.read(self._hasty, 1)
         return b""
 
-    def give(self, token: bytes) -> None:
-        """Put a token into the pool, the same that was taken."""
-        os.write(self._writer, token)
+    def give(self, tokens: bytes) -> int:
+        """Put tokens into the pool, the same that were taken; returns for how many there was room."""
+        try:
+            return os.write(self._writer, tokens) if tokens else 0
+        except BlockingIOError:
+            return 0
 
     def wake(self) -> None:
         """End a waiting `take`; the pool is of no use to us from then on."""
@@ -91,9 +105,14 @@ class Pool:
             os.close(end)
 
 
-def own_pool(style: str) -> Pool:
-    """Return a new and empty pool."""
-    return Pool(*os.pipe(), style)
+def own_pool(style: str, jobs: int = 0) -> Pool:
+    """Return a new and empty pool, for that many jobs if the system allows a pipe of that size."""
+    reader, writer = os.pipe()
+    wanted = min(jobs, MOST_JOBS) + _PAGE
+    if wanted > fcntl.fcntl(writer, fcntl.F_GETPIPE_SZ):
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, wanted)
+    return Pool(reader, writer, style)
 
 
 def joined_pool(auth: str) -> Pool | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.errors import Place, Problem, SelectionError, WorkspaceError
+from forge.files import read_file
 from forge.formats import read_yaml
 from forge.frozen import frozen
 from forge.names import did_you_mean
@@ -107,7 +108,7 @@ def _user_files(folder: Path) -> Iterator[Path]:
 
 def _read(path: Path) -> Iterator[Mixin]:
     try:
-        said = read_yaml(path.read_bytes(), path)
+        said = read_yaml(read_file(path), path)
     except OSError as error:
         raise SelectionError(Problem(f"cannot read it: {error.strerror}", Place(path))) from None
     for verb, mixins in said.items():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.configuration import package_options
 from forge.errors import Place, Problem, WorkspaceError
+from forge.files import read_file
 from forge.formats import read_yaml
 from forge.frozen import frozen
 from forge.model import Dependency, Kind
@@ -58,7 +59,7 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
     by_name: dict[str, dict[str, Any]] = {}
     by_path: dict[str, dict[str, Any]] = {}
     for path in (*_user_files(home), *_files(root, metas)):
-        said = read_yaml(path.read_bytes(), path)
+        said = read_yaml(read_file(path), path)
         for key, target in (("names", by_name), ("paths", by_path)):
             for name, values in _section(said, key, path).items():
                 merged = target.setdefault(str(name) if key == "names" else _real(path, str(name)), {})
@@ -71,7 +72,7 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
 def read_colcon_pkg(folder: Path) -> dict[str, Any]:
     """Return what the colcon.pkg in a folder says; raises WorkspaceError when it is malformed."""
     path = folder / COLCON_PKG
-    return read_yaml(path.read_bytes(), path)
+    return read_yaml(read_file(path), path)
 
 
 def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:
@@ -142,7 +143,7 @@ def _files(root: Path, metas: Iterable[str]) -> Iterator[Path]:
     for meta in metas:
         path = root / meta
         path = path / "colcon.meta" if path.is_dir() else path
-        if path.is_file():
+        if path.exists():
             yield path
 
 

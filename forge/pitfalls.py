@@ -9,6 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.files import read_file, text_or_nothing
 from forge.names import did_you_mean
 from forge.python_reading import read_setup_cfg
 
@@ -26,7 +27,10 @@ def refuse_what_no_backend_reads(source: Path) -> None:
     if setup.is_file():
         fault = _fault(setup, setup)
         raise_if_any((fault,) if fault else (), WorkspaceError)
-    elif not (source / "pyproject.toml").is_file() and not read_setup_cfg(_text(source / "setup.cfg")).name:
+    elif (
+        not (source / "pyproject.toml").is_file()
+        and not read_setup_cfg(text_or_nothing(source / "setup.cfg")).name
+    ):
         hint = "'forge pkg create --build-type ament_python NAME' makes one with all that it needs"
         raise WorkspaceError(Problem("there is neither a setup.py nor a pyproject.toml", Place(source), hint))
 
@@ -65,7 +69,7 @@ def _missing_function(source: Path, script: str, module: str, function: str, pat
     """Yield that a program calls what its module does not define, as far as its text tells."""
     if path.suffix != ".py":
         return
-    names, all_of_them = _defined(ast.parse(_text(path)))
+    names, all_of_them = _defined(ast.parse(text_or_nothing(path)))
     if not all_of_them or function in names:
         return
     message = f"'{script}' calls '{function}', which '{module}' has not"
@@ -91,7 +95,7 @@ def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
     parser = configparser.RawConfigParser(delimiters=("=",))
     parser.optionxform = str  # type: ignore[assignment, method-assign]  # (names have upper case, too)
     try:
-        parser.read_string(_text(path) if path else "")
+        parser.read_string(text_or_nothing(path) if path else "")
     except configparser.Error:
         return
     for section in ("console_scripts", "gui_scripts"):
@@ -104,7 +108,7 @@ def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
 def _fault(path: Path, shown: Path) -> Problem | None:
     """Return why Python cannot read a file, with the place in the file as it is shown; None when it can."""
     try:
-        compile(path.read_bytes(), str(shown), "exec", ast.PyCF_ONLY_AST)
+        compile(read_file(path), str(shown), "exec", ast.PyCF_ONLY_AST)
     except SyntaxError as error:
         line = (error.text or "").rstrip("\r\n")
         place = Place(shown, error.lineno, error.offset or None, line or None)
@@ -132,17 +136,12 @@ def _origin(source: Path, site: Path, path: Path) -> Path:
 def _said_in(source: Path) -> Path:
     """Return the file that says what can be started."""
     names = ("setup.py", "pyproject.toml", "setup.cfg")
-    return next((source / name for name in names if "_scripts" in _text(source / name)), source / names[0])
+    return next(
+        (source / name for name in names if "_scripts" in text_or_nothing(source / name)), source / names[0]
+    )
 
 
 def _same_version(site: Path) -> bool:
     """Tell if modules there are for a Python like ours: another may know more, or less."""
     match = _VERSION.search(str(site))
     return match is None or int(match[1]) == sys.version_info.minor
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""

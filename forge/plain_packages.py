@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.cmake_reading import cmake_dependencies, is_catkin_toplevel, names_no_literal, project_name
 from forge.errors import Place, Problem
+from forge.files import text_or_nothing, unfit
 from forge.formats import read_toml
 from forge.identity import Identity
 from forge.model import Dependency, Kind, Manifest, Package
@@ -36,7 +37,20 @@ def identify_plain(folder: Folder) -> Identity | None:
         identity = step(folder)
         if identity is not None:
             return identity
-    return None
+    return _unfit(folder)
+
+
+def _unfit(folder: Folder) -> Identity | None:
+    """Tell of files of telling names that are not read since they are no regular files."""
+    notes = []
+    for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
+        try:
+            reason = unfit(folder.place / name, (folder.place / name).stat())
+        except OSError:
+            continue  # a link to nowhere, as catkin leaves it above its packages
+        if reason:
+            notes.append(Problem(f"left out: {reason}", Place(folder.path / name)))
+    return Identity(descend=True, notes=tuple(notes)) if notes else None
 
 
 def _ambiguous(folder: Folder) -> Identity | None:
@@ -144,7 +158,7 @@ def _cmake_texts(folder: Path) -> Iterator[str]:
         for file in sorted(files):
             path = Path(place) / file
             if (file == "CMakeLists.txt" and path.parent != folder) or file.endswith(".cmake"):
-                yield path.read_text(encoding="utf-8", errors="replace")
+                yield text_or_nothing(path)
 
 
 def _no_literal(folder: Folder, path: Path) -> Problem:

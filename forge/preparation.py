@@ -6,12 +6,13 @@ import contextlib
 import os
 import shlex
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.digests import digest_words, source_files, stamp_files
-from forge.discovery import ROS_DEFAULTS
+from forge.discovery import ROS_DEFAULTS, special_files
 from forge.errors import Problem, WorkspaceError, raise_if_any
 from forge.freshness import environment_that_counts
 from forge.interpreter import find_interpreter, own_command, require_modules
@@ -24,10 +25,10 @@ from forge.places import unfit_folders
 from forge.planning import Standing
 from forge.prefixes import find_underlays
 from forge.provision import INTERFACE_GROUP, missing_problems
-from forge.recipes.cmake import FLAGS
+from forge.recipes.cmake import FLAGS, unfit_generator
 from forge.recipes.kitchen import Kitchen
 from forge.results import recorded_underlays
-from forge.tools import condensed, find_tools, identities
+from forge.tools import CMAKE_TYPES, condensed, find_tools, identities
 from forge.underlays import lost_underlays
 from forge.unused_variables import odd_words
 from forge.workspace import warn
@@ -87,6 +88,28 @@ def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str], layout: Layout
         problems.append(Problem(f"there is no package below '{loaded.workspace.root}'", hint=hint))
     python = any("python" in loaded.packages[name].build_type for name in names)
     problems += unfit_folders((loaded.workspace.root, layout.build, layout.install), python=python)
+    raise_if_any(problems, WorkspaceError)
+
+
+def refuse_what_is_in_the_way(plan: BuildPlan, layout: Layout) -> None:
+    """Raise WorkspaceError when something else stands where a package is built or installed."""
+    if plan.tasks:
+        from forge.fallback import in_the_way  # noqa: PLC0415  (a build of nothing is quick)
+
+        raise_if_any((p for task in plan.tasks.values() for p in in_the_way(task, layout)), WorkspaceError)
+
+
+def refuse_generators(plan: BuildPlan, kitchen: Kitchen) -> None:
+    """Raise WorkspaceError for packages whose generator forge has no steps for; the first one is enough."""
+    tasks = (task for task in plan.tasks.values() if task.package.build_type in CMAKE_TYPES)
+    problems = (unfit_generator(task.package, kitchen) for task in tasks if not task.embedded)
+    raise_if_any(islice(filter(None, problems), 1), WorkspaceError)
+
+
+def refuse_special_files(plan: BuildPlan, root: Path) -> None:
+    """Raise WorkspaceError where a tool would wait for a named pipe, or read a device, in the sources."""
+    tasks = (task for task in plan.tasks.values() if not task.embedded)
+    problems = (problem for task in tasks for problem in special_files(root, task.package.path))
     raise_if_any(problems, WorkspaceError)
 
 

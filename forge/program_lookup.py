@@ -7,6 +7,8 @@ import os
 import stat
 from typing import TYPE_CHECKING
 
+from forge.files import open_regular
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -102,7 +104,7 @@ def _time(folder: str) -> str:
 def _script(path: str) -> str:
     """Return the text of a program that is a script, '' for any other."""
     try:
-        with open(path, "rb") as stream:  # noqa: PTH123
+        with open(path, "rb", opener=open_regular) as stream:
             if stream.read(2) != b"#!":
                 return ""
             return stream.read(_LARGEST_SCRIPT).decode(errors="replace")

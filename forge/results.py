@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError
-from forge.files import write_if_changed
+from forge.files import read_file, read_text, write_if_changed
 from forge.prefixes import LAYOUT_MARKER
 from forge.shells import SHELLS
 
@@ -43,7 +43,7 @@ def begin_workspace(layout: Layout) -> None:
 def foreign_build(layout: Layout) -> Problem | None:
     """Return what is to be said of a build folder in which another tool has built."""
     marker = layout.build / ".built_by"
-    builder = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    builder = read_text(marker).strip() if marker.exists() else None
     if builder in {None, *_BUILDERS}:
         return None
     hint = "remove the folder, or choose another with '--build-base'"
@@ -53,7 +53,7 @@ def foreign_build(layout: Layout) -> Problem | None:
 def other_layout(layout: Layout) -> Problem | None:
     """Return what is to be said of an install folder that is shared the other way."""
     marker = layout.install / LAYOUT_MARKER
-    word = marker.read_text(encoding="utf-8").strip() if marker.exists() else None
+    word = read_text(marker).strip() if marker.exists() else None
     if word in {None, layout.word}:
         return None
     change = "remove '--merge-install'" if layout.merged else "add '--merge-install'"
@@ -82,7 +82,7 @@ def recorded_python(root: Path) -> str | None:
 def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
     """Return the interpreter and the underlays of the last build."""
     try:
-        state = json.loads((root / STATE).read_text(encoding="utf-8"))
+        state = json.loads(read_file(root / STATE))
         return str(state["python"]), tuple(map(Path, state["underlays"]))
     except OSError:  # what cannot be read cannot be written either: begin_workspace tells
         return None, ()

@@ -12,10 +12,11 @@ import os
 import time
 from typing import TYPE_CHECKING
 
-from forge.digests import is_source, source_folders
+from forge.digests import source_folders
 from forge.errors import Problem
 from forge.frozen import frozen
 from forge.identification import IGNORE_MARK, ROS_MARKS, TELLING
+from forge.source_names import is_source
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -181,7 +182,7 @@ class Saves:
             return self._watched[path].folders
         folder, name = os.path.split(path)
         interest = self._watched.get(folder)
-        if interest is None or not is_source(name):
+        if interest is None or not is_source(name, lambda other: os.path.lexists(f"{folder}/{other}")):
             return interest is not None and name in _MARKS
         if interest.names is None or name in interest.names:
             return True

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from forge.cmake_reading import targets
 from forge.digests import own_files
 from forge.discovery import discover_embedded
+from forge.files import text_or_nothing
 from forge.hints import Scene
 
 if TYPE_CHECKING:
@@ -23,8 +24,5 @@ def scene_of(package: Package, packages: Mapping[str, Package], python: str) -> 
         files = tuple(os.path.relpath(path, folder) for path, _ in own_files(folder))
     except OSError:
         files = ()
-    try:
-        text = (package.path / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        text = ""
+    text = text_or_nothing(package.path / "CMakeLists.txt")
     return Scene(package, {**discover_embedded(), **packages}, python, files, targets(text))

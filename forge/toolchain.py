@@ -17,7 +17,7 @@ import subprocess
 import threading
 from typing import TYPE_CHECKING
 
-from forge.files import replace_file
+from forge.files import read_text, replace_file
 from forge.tools import calls_make
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def wants_the_usual(source: Path) -> bool:
 def _usual_project(source: Path) -> str | None:
     """Return the call of project() that nothing before it can bear on, or None."""
     try:
-        text = _COMMENT.sub("", (source / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace"))
+        text = _COMMENT.sub("", read_text(source / "CMakeLists.txt"))
     except OSError:
         return None
     if calls_make(text):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import EnvironmentFault, Problem, raise_if_any
+from forge.files import text_or_nothing
 from forge.frozen import frozen
 from forge.launching.choice import not_found
 from forge.program_lookup import ProgramLookup
@@ -290,10 +291,7 @@ def calls_make(text: str) -> bool:
 
 def _project_text(package: Package) -> str:
     """Return the text of a package's CMakeLists.txt, nothing where that cannot be read."""
-    try:
-        return (package.path / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
+    return text_or_nothing(package.path / "CMakeLists.txt")
 
 
 def _compiles(text: str) -> bool:

@@ -62,7 +62,7 @@ def left_behind(records: Mapping[str, Record], names: Collection[str], layout: L
     gone = sorted(
         name
         for name, record in records.items()
-        if name not in names and record.complete and _has_left(Path(record.parts.options[0]))
+        if name not in names and record.complete and has_left(Path(record.parts.options[0]))
     )
     if gone:
         verb, whose = ("is", "its") if len(gone) == 1 else ("are", "their")
@@ -71,7 +71,7 @@ def left_behind(records: Mapping[str, Record], names: Collection[str], layout: L
         yield Problem(f"{message} '{layout.install}', where other packages may find them", hint=hint)
 
 
-def _has_left(source: Path) -> bool:
+def has_left(source: Path) -> bool:
     """Tell if a folder holds no package any more, or is ignored."""
     if not (source / "package.xml").is_file():
         return not (source / "CMakeLists.txt").is_file() and not (source / "setup.py").is_file()

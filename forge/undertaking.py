@@ -283,11 +283,11 @@ def open_budget(
     spoken_by = _styles(kitchen, variables) if _compiles(plan) else {}
     style = pool.style if pool else common_style(spoken_by)
     if pool is None and style is not None:
-        pool = own_pool(style)
+        pool = own_pool(style, jobs)
     fluent = frozenset(name for name, styles in spoken_by.items() if style in styles)
     short = partial(shortage, options.memory_limit, kitchen.load_limit)
     budget = Budget(jobs, pool, fluent, flags, short)
-    budget.local = local
+    budget.local = min(local, budget.jobs)
     return budget
 
 

@@ -8,6 +8,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from forge.errors import ForgeError, Problem
+from forge.files import text_or_nothing
 from forge.names import did_you_mean
 
 if TYPE_CHECKING:
@@ -60,11 +61,7 @@ def _places(name: str, prefix: Path) -> Iterable[Path]:
 
 
 def _build_type(package: str, prefix: Path) -> str:
-    try:
-        text = (prefix / "share" / package / "package.xml").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
-    match = _BUILD_TYPE.search(text)
+    match = _BUILD_TYPE.search(text_or_nothing(prefix / "share" / package / "package.xml"))
     return match[1] if match else ""
 
 

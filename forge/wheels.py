@@ -25,17 +25,20 @@ from typing import TYPE_CHECKING, Any
 import installer
 import pyproject_hooks
 from installer.destinations import SchemeDictionaryDestination
+from installer.exceptions import InstallerError
+from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
-from forge.errors import EnvironmentFault, ForgeError, Place, Problem, WorkspaceError
-from forge.files import replace_file
+from forge.digests import source_files
+from forge.errors import EnvironmentFault, ForgeError, Place, Problem, WorkspaceError, raise_if_any
+from forge.files import listed_paths, read_file, read_text, replace_file
 from forge.formats import read_toml
 from forge.lending import lent_setuptools
 from forge.links import Wheel, link_to_sources
 from forge.pitfalls import doubts, refuse_what_no_backend_reads
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from typing import BinaryIO
 
     from installer.records import RecordEntry
@@ -43,6 +46,8 @@ if TYPE_CHECKING:
 
 MANIFEST = "install_manifest.txt"
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
+_NOT_UTF8 = "surrogates not allowed"
+"""What Python says of a name that is not UTF-8."""
 _OURS = "setuptools.build_meta"
 
 
@@ -160,8 +165,23 @@ def _run_backend(
         check=False,
     )
     said.append(done.stdout)
+    if done.returncode and _NOT_UTF8 in done.stdout:
+        raise_if_any(_names_of_no_wheel(Path(cwd or ".")), WorkspaceError)
     print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
     done.check_returncode()
+
+
+def _names_of_no_wheel(source: Path) -> Iterator[Problem]:
+    """Yield the files of a package that no wheel can hold, since their names are not UTF-8."""
+    for path in source_files(str(source)):
+        name = os.path.relpath(path, source)
+        if not name.isascii() and name != name.encode(errors="replace").decode():
+            hint = "rename it, or leave it out of 'package_data' and 'data_files'"
+            yield Problem(
+                f"the name of {os.fsencode(name)!r} is not UTF-8, as all names in a wheel are",
+                Place(source),
+                hint,
+            )
 
 
 def _build_system(source: Path) -> dict[str, Any]:
@@ -169,7 +189,7 @@ def _build_system(source: Path) -> dict[str, Any]:
     path = source / "pyproject.toml"
     if not path.is_file():
         return dict(_SETUPTOOLS)
-    table = read_toml(path.read_bytes(), path).get("build-system", {})
+    table = read_toml(read_file(path), path).get("build-system", {})
     system = {**_SETUPTOOLS, **(table if isinstance(table, dict) else {"build-backend": None})}
     folders = system.get("backend-path", [])
     if not isinstance(system["build-backend"], str) or not isinstance(folders, list):
@@ -198,10 +218,16 @@ def _unpack(wheel: Path, options: argparse.Namespace, schemes: dict[str, str]) -
         destination = _Prefix(
             schemes, interpreter=options.python, script_kind="posix", overwrite_existing=True
         )
-        installer.install(source, destination, additional_metadata={"INSTALLER": b"forge\n"})
+        try:
+            installer.install(source, destination, additional_metadata={"INSTALLER": b"forge\n"})
+        except (InstallerError, InvalidRecordEntry) as error:
+            message = f"the wheel that the package's build backend made is not valid: {error}"
+            hint = "is there a sign in the name of a file that divides lines?"
+            raise WorkspaceError(Problem(message, Place(options.source), hint)) from None
         record = site / source.dist_info_dir / "RECORD"
-    lines = record.read_text(encoding="utf-8").splitlines()
-    return tuple(Path(os.path.normpath(site / _path_of(line))) for line in lines)
+    # CSV (PEP 376): a name may have line breaks.
+    with record.open(encoding="utf-8", newline="") as stream:
+        return tuple(Path(os.path.normpath(site / line[0])) for line in csv.reader(stream) if line)
 
 
 class _Prefix(SchemeDictionaryDestination):
@@ -232,7 +258,7 @@ def _install_scripts(path: Path) -> str | None:
     """Return the folder below the prefix that a setup.cfg names for programs, if it names one."""
     parser = configparser.RawConfigParser()
     with contextlib.suppress(configparser.Error, OSError):
-        parser.read_string(path.read_text(encoding="utf-8", errors="replace"))
+        parser.read_string(read_text(path))
     section = dict(parser["install"]) if parser.has_section("install") else {}
     # In a file with a mistake, values may be lists of lines still.
     said = str(section.get("install_scripts") or section.get("install-scripts") or "")
@@ -252,11 +278,6 @@ def _remove_links(manifest: Path) -> None:
             path.unlink()
 
 
-def _path_of(line: str) -> str:
-    """Return the path in a line of RECORD, which is CSV (PEP 376)."""
-    return next(csv.reader([line]))[0]
-
-
 def _remove_stale(manifest: Path, installed: Sequence[Path], prefix: Path) -> None:
     """Remove what the last build installed and this one did not, then remember this one's files."""
     for path in sorted(set(_recorded(manifest)) - set(installed), reverse=True):
@@ -269,10 +290,7 @@ def _remove_stale(manifest: Path, installed: Sequence[Path], prefix: Path) -> No
 
 
 def _recorded(manifest: Path) -> tuple[Path, ...]:
-    try:
-        return tuple(Path(line) for line in manifest.read_text(encoding="utf-8").splitlines())
-    except OSError:
-        return ()
+    return tuple(map(Path, listed_paths(manifest)))
 
 
 def _remove_empty(folder: Path) -> bool:

@@ -43,7 +43,7 @@ FLOORS = {
         cmake_reading conditions constraints creation diagnosis environment formats freshness
         graph hooks makeflags manifest planning provision python_reading recipes recipes.* schedule settings
         scripts selection shells xml_tree interfaces.* testing.outcomes testing.recipes testing.showing
-        completing hints progress unused_variables
+        completing hints progress source_names unused_variables
         named_variables assignments lengths places excerpts pictures pictures.* caching.action_result
         examining examining.* needs needs.* mistyped launching launching.*
     """,

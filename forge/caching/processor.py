@@ -13,6 +13,8 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.files import open_regular
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -72,7 +74,7 @@ def _files(folder: Path, wanted: Callable[[str], object]) -> Iterator[str]:
 def _mentions(path: str) -> bool:
     """Tell if a file has such a flag in it; one that cannot be read any more has none."""
     try:
-        with open(path, "rb") as stream:  # noqa: PTH123  (many)
+        with open(path, "rb", opener=open_regular) as stream:
             return _NATIVE.search(stream.read()) is not None
     except OSError:
         return False

@@ -49,7 +49,8 @@ class Share:
                 tools = {"ninja": find_ninja(variables), "make": find_program("make", variables)}
                 found = {name: spoken(name, Path(tool), variables) for name, tool in tools.items() if tool}
                 style = common_style(found)
-                self._pool = own_pool(style) if style else None
+                self._pool = own_pool(style, self._jobs) if style else None
+                self._jobs = min(self._jobs, self._pool.room) if self._pool else self._jobs
                 self._styles = tuple(name for name, styles in found.items() if style in styles)
             return self._styles
 
@@ -71,5 +72,4 @@ class Share:
         """Put back what a killed tool took along, now that nobody has any."""
         while pool.take_now():
             pass
-        for _ in range(self._jobs - self._slots):
-            pool.give(TOKEN)
+        pool.give(TOKEN * (self._jobs - self._slots))

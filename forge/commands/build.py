@@ -21,7 +21,10 @@ from forge.planning import make_plan, wanted_names
 from forge.preparation import (
     build_variables,
     prepare,
+    refuse_generators,
+    refuse_special_files,
     refuse_what_cannot_work,
+    refuse_what_is_in_the_way,
     refuse_what_is_too_long,
     standing,
     tell_of_lost_underlays,
@@ -101,6 +104,9 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
             plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, holds)
         named.save()
         records.confirm(plan, snapshot, outlook)
+        refuse_generators(plan, kitchen)
+        refuse_special_files(plan, root)
+        refuse_what_is_in_the_way(plan, layout)
         refuse_what_is_too_long(plan, loaded, kitchen, variables)
         if plan.tasks or not manner.checking:
             _say(plan, options, level, loaded.packages)

@@ -30,6 +30,7 @@ from forge.testing.preparing import (
     open_test_budget,
     prepare_bench,
     tested_names,
+    unbuilt_edits,
 )
 from forge.testing.running import TestJobs, failures_of, note_result
 from forge.testing.showing import table
@@ -71,9 +72,11 @@ def run(options: argparse.Namespace) -> int:
     absent = absent_problems(needs, layout, variables)
     if absent and len(absent) == len(names):
         raise WorkspaceError(*absent.values())
-    warn(not_built_here([name for name in names if name not in absent], loaded, layout))
+    built = [name for name in names if name not in absent]
+    warn(not_built_here(built, loaded, layout))
+    warn(unbuilt_edits({name: needs[name] for name in built}, loaded, layout))
     bench = prepare_bench(options, loaded, names, layout)
-    plan = make_test_plan([name for name in names if name not in absent], loaded, bench)
+    plan = make_test_plan(built, loaded, bench)
     with (
         occupied(layout.build, wait=not options.no_wait),
         closing(open_transcript(layout.logs, "test", sys.argv)) as transcript,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import options as shared
+from forge.errors import Problem
 from forge.testing.collecting import collect
 from forge.testing.outcomes import Counts, counted_once
 from forge.testing.showing import as_json, counts_as_json, details, result_line
@@ -47,7 +49,13 @@ def run(options: argparse.Namespace) -> int:
         return _delete(found.files, options)
     for problem in found.problems:
         print(problem.render("warning"), file=sys.stderr)
-    named = [replace(one, path=shared.spelled(one.path, options)) for one in found.outcomes]
+    gone = _gone(options.test_result_base)
+    counted = [one for one in found.outcomes if _package_of(one.path, options.test_result_base) not in gone]
+    told = {_package_of(one.path, options.test_result_base) for one in found.outcomes} & gone
+    for name in sorted(told):
+        message = f"results of '{name}' do not count, since it is no longer in the workspace"
+        print(Problem(message, hint="forge clean stale").render("warning"), file=sys.stderr)
+    named = [replace(one, path=shared.spelled(one.path, options)) for one in counted]
     outcomes = counted_once(named)
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
     total = _sum(outcomes)
@@ -56,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
-        _show(shown, total, _sum(found.outcomes), verbose=options.verbose)
+        _show(shown, total, _sum(counted), verbose=options.verbose)
     return int(total.bad)
 
 
@@ -94,6 +102,26 @@ def _delete(files: Sequence[str], options: argparse.Namespace) -> int:
 
 def _sum(outcomes: Sequence[Outcome]) -> Counts:
     return sum((outcome.counts for outcome in outcomes), Counts())
+
+
+def _gone(base: Path) -> frozenset[str]:
+    """Return the packages that forge built below `base`, and that are no longer in the workspace."""
+    from forge.discovery import discover  # noqa: PLC0415  (the usual workspace has lost none)
+    from forge.journal import open_journal  # noqa: PLC0415
+    from forge.underlays import has_left  # noqa: PLC0415
+
+    lost = {
+        name
+        for name, record in open_journal(base).records.items()
+        if record.parts.options and has_left(Path(record.parts.options[0]))
+    }
+    # One may have been moved within the workspace.
+    return frozenset(lost - discover(Path.cwd(), ["."], os.environ).packages.keys() if lost else ())
+
+
+def _package_of(path: str, base: Path) -> str:
+    """Return the folder directly below `base` that a result lies in: that of a package, as a rule."""
+    return Path(path).relative_to(base).parts[0]
 
 
 def _folder(path: str) -> Path:

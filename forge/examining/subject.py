@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from forge.digests import own_files
+from forge.files import read_text
 from forge.frozen import frozen
 from forge.prefixes import Underlays
 
@@ -69,6 +70,6 @@ def _text(path: Path) -> str:
     try:
         if path.stat().st_size > _LARGEST:
             return ""
-        return path.read_text(encoding="utf-8", errors="replace")
+        return read_text(path)
     except OSError:
         return ""

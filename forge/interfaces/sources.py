@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
 from forge.errors import InterfaceError, Place, Problem
+from forge.files import read_file
 from forge.interfaces.model import File, Source, TypeName
 from forge.interfaces.parsing import ENDINGS, SECTIONS, Parsed, parse
 
@@ -51,7 +52,7 @@ def read_source(package: str, base: Path, relative: str) -> Source:
             Problem("a definition lies below the folder that it is told of", Place(path), hint)
         )
     try:
-        content = path.read_bytes()
+        content = read_file(path)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InterfaceError(Problem(f"cannot read the definition: {reason}", Place(path))) from error

@@ -6,6 +6,7 @@ import hashlib
 import re
 from typing import TYPE_CHECKING
 
+from forge.errors import Problem
 from forge.model import CONFIGURE, Step
 from forge.recipes.kitchen import Recipe, places
 
@@ -128,6 +129,26 @@ def _with_path_maps(arguments: tuple[str, ...], kitchen: Kitchen) -> tuple[tuple
 
 FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}
 """The variable from which CMake takes the first flags of a language."""
+
+
+def unfit_generator(package: Package, kitchen: Kitchen) -> Problem | None:
+    """Return why a package cannot be built with the generator that the user wants, or None."""
+    kitchen = kitchen.of(package)
+    arguments = kitchen.cmake_args
+    if package.build_type == "ament_cmake":
+        arguments += kitchen.ament_cmake_args
+    name = kitchen.environment_generator or ""
+    for word, following in zip(arguments, (*arguments, "")[1:], strict=True):
+        if word.startswith("-G"):
+            name = (word[2:] or following).strip()
+    if name not in _SEVERAL_CONFIGURATIONS:
+        return None
+    message = f"'{package.name}' cannot be built with '{name}': forge installs one configuration at a time"
+    return Problem(message, hint="use '-G Ninja', and '--cmake-args -DCMAKE_BUILD_TYPE=Release' or another")
+
+
+_SEVERAL_CONFIGURATIONS = frozenset({"Ninja Multi-Config", "Xcode"})
+"""Generators that choose between Debug and Release when a package is built, and not when it is configured."""
 
 
 def _generator(kitchen: Kitchen, arguments: tuple[str, ...], *, only_make: bool = False) -> tuple[str, ...]:

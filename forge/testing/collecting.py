@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.errors import Place, Problem, WorkspaceError
+from forge.files import read_file, text_or_nothing
 from forge.frozen import frozen
 from forge.names import is_word
 from forge.testing.outcomes import NotAResultError, Outcome, read_ctest, read_junit
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from forge.xml_tree import Element
 
     Read = Callable[[Element, str, str], Outcome]
+
+_LARGEST = 1 << 30
+"""How many bytes a result may have: with the output of its tests it may be long."""
 
 
 @frozen
@@ -83,7 +87,7 @@ def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  
 
 def _last_run(tag: str) -> str | None:
     """Return the folder of CTest's last run, if it got as far as a result."""
-    lines = Path(tag).read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = text_or_nothing(tag).splitlines()
     # A folder beside the file; unlike Path.is_file, os.path.isfile says no to a name that none can have.
     if not lines or not is_word(lines[0]):
         return None
@@ -94,7 +98,7 @@ def _last_run(tag: str) -> str | None:
 def _read(path: str, home: str, read: Read) -> Outcome:
     """Read a file; one that mentions no test is not even parsed: build folders hold much XML."""
     try:
-        content = Path(path).read_bytes()
+        content = read_file(path, _LARGEST)
     except OSError as error:
         problem = Problem(f"cannot read the result: {error.strerror}", Place(path))
         raise WorkspaceError(problem) from None

@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from forge.errors import WorkspaceError
+from forge.files import text_or_nothing
 from forge.formats import read_toml
 from forge.model import Kind
 from forge.python_reading import PythonFacts, read_pyproject, read_setup_cfg, read_setup_py
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 _BUILD_TYPE = re.compile(r"^CMAKE_BUILD_TYPE:[^=]*=(.*)$", re.MULTILINE)
 _SUBFOLDER = re.compile(r'^\s*subdirs\("?([^")]+)"?\)', re.MULTILINE)
+_LARGEST = 1 << 30
+"""How many bytes are read of what CMake generated."""
 _TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
 
 
@@ -36,7 +39,7 @@ def has_ctests(build: Path) -> bool:
     waiting = [build]
     while waiting:
         folder = waiting.pop()
-        text = _text(folder / "CTestTestfile.cmake")
+        text = text_or_nothing(folder / "CTestTestfile.cmake", _LARGEST)
         if _TESTS.search(text):
             return True
         waiting += [folder / name for name in _SUBFOLDER.findall(text)]
@@ -61,10 +64,10 @@ def requirements_of_tests(source: Path) -> frozenset[str]:
 def _facts(source: Path) -> Iterator[PythonFacts]:
     """Yield what each of a package's files says; one that cannot be read says nothing."""
     with suppress(SyntaxError, ValueError, RecursionError):
-        yield read_setup_py(_text(source / "setup.py")) or PythonFacts()
-    yield read_setup_cfg(_text(source / "setup.cfg"))
+        yield read_setup_py(text_or_nothing(source / "setup.py")) or PythonFacts()
+    yield read_setup_cfg(text_or_nothing(source / "setup.cfg"))
     with suppress(WorkspaceError):
-        table = read_toml(_text(source / "pyproject.toml"), source / "pyproject.toml")
+        table = read_toml(text_or_nothing(source / "pyproject.toml"), source / "pyproject.toml")
         groups = table.get("dependency-groups", {})
         yield read_pyproject(table) or PythonFacts()
         yield read_pyproject({"project": {"optional-dependencies": groups}}) or PythonFacts()
@@ -72,13 +75,6 @@ def _facts(source: Path) -> Iterator[PythonFacts]:
 
 def _configuration(build: Path) -> str:
     """Return the configuration that CTest is asked for: that of the cache, else Release, as colcon has it."""
-    match = _BUILD_TYPE.search(_text(build / "CMakeCache.txt"))
+    match = _BUILD_TYPE.search(text_or_nothing(build / "CMakeCache.txt", _LARGEST))
     known = {"Debug", "MinSizeRel", "RelWithDebInfo"}
     return match[1] if match and match[1] in known else "Release"
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""

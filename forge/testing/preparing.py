@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING
 
 from forge.budget import Budget
 from forge.capacity import processors, shortage
-from forge.errors import EnvironmentFault, Problem, WorkspaceError, raise_if_any
+from forge.digests import FileTable, mark_tree
+from forge.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
+from forge.freshness import source_changes
 from forge.graph import closures, ordered_names
 from forge.interpreter import find_interpreter, missing_modules
 from forge.jobserver import joined_pool
+from forge.journal import open_journal
 from forge.makeflags import read_make_flags
 from forge.model import BuildPlan, Task
 from forge.prefixes import PACKAGES, find_underlays, provider
+from forge.records import TABLE
 from forge.results import recorded_python
 from forge.testing.looking import look
 from forge.testing.recipes import TEST_RECIPES, Bench, Look, framework
@@ -96,6 +100,38 @@ def not_built_here(names: Sequence[str], loaded: Loaded, layout: Layout) -> tupl
     who = ", ".join(f"'{name}'" for name in gone)
     message = f"no tests run of {who}: only what is installed came from the cache"
     return (Problem(message, hint=f"forge build --force --packages-select {' '.join(gone)}"),)
+
+
+def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: Layout) -> tuple[Problem, ...]:
+    """Return what is to be said of packages that changed since they were built: tests use what was built.
+
+    Tests of a Python package run in its source folder, and links lead there, too.
+    """
+    records = open_journal(layout.build).records
+    table = FileTable(layout.build / TABLE)
+    used = {
+        need
+        for name, wanted in needs.items()
+        for need in wanted
+        if not (_is_python(loaded, need) and (need == name or layout.symlink))
+    }
+    problems = []
+    for name in sorted(used):
+        record, package = records.get(name), loaded.packages.get(name)
+        if package is None or package.embedded or record is None or not record.complete:
+            continue
+        home = str(loaded.workspace.root / package.path)
+        table.news.clear()
+        if mark_tree(home, table, record.sources).digest != record.sources.digest:
+            what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.news)))
+            message = f"'{name}' changed since it was built, and tests use what was built: {what}"
+            problems.append(Problem(message, Place(package.path), "forge build"))
+    return tuple(problems)
+
+
+def _is_python(loaded: Loaded, name: str) -> bool:
+    package = loaded.packages.get(name)
+    return package is not None and "python" in package.build_type
 
 
 def prepare_bench(options: argparse.Namespace, loaded: Loaded, names: Sequence[str], layout: Layout) -> Bench:

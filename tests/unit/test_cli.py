@@ -76,7 +76,7 @@ class Failing:
             2,
             "error: cannot read or write '/x': permission denied\nh",
         ),
-        (OSError(errno.ENOSPC, "No space"), 2, "error: cannot read or write 'a file': no space\n"),
+        (OSError(errno.ENOSPC, "No space"), 2, "error: cannot write to the standard output: no space\n"),
     ],
 )
 def test_every_end_has_its_exit_code(

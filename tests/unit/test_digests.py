@@ -12,6 +12,7 @@ from forge.digests import FileTable, mark_files, mark_tree, source_files
 from forge.model import Mark
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     from tests.conftest import Tree
@@ -46,6 +47,70 @@ def test_litter_is_no_source(package: Path) -> None:
         "package.xml",
         "src/x.cpp",
     ]
+
+
+BESIDE_PROJECT_FILES = (
+    *(
+        ".vscode/settings.json",
+        ".idea/x",
+        ".cache/clangd/index/x.idx",
+        ".clangd",
+        ".coverage",
+        ".coverage.host.1.x",
+    ),
+    *(".venv/x", "node_modules/x", "compile_commands.json", "a.egg-info/PKG-INFO"),
+)
+"""What is litter beside a package's main files, and may be data elsewhere."""
+
+BESIDE_THE_ORIGINAL = (
+    *("x.cpp~", "x.cpp.~1~", ".x.cpp.swp", ".x.cpp.swo", "#x.cpp#", ".#x.cpp", ".x.cpp.kate-swp"),
+    *(".x.cpp.un~", "x.cpp.orig", "x.cpp.rej", "m.pyc", "d.egg-info"),
+)
+"""What is litter beside the file that it was made for, and may be data where that is not."""
+
+ANYWHERE = (
+    *(".tox/x", ".eggs/x", ".hypothesis/x", ".direnv/x", ".ipynb_checkpoints/x", ".ccls-cache/x", ".git/x"),
+    *("__pycache__/x.pyc", ".nfs000000000012ab3400000001", ".fuse_hidden0001a", "4913", ".DS_Store"),
+    *("any/pyvenv.cfg", "any/lib/x.py", "cmake-build-debug/CMakeCache.txt", "cmake-build-debug/x.o"),
+)
+
+DATA = (
+    *("#map.txt", ".#l", "conf~", "x.swp", ".x.swp", "k.pyc", "pkg.egg-info/PKG-INFO", "x.orig", ".vscode/x"),
+    *(".idea/x", ".coverage", "compile_commands.json", "node_modules/x", ".cache/x", ".clangd", ".nfsshare"),
+    *("tags", ".clang-format", "cmake-build-docs/x", "x.bak", ".venv/x"),
+)
+"""What a folder of data may hold, and a package install with it."""
+
+
+def lying(root: Path, files: Iterable[str]) -> set[str]:
+    """Write the files, all with the same text, and return which of them count as sources."""
+    for name in files:
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("x")
+    return {path[len(str(root)) + 1 :] for path in source_files(str(root))} & set(files)
+
+
+def test_what_tools_leave_is_no_source(tmp_path: Path) -> None:
+    lying(tmp_path, ("package.xml", "x.cpp", "m.py", "d/x"))
+    assert lying(tmp_path, BESIDE_PROJECT_FILES) == set()
+    assert lying(tmp_path, BESIDE_THE_ORIGINAL) == set()
+    assert lying(tmp_path, ANYWHERE) == set()
+    assert lying(tmp_path, [f"deep/below/{name}" for name in ANYWHERE]) == set()
+    assert lying(tmp_path, [f"part/{name}" for name in ("x.cpp", *BESIDE_THE_ORIGINAL[:10])]) == {
+        "part/x.cpp"
+    }
+
+
+def test_what_only_looks_like_litter_counts(tmp_path: Path) -> None:
+    lying(tmp_path, ("package.xml", "CMakeLists.txt"))
+    data = [f"data/{name}" for name in (*DATA, *BESIDE_THE_ORIGINAL, *BESIDE_PROJECT_FILES)]
+    assert lying(tmp_path, data) == set(data)
+
+
+def test_a_package_in_an_environment_of_python_keeps_its_sources(tmp_path: Path) -> None:
+    files = {"package.xml", "CMakeCache.txt", "pyvenv.cfg", "x.cpp"}
+    assert lying(tmp_path, files) == files
 
 
 def mark(package: Path, known: Mark | None = None) -> Mark:

@@ -260,3 +260,25 @@ def test_tests_of_a_circle_see_what_was_built_later(forge: Forge, tree: Tree) ->
     assert forge("list", "-t", "-n", cwd=root).out == "a\nb\n"
     only = forge("build", "--packages-up-to", "b", cwd=root)
     assert "2 packages unchanged" in only.out
+
+
+def test_edits_that_were_not_built_are_told(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("below", GOOD),
+            **cmake_package("above", GOOD, needs="<depend>below</depend>"),
+            **python_package("p", PYTEST.format(name="p"), pytest=True),
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err
+    tree({"src/below/CMakeLists.txt": (root / "src/below/CMakeLists.txt").read_text() + "\n"})
+    tree({"src/below/new.txt": "", "src/p/p/__init__.py": "VALUE = 1 # edited\n"})
+    ran = forge("test", "--packages-select", "above", cwd=root)
+    assert ran.code == 0
+    changed = "'below' changed since it was built, and tests use what was built"
+    assert ran.err.startswith(f"src/below: warning: {changed}: 'CMakeLists.txt' and 1 more changed\nhint: ")
+    # Its tests run in its source folder.
+    assert "changed since" not in forge("test", "--packages-select", "p", cwd=root).err
+    assert forge("build", cwd=root).code == 0
+    assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err

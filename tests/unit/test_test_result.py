@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import sys
 from typing import TYPE_CHECKING
 
 import pytest
+
+from tests.packages import manifest_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -125,3 +128,34 @@ def test_deleting_asks_first(forge: Forge, results: Path, monkeypatch: pytest.Mo
         assert ran.out.endswith(end)
     assert (results / "build/b/CMakeFiles/other.xml").exists()
     assert forge("test-result", "--delete-yes", cwd=results).out == "No result files found to delete\n"
+
+
+@pytest.mark.needs("cmake")
+def test_results_of_packages_that_have_left_do_not_count(forge: Forge, tree: Tree) -> None:
+    cmake = "cmake_minimum_required(VERSION 3.18)\nproject(x NONE)\n"
+    root = tree(
+        {
+            f"src/{name}/{file}": text
+            for name in ("stays", "goes", "moves", "ignored")
+            for file, text in (
+                ("package.xml", manifest_text(name, build_type="cmake")),
+                ("CMakeLists.txt", cmake),
+            )
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    tree({"build/stays/a.xml": GOOD, "build/goes/a.xml": BAD, "build/moves/a.xml": GOOD})
+    tree({"build/ignored/a.xml": BAD, "build/other/a.xml": GOOD})
+    assert forge("test-result", cwd=root).code == 1
+    shutil.rmtree(root / "src/goes")
+    (root / "src/ignored/COLCON_IGNORE").touch()
+    (root / "src/moves").rename(root / "moved")
+    ran = forge("test-result", "--all", cwd=root)
+    assert ran.code == 0
+    assert [line.partition(":")[0] for line in ran.out.splitlines()[:3]] == [
+        f"build/{name}/a.xml" for name in ("moves", "other", "stays")
+    ]
+    assert [line for line in ran.err.splitlines() if line.startswith("warning")] == [
+        f"warning: results of '{name}' do not count, since it is no longer in the workspace"
+        for name in ("goes", "ignored")
+    ]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from forge.ament_index import prefixes
 from forge.discovery import ROS_DEFAULTS, discover
 from forge.errors import ForgeError, InterfaceError, Place, Problem, raise_if_any
+from forge.files import read_file
 from forge.interfaces.declarations import LOWER_NAME
 from forge.interfaces.html_site import About, site
 from forge.interfaces.model import Catalog
@@ -151,6 +152,6 @@ def _about(name: str, library: Library, packages: Mapping[str, Package], *, whol
 def _manifest(path: Path) -> Manifest | None:
     """Return the manifest beside definitions; None where there is none, or none that can be read."""
     try:
-        return parse_manifest(path.read_bytes(), path, {**ROS_DEFAULTS, **os.environ})
+        return parse_manifest(read_file(path), path, {**ROS_DEFAULTS, **os.environ})
     except (OSError, ForgeError):
         return None

@@ -1,0 +1,427 @@
+"""Files that are not what their names say, where forge and the tools below it read: nothing hangs or crashes.
+
+Each command runs in a process of its own, with a limit on its time and on its memory.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+pytestmark = pytest.mark.needs("cmake")
+
+SECONDS = 60
+KILOBYTES = 900_000
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project(a NONE)
+install(FILES said.txt DESTINATION share/a)
+"""
+
+
+@pytest.fixture
+def root(tree: Tree) -> Path:
+    """Make a workspace with the package 'a', not built."""
+    return tree(
+        {
+            "src/a/package.xml": manifest_text("a", build_type="cmake"),
+            "src/a/CMakeLists.txt": CMAKE,
+            "src/a/said.txt": "said\n",
+        }
+    )
+
+
+def run(root: Path, *words: str, line: str = 'exec "$@"', lines: int = 1) -> tuple[int, str]:
+    """Return exit code and output of forge, started by a line of sh under a memory limit."""
+    command = (sys.executable, "-m", "forge", *words)
+    done = subprocess.run(
+        ("sh", "-c", f"ulimit -v {KILOBYTES}; {line}", "sh", *command),
+        cwd=root,
+        env={**os.environ, "COLCON_HOME": str(root / "home")},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        timeout=SECONDS,
+        check=False,
+    )
+    assert "Traceback" not in done.stdout, done.stdout
+    assert lines == 0 or done.stdout
+    return done.returncode, done.stdout
+
+
+def make_device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def make_large(path: Path) -> None:
+    with path.open("wb") as stream:
+        stream.truncate(1 << 30)
+
+
+def make_socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as end:
+        end.bind(os.path.relpath(path))
+
+
+KINDS = {
+    "named pipe": (os.mkfifo, "it is a named pipe, not a regular file"),
+    "device": (make_device, "it is a device, not a regular file"),
+    "socket": (make_socket, "it is a socket, not a regular file"),
+    "large": (make_large, "it is larger than 16 MiB"),
+    "folder": (lambda path: path.mkdir(), "s a directory"),
+}
+every_kind = pytest.mark.parametrize(
+    ("make", "reason"), [pytest.param(*values, id=kind) for kind, values in KINDS.items()]
+)
+
+
+@every_kind
+@pytest.mark.parametrize(
+    "name", ["src/b/package.xml", "src/a/colcon.pkg", "forge.toml", "colcon_defaults.yaml"]
+)
+def test_what_is_no_text_is_refused_by_name(
+    root: Path, name: str, make: Callable[[Path], None], reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(root)
+    path = root / name
+    path.parent.mkdir(exist_ok=True)
+    make(path)
+    code, said = run(root, "build")
+    assert code == 2
+    assert name in said
+    assert reason in said
+    code, said = run(root, "list", lines=0)
+    assert code in {0, 2}
+
+
+@pytest.mark.parametrize("kind", ["named pipe", "device", "socket"])
+@pytest.mark.parametrize("name", ["CMakeLists.txt", "setup.py", "pyproject.toml"])
+def test_a_folder_that_only_such_a_file_would_make_a_package_is_left_out_and_told(
+    root: Path, name: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(root)
+    make, reason = KINDS[kind]
+    (root / "src/b").mkdir()
+    make(root / "src/b" / name)
+    code, said = run(root, "build")
+    assert code == 0
+    assert f"src/b/{name}: warning: left out: {reason}" in said
+    assert "1 package finished" in said
+
+
+@pytest.mark.parametrize(
+    "name", ["CMakeLists.txt", "part/CMakeLists.txt", "setup.py", "setup.cfg", "options.cmake", "part/x.cpp"]
+)
+def test_what_a_build_tool_would_wait_for_is_refused(root: Path, name: str) -> None:
+    assert run(root, "build")[0] == 0
+    (root / "src/a" / name).unlink(missing_ok=True)
+    (root / "src/a/part").mkdir()
+    os.mkfifo(root / "src/a" / name)
+    code, said = run(root, "build")
+    assert code == 2
+    assert f"src/a/{name}: error: cannot read the file: it is a named pipe" in said
+    assert (root / "install/a/share/a/said.txt").is_file()
+
+
+def test_what_no_tool_opens_may_lie_in_a_package(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(root)
+    os.mkfifo(root / "src/a/pipe")
+    make_socket(root / "src/a/socket")
+    make_device(root / "src/a/zero.bin")
+    (root / "src/a/empty.h").symlink_to(os.devnull)
+    (root / "src/a/itself").symlink_to("itself")
+    (root / "src/a/nowhere").symlink_to("not there")
+    assert run(root, "build")[0] == 0
+    assert "1 package unchanged" in run(root, "build")[1]
+    assert run(root, "doctor")[0] in {0, 1}
+
+
+def test_the_null_device_is_an_empty_file(root: Path) -> None:
+    (root / "forge.toml").symlink_to(os.devnull)
+    (root / "colcon.meta").symlink_to(os.devnull)
+    assert run(root, "build")[0] == 0
+
+
+def test_results_of_tests_are_not_waited_for(root: Path) -> None:
+    run(root, "build")
+    os.mkfifo(root / "build/a/result.xml")
+    os.mkfifo(root / "build/a/CTestTestfile.cmake")
+    assert run(root, "test")[0] == 0
+    code, said = run(root, "test-result")
+    assert code == 0
+    assert "build/a/result.xml: warning: cannot read the result: it is a named pipe" in said
+
+
+def test_a_source_may_be_larger_than_the_memory(root: Path) -> None:
+    with (root / "src/a/large.bin").open("wb") as stream:
+        stream.truncate(1 << 30)
+    assert run(root, "build")[0] == 0
+    assert "1 package unchanged" in run(root, "build")[1]
+
+
+def test_a_folder_that_may_not_be_read_is_told(root: Path) -> None:
+    secret = root / "src/secret"
+    secret.mkdir()
+    shutil.copy(root / "src/a/package.xml", secret)
+    secret.chmod(0)
+    try:
+        code, said = as_nobody(root, "list")
+        assert code == 0
+        assert "src/secret: warning: left out, with all packages in it: permission denied" in said
+        (root / "src/a/package.xml").chmod(0)
+        code, said = as_nobody(root, "list")
+        assert "src/a/package.xml" in said
+        assert "cannot read the manifest: Permission denied" in said
+    finally:
+        secret.chmod(0o755)
+
+
+def as_nobody(root: Path, *words: str) -> tuple[int, str]:
+    """Run forge as a user whom rights bind.
+
+    It runs twice in one process, which loses its rights in between: the interpreter may be root's alone.
+    """
+    code = (
+        "import os, sys\n"
+        "from forge.cli import main\n"
+        "main(sys.argv[1:])\n"
+        "print('again', flush=True)\n"
+        "os.geteuid() or os.seteuid(65534)\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    for folder in (root, *root.parents) if not os.geteuid() else ():
+        if folder.name.startswith(("test_", "popen-", "pytest-")):
+            folder.chmod(0o755)
+    done = subprocess.run(
+        (sys.executable, "-c", code, *words),
+        cwd=root,
+        env={**os.environ, "COLCON_HOME": str(root / "home")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    return done.returncode, done.stdout.partition("again\n")[2]
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("build/a", "the build folder '{root}/build/a' of 'a' is a file"),
+        ("install/a", "the install folder '{root}/install/a' of 'a' is a file"),
+        ("install/a/share", "'{root}/install/a/share', in which 'a' installed files, is no folder now"),
+    ],
+)
+def test_a_file_in_the_place_of_a_folder_is_refused(root: Path, path: str, message: str) -> None:
+    run(root, "build")
+    shutil.rmtree(root / path)
+    (root / path).write_text("precious\n")
+    code, said = run(root, "build", "--force")
+    assert code == 2
+    assert message.format(root=root) in said
+    assert (root / path).read_text() == "precious\n"
+    (root / path).unlink()
+    assert run(root, "build")[0] == 0
+    assert (root / "install/a/share/a/said.txt").is_file()
+
+
+def test_a_folder_in_the_place_of_an_installed_file_is_refused(root: Path) -> None:
+    run(root, "build")
+    path = root / "install/a/share/a/said.txt"
+    path.unlink()
+    path.mkdir()
+    (path / "precious").touch()
+    code, said = run(root, "build")
+    assert code == 2
+    assert f"'{path}', which 'a' installed as a file, is a folder now" in said
+    assert [entry.name for entry in path.iterdir()] == ["precious"]
+    shutil.rmtree(path)
+    assert run(root, "build")[0] == 0
+    assert path.read_text() == "said\n"
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("words", ["build", "build --json", "list", "graph"])
+def test_closed_streams_are_no_error(root: Path, words: str, closed: str) -> None:
+    code, _ = run(root, *words.split(), line=f'exec "$@" {closed}', lines=0)
+    assert code == 0
+    for name in ("build/forge_journal.jsonl", "install/.forge.json"):
+        # Nothing that was printed went into a file that happened to have the number of a closed stream.
+        assert not (root / name).exists() or b"Finished" not in (root / name).read_bytes()
+
+
+@pytest.mark.needs("/dev/full")
+@pytest.mark.parametrize("words", [("list",), ("build",), ("graph",)])
+def test_an_output_that_cannot_be_written_is_named(root: Path, words: tuple[str, ...]) -> None:
+    code, said = run(root, *words, line='"$@" 2>&1 >/dev/full')
+    assert code == 2
+    assert said == "error: cannot write to the standard output: no space left on device\n"
+    code, said = run(root, *words, line='exec "$@" 1</dev/null', lines=0)
+    assert code in {2, 130}
+
+
+def test_a_reader_that_has_left_ends_a_listing_without_a_word(root: Path) -> None:
+    code, said = run(root, "list", line='"$@" 2>&1 | :; "$@" | head -c 1', lines=0)
+    assert code == 0
+    assert said == "a"
+
+
+@pytest.mark.parametrize("jobs", ["70000", "99999999999"])
+def test_any_number_of_jobs_may_be_asked_for(root: Path, jobs: str) -> None:
+    assert run(root, "build", "--jobs", jobs)[0] == 0
+    assert run(root, "test", "--jobs", jobs)[0] == 0
+
+
+NAMES = (
+    "xa\nxb",
+    "xa",
+    "xb",
+    "c;d",
+    "e\n",
+    "g\rh",
+    "i\u2028j",
+    "k;",
+    "l\n\nm",
+    "n;o;p",
+    "q;r\ns",
+    'v"w',
+    "ä",
+)
+NO_UTF8 = os.fsdecode(b"\xff\xfe\n.txt")
+
+
+def installed(root: Path) -> set[str]:
+    """Return the names of all installed files."""
+    return {path.name for path in (root / "install").rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("options", [(), ("--merge-install",), ("--symlink-install",)])
+def test_names_with_line_breaks_and_semicolons_are_installed_and_removed(
+    root: Path, options: tuple[str, ...]
+) -> None:
+    text = CMAKE.replace("(FILES said.txt ", "(DIRECTORY d/ ")
+    (root / "src/a/CMakeLists.txt").write_text(text)
+    folder = root / "src/a/d"
+    folder.mkdir()
+    for name in (*NAMES, NO_UTF8):
+        (folder / name).write_text("x")
+    assert run(root, "build", *options)[0] == 0
+    assert installed(root) >= {*NAMES, NO_UTF8}
+    assert "1 package unchanged" in run(root, "build", *options)[1]
+    shutil.rmtree(folder)
+    folder.mkdir()
+    (folder / "kept").touch()
+    assert run(root, "build", *options)[0] == 0
+    assert installed(root).isdisjoint({*NAMES, NO_UTF8})
+    assert "kept" in installed(root)
+
+
+PYTHON = {
+    "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+    "src/p/setup.py": "from setuptools import setup\n"
+    "setup(name='p', version='1', packages=['p'], package_data={'p': ['*.txt']})\n",
+    "src/p/p/__init__.py": "",
+}
+
+
+def test_a_wheel_with_line_breaks_in_names_is_installed_and_removed(tree: Tree) -> None:
+    root = tree(PYTHON)
+    names = ("a\nb.txt", 'c,d "q".txt')
+    for name in names:
+        (root / "src/p/p" / name).write_text("x")
+    code, said = run(root, "build")
+    assert code == 0, said
+    assert installed(root) >= set(names)
+    for name in names:
+        (root / "src/p/p" / name).unlink()
+    assert run(root, "build")[0] == 0
+    assert installed(root).isdisjoint(names)
+
+
+def test_a_name_that_no_wheel_can_hold_is_refused(tree: Tree) -> None:
+    root = tree(PYTHON)
+    (root / "src/p/p" / os.fsdecode(b"\xff.txt")).touch()
+    code, said = run(root, "build")
+    assert code == 1
+    assert r"src/p: error: the name of b'p/\xff.txt' is not UTF-8" in said
+
+
+def test_a_name_that_no_list_of_a_wheel_can_hold_is_refused(tree: Tree) -> None:
+    root = tree(PYTHON)
+    (root / "src/p/p" / "e\u2028f.txt").touch()
+    code, said = run(root, "build")
+    assert code == 1
+    assert "src/p: error: the wheel that the package's build backend made is not valid" in said
+
+
+def test_what_a_package_removes_after_it_was_installed_is_not_missed(root: Path) -> None:
+    line = r'install(CODE "file(REMOVE \${CMAKE_INSTALL_PREFIX}/share/a/said.txt)")'
+    (root / "src/a/CMakeLists.txt").write_text(f"{CMAKE}{line}\n")
+    assert run(root, "build")[0] == 0
+    assert "1 package unchanged" in run(root, "build")[1]
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"LC_ALL": "C"},
+        {"LC_ALL": "C", "PYTHONUTF8": "0"},
+        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"},
+    ],
+)
+def test_paths_that_are_no_ascii_in_the_c_locale(
+    tree: Tree, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    files = {
+        **PYTHON,
+        "src/p/p/ö.txt": "x",
+        "src/a/package.xml": manifest_text("a", build_type="cmake"),
+        "src/a/CMakeLists.txt": CMAKE.replace("said.txt", "ß.txt"),
+        "src/a/ß.txt": "ß",
+    }
+    root = tree({f"bäh/{name}": text for name, text in files.items()}) / "bäh"
+    code, said = run(root, "build")
+    assert code == 0, said
+    assert installed(root) >= {"ö.txt", "ß.txt"}
+    assert "2 packages unchanged" in run(root, "build")[1]
+    assert run(root, "clean", "packages", "p", "-y", lines=0)[0] == 0
+    assert "ö.txt" not in installed(root)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("-GNinja Multi-Config",),
+        ("-G", "Ninja Multi-Config"),
+        ("-GNinja", "-G", "Ninja Multi-Config"),
+        (),
+    ],
+)
+def test_a_generator_for_several_configurations_is_refused(
+    root: Path, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CMAKE_GENERATOR", raising=False)
+    if not words:
+        monkeypatch.setenv("CMAKE_GENERATOR", "Ninja Multi-Config")
+    code, said = run(root, "build", "--cmake-args", *words)
+    assert code == 2
+    assert said.startswith("error: 'a' cannot be built with 'Ninja Multi-Config'")
+    assert run(root, "build", "--cmake-args", *words, "-G", "Ninja")[0] == 0
