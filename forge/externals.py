@@ -38,6 +38,7 @@ _GLOB = re.compile(r"[^/]*[*?\[]")
 _TREE_LIMIT = 20_000
 """Files of one folder outside of a package after which nobody can mean the whole of it."""
 READ_BY_BACKEND = "read_by_backend"
+WRITTEN_BY_BACKEND = "written_by_backend"
 
 
 def external_inputs(
@@ -86,9 +87,20 @@ def _programs(build: Path, graph: NativeGraph) -> Iterator[str]:
                 yield path
 
 
+def written_by_backend(build: Path) -> Iterator[str]:
+    """Yield the sources of a Python package that its build backend reported to have written itself."""
+    return _listed(build, WRITTEN_BY_BACKEND)
+
+
 def _read_by_backend(build: Path) -> Iterator[str]:
     """Yield what the build backend of a Python package reported to have read."""
-    yield from _text(build / "handover" / READ_BY_BACKEND).splitlines()
+    return _listed(build, READ_BY_BACKEND)
+
+
+def _listed(build: Path, name: str) -> Iterator[str]:
+    """Yield the paths of a list; its other lines are remarks."""
+    lines = _text(build / "handover" / name).split("\n")
+    yield from (line for line in lines if line.startswith("/"))
 
 
 def _installed_from(build: Path) -> Iterator[str]:

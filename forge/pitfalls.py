@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.files import read_file, text_or_nothing
 from forge.names import did_you_mean
-from forge.python_reading import read_setup_cfg
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,12 +26,15 @@ def refuse_what_no_backend_reads(source: Path) -> None:
     if setup.is_file():
         fault = _fault(setup, setup)
         raise_if_any((fault,) if fault else (), WorkspaceError)
-    elif (
-        not (source / "pyproject.toml").is_file()
-        and not read_setup_cfg(text_or_nothing(source / "setup.cfg")).name
-    ):
+    elif not (source / "pyproject.toml").is_file() and not _is_named(source / "setup.cfg"):
         hint = "'forge pkg create --build-type ament_python NAME' makes one with all that it needs"
         raise WorkspaceError(Problem("there is neither a setup.py nor a pyproject.toml", Place(source), hint))
+
+
+def _is_named(path: Path) -> bool:
+    from forge.python_reading import read_setup_cfg  # noqa: PLC0415  (few packages have a setup.cfg alone)
+
+    return bool(read_setup_cfg(text_or_nothing(path)).name)
 
 
 def doubts(source: Path, site: Path, installed: Sequence[Path]) -> Iterator[Problem]:

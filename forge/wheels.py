@@ -14,41 +14,30 @@ import configparser
 import contextlib
 import csv
 import os
-import shutil
-import subprocess
 import sys
-import warnings
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import installer
-import pyproject_hooks
 from installer.destinations import SchemeDictionaryDestination
 from installer.exceptions import InstallerError
 from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
-from forge.digests import source_files
-from forge.errors import EnvironmentFault, ForgeError, Place, Problem, WorkspaceError, raise_if_any
-from forge.files import listed_paths, read_file, read_text, replace_file
-from forge.formats import read_toml
-from forge.lending import lent_setuptools
+from forge.backends import build_wheel
+from forge.errors import ForgeError, Place, Problem, WorkspaceError
+from forge.files import listed_paths, read_text, replace_file
 from forge.links import Wheel, link_to_sources
 from forge.pitfalls import doubts, refuse_what_no_backend_reads
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Sequence
     from typing import BinaryIO
 
     from installer.records import RecordEntry
     from installer.utils import Scheme
 
 MANIFEST = "install_manifest.txt"
-_SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
-_NOT_UTF8 = "surrogates not allowed"
-"""What Python says of a name that is not UTF-8."""
-_OURS = "setuptools.build_meta"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -56,8 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     try:
         refuse_what_no_backend_reads(options.source)
-        said: list[str] = []
-        wheel = _build_wheel(options.source, options.build, options.python, said)
+        wheel, said = build_wheel(options.source, options.build, options.prefix, options.python)
         schemes = _schemes(options)
         installed = _unpack(wheel, options, schemes)
     except ForgeError as error:
@@ -65,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(problem.render(), file=sys.stderr)
         return 2
     if options.link:
-        link_to_sources(Wheel(options.source, options.build, schemes, "".join(said)), installed)
+        link_to_sources(Wheel(options.source, options.build, schemes, said), installed)
     _remove_stale(options.build / MANIFEST, installed, options.prefix)
     for problem in doubts(options.source, options.prefix / options.site_packages, installed):
         print(problem.render("warning"), file=sys.stderr)
@@ -89,113 +77,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--link", action="store_true", help="link files to their sources instead of copying")
     return parser
-
-
-def _build_wheel(source: Path, build: Path, python: str, said: list[str]) -> Path:
-    """Return the wheel that the package's backend makes; nothing is written into the source folder.
-
-    What the backend prints is added to `said`.
-    """
-    system = _build_system(source)
-    backend, *_ = system["build-backend"].split(":")
-    out = build / "wheel"
-    for folder in (out, build / "build"):
-        # A leftover module from an earlier build would end up in the wheel.
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-    settings = build / "distutils.cfg"
-    settings.write_text(f"[egg_info]\negg_base = {build}\n[build]\nbuild_base = {build / 'build'}\n", "utf-8")
-    os.environ["DIST_EXTRA_CONFIG"] = str(settings)
-    caller = pyproject_hooks.BuildBackendHookCaller(
-        str(source),
-        system["build-backend"],
-        backend_path=system.get("backend-path"),
-        runner=partial(_run_backend, surroundings=_surroundings(system, python, build), said=said),
-        python_executable=python,
-    )
-    try:
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            wheel = caller.build_wheel(str(out))
-        for warning in warned:
-            # pyproject_hooks repeats here what the backend was warned of.
-            print(f"{warning.category.__name__}: {warning.message}")
-        return out / wheel
-    except pyproject_hooks.BackendUnavailable:
-        hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
-        raise EnvironmentFault(Problem(f"the interpreter '{python}' has no '{backend}'", hint=hint)) from None
-    except subprocess.CalledProcessError:
-        remedy = f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools"
-        message = f"the package's build backend '{backend}' failed; its own message stands above"
-        raise EnvironmentFault(Problem(message, hint=remedy if backend == _OURS else None)) from None
-
-
-def _surroundings(system: Mapping[str, Any], python: str, build: Path) -> Mapping[str, str]:
-    """Return the environment of the backend, with a setuptools where the interpreter lacks one."""
-    if not (system["build-backend"].startswith("setuptools.") or "backend-path" in system):
-        return os.environ
-    lent = lent_setuptools(python, build / "lent")
-    if lent is None:
-        return os.environ
-    path = os.pathsep.join(filter(None, (str(lent), os.environ.get("PYTHONPATH"))))
-    return {**os.environ, "PYTHONPATH": path}
-
-
-def _run_backend(
-    cmd: Sequence[str],
-    cwd: str | None = None,
-    extra_environ: Mapping[str, str] | None = None,
-    *,
-    surroundings: Mapping[str, str],
-    said: list[str],
-) -> None:
-    """Run the backend; what it says goes to stdout, since backends chatter on stderr when all is well.
-
-    Raises CalledProcessError after its words went to stderr.
-    """
-    done = subprocess.run(
-        cmd,
-        cwd=cwd,
-        env={**surroundings, **(extra_environ or {})},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        check=False,
-    )
-    said.append(done.stdout)
-    if done.returncode and _NOT_UTF8 in done.stdout:
-        raise_if_any(_names_of_no_wheel(Path(cwd or ".")), WorkspaceError)
-    print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
-    done.check_returncode()
-
-
-def _names_of_no_wheel(source: Path) -> Iterator[Problem]:
-    """Yield the files of a package that no wheel can hold, since their names are not UTF-8."""
-    for path in source_files(str(source)):
-        name = os.path.relpath(path, source)
-        if not name.isascii() and name != name.encode(errors="replace").decode():
-            hint = "rename it, or leave it out of 'package_data' and 'data_files'"
-            yield Problem(
-                f"the name of {os.fsencode(name)!r} is not UTF-8, as all names in a wheel are",
-                Place(source),
-                hint,
-            )
-
-
-def _build_system(source: Path) -> dict[str, Any]:
-    """Return the build-system table of pyproject.toml, or setuptools' when there is none."""
-    path = source / "pyproject.toml"
-    if not path.is_file():
-        return dict(_SETUPTOOLS)
-    table = read_toml(read_file(path), path).get("build-system", {})
-    system = {**_SETUPTOOLS, **(table if isinstance(table, dict) else {"build-backend": None})}
-    folders = system.get("backend-path", [])
-    if not isinstance(system["build-backend"], str) or not isinstance(folders, list):
-        hint = "write 'build-backend' as a text, and 'backend-path' as a list, if at all"
-        raise WorkspaceError(Problem("'build-system' names no backend", Place(path), hint))
-    return system
 
 
 def _schemes(options: argparse.Namespace) -> dict[str, str]:

@@ -24,6 +24,7 @@ FLOORS = {
         preparation testing.preparing undertaking watching worker workspace caching.opening
     """,
     3: """
+        backend_inputs backend_tracer backends
         budget capacity digests discovery execution explaining externals feed folders installation
         installed interpreter jobs jobserver journal lending live occupancy prefixes records reporting results
         runner snapshot sourcing started steps toolchain tools transcript wheels configuration

@@ -22,6 +22,7 @@ from forge.build.input_manifest import Changes, compare, read_manifest, write_ma
 from forge.build.native_graph import read_by_cmake, read_native_graph
 from forge.build.reuse import Decision, Reuse, brought_back, decide, read_or_nothing
 from forge.digests import contents_of, tree_stats
+from forge.externals import written_by_backend
 from forge.files import replace_file
 from forge.frozen import frozen
 
@@ -164,8 +165,8 @@ def saved_meanwhile(
 ) -> frozenset[str]:
     """Return the inputs that were written since the build began, whatever they say now.
 
-    What the native tool itself made among the sources does not count, nor does a file that was written
-    during the last build, too, and says what it said: the build writes it.
+    What the native tool or a build backend itself made among the sources does not count, nor does a file
+    that was written during the last build, too, and says what it said: the build writes it.
     """
     note = _read_json(build / RECORDS / _BEGUN)
     then, now, last = begun.sources, tree_stats(begun.source), begun.last
@@ -173,6 +174,7 @@ def saved_meanwhile(
     changed = {path for path in paths if path not in then or then[path].stats != now.get(path)}
     if changed:
         made = {output for edge in read_native_graph(build).edges for output in edge.outputs}
+        made.update(written_by_backend(build))
         before = {path: then[path].content for path in changed & then.keys()}
         contents = contents_of(sorted(changed), table)
         changed = {

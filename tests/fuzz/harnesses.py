@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge import conditions, sourcing
+from forge.backends import _build_system
 from forge.build.build_dir import BuildInputs, Examination, began, prepare_build_dir, read_last
 from forge.build.input_manifest import read_manifest
 from forge.caching import action_result as action_results
@@ -56,7 +57,7 @@ from forge.scripts import local_setup, package_setup
 from forge.shells import SHELLS
 from forge.snapshot import moved_externals
 from forge.testing.collecting import collect
-from forge.wheels import _build_system, _install_scripts
+from forge.wheels import _install_scripts
 
 if TYPE_CHECKING:
     import argparse

@@ -1,0 +1,337 @@
+"""What the build of a Python package read outside of the package is as good a reason as its own files.
+
+Each case is built, changed and built again; what is installed then is what a clean build installs.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import venv
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import setuptools
+
+from forge.externals import external_inputs
+from tests.evolving import differences, look
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tests.conftest import Forge, Tree, Variables
+
+SETUP = """import glob, os, subprocess, sys
+from setuptools import Extension, setup
+here = os.path.dirname(os.path.abspath(__file__))
+version = "1"
+data = [("share/talk", ["package.xml"])]
+more = {{}}
+{lines}
+setup(name="talk", version=version, packages=["talk"], data_files=data, **more)
+"""
+EXTENSION = """#include <Python.h>
+#include "size.h"
+static struct PyModuleDef talk = {PyModuleDef_HEAD_INIT, "talk.fast", 0, SIZE, 0};
+PyMODINIT_FUNC PyInit_fast(void) { return PyModule_Create(&talk); }
+"""
+BACKEND = """import os
+from setuptools.build_meta import *
+from setuptools.build_meta import build_wheel as original
+def build_wheel(*arguments):
+    with open("talk/made.py", "w") as stream:
+        stream.write("made = 'here'")
+    return original(*arguments)
+"""
+
+
+def package(*lines: str, **files: str) -> dict[str, str]:
+    """Return a package whose setup.py has some lines more."""
+    return {
+        "src/talk/package.xml": manifest_text("talk", build_type="ament_python"),
+        "src/talk/setup.py": SETUP.format(lines="\n".join(lines)),
+        "src/talk/talk/__init__.py": "",
+        **files,
+    }
+
+
+class Workspace:
+    """A workspace that is built again and again, with the same options and variables."""
+
+    def __init__(
+        self, root: Path, forge: Forge, *options: str, env: Variables | None = None, first: bool = True
+    ) -> None:
+        """Build it, for the first time if so, and see that there is nothing more to do."""
+        self.root = root
+        self._forge = forge
+        self._options = options
+        self._env = env
+        if first:
+            assert self.build() == "it was not built here yet"
+        assert self.build() == ""
+
+    def build(self) -> str:
+        """Build, and return why the package was built, or '' for a fresh one."""
+        ran = self._forge("build", "--explain", *self._options, cwd=self.root, env=self._env)
+        assert ran.code == 0, ran.err
+        said = next(line for line in (ran.out + ran.err).splitlines() if line.startswith("talk: "))
+        return "" if said == "talk: fresh" else said.removeprefix("talk: build, ")
+
+    def is_as_clean(self) -> None:
+        """Hold what is installed against what a clean build installs."""
+        actual = look(self.root / "install")
+        for name in ("build", "install", "log"):
+            shutil.rmtree(self.root / name)
+        self.build()
+        assert differences(actual, look(self.root / "install")) == []
+
+    def change(self, files: Mapping[str, str | None]) -> str:
+        """Write or remove files, build, hold the result against a clean one; return why it was built."""
+        for name, text in files.items():
+            path = self.root / name
+            if text is None:
+                path.unlink()
+            else:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8")
+        why = self.build()
+        assert self.build() == ""
+        self.is_as_clean()
+        return why
+
+
+READERS = {
+    "open": 'version = open("../../VERSION").read().strip()',
+    "an absolute path": 'version = open(os.path.join(here, "..", "..", "VERSION")).read().strip()',
+    "pathlib": 'import pathlib; version = pathlib.Path("../../VERSION").read_text().strip()',
+    "another folder": 'os.chdir("../.."); version = open("VERSION").read().strip(); os.chdir(here)',
+    "exec": 'exec(open("../../shared/version.py").read())',
+    "import": 'sys.path.insert(0, "../../shared"); from version import version',
+    "configparser": (
+        "import configparser; said = configparser.ConfigParser(); said.read('../../shared/version.ini'); "
+        "version = said['all']['version']"
+    ),
+    "copied data": 'data.append(("share/talk", ["../../VERSION"]))',
+    "a shell": 'version = os.popen("cat ../../VERSION").read().strip()',
+    "a program": 'version = subprocess.check_output(["cat", "../../VERSION"], text=True).strip()',
+    "a Python program": 'version = subprocess.check_output([sys.executable, "ask.py"], text=True).strip()',
+    "a fork": (
+        "if not os.fork():\n"
+        '    open("talk/v.txt", "w").write(open("../../VERSION").read()); os._exit(0)\n'
+        "os.wait()\n"
+        "version = open('talk/v.txt').read().strip(); os.remove('talk/v.txt')"
+    ),
+}
+
+
+@pytest.mark.parametrize("reader", READERS.values(), ids=READERS.keys())
+def test_a_file_outside_that_setup_py_reads(reader: str, tree: Tree, forge: Forge) -> None:
+    def version(number: str) -> dict[str, str]:
+        return {
+            "VERSION": f"{number}\n",
+            "shared/version.py": f"version = '{number}'\n",
+            "shared/version.ini": f"[all]\nversion = {number}\n",
+        }
+
+    ask = "print(open('../../VERSION').read())"
+    workspace = Workspace(tree(package(reader, **version("1.0"), **{"src/talk/ask.py": ask})), forge)
+    assert workspace.change(version("2.0")).endswith(", which it reads, changed")
+
+
+def test_a_file_that_was_looked_for_in_vain_appears(tree: Tree, forge: Forge) -> None:
+    reader = "try:\n    exec(open('../../local.py').read())\nexcept FileNotFoundError: pass"
+    workspace = Workspace(tree(package(reader)), forge)
+    assert workspace.change({"local.py": "version = '7'"})
+    assert workspace.change({"local.py": None})
+
+
+def test_a_file_in_a_folder_outside_that_is_globbed(tree: Tree, forge: Forge) -> None:
+    reader = 'data.append(("share/talk/shared", sorted(glob.glob("../../shared/*.yaml"))))'
+    workspace = Workspace(tree(package(reader, **{"shared/a.yaml": "1"})), forge)
+    assert workspace.change({"shared/b.yaml": "2"})
+    assert workspace.change({"shared/a.yaml": "3"})
+    assert workspace.change({"shared/a.yaml": None})
+
+
+def test_a_version_outside_that_a_pyproject_names(tree: Tree, forge: Forge) -> None:
+    pyproject = """[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "talk"
+dynamic = ["version"]
+[tool.hatch.version]
+path = "../../shared/version.py"
+"""
+    files = package(**{"src/talk/pyproject.toml": pyproject, "shared/version.py": "__version__ = '1.0'\n"})
+    del files["src/talk/setup.py"]
+    workspace = Workspace(tree(files), forge)
+    assert workspace.change({"shared/version.py": "__version__ = '2.0'\n"})
+
+
+def test_a_manifest_that_names_fewer_files(tree: Tree, forge: Forge) -> None:
+    """Setuptools would keep what its earlier list of sources named."""
+    more = "more = {'include_package_data': True}"
+    data = {"src/talk/talk/a.txt": "1", "src/talk/talk/b.txt": "2"}
+    workspace = Workspace(
+        tree(package(more, **data, **{"src/talk/MANIFEST.in": "recursive-include talk *"})), forge
+    )
+    assert workspace.change({"src/talk/MANIFEST.in": "include talk/a.txt"})
+    assert not list(workspace.root.glob("install/**/b.txt"))
+
+
+ASKS = """version = subprocess.check_output(
+    [sys.executable, "-c", "import helper; print(helper.version)"], text=True).strip()
+"""
+"""A line of setup.py."""
+
+
+def distribution(version: str, *modules: str) -> dict[str, str]:
+    """Return an installed distribution as files below lib/."""
+    record = "".join(f"helper/{name}.py,sha256={version},9\n" for name in ("__init__", *modules))
+    info = f"lib/helper-{version}.dist-info"
+    return {
+        "lib/helper/__init__.py": f"version = {version!r}\n"
+        + "".join(f"from . import {m}\n" for m in modules),
+        **{f"lib/helper/{name}.py": f"version = {version!r}\n" for name in modules},
+        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: helper\nVersion: {version}\n",
+        f"{info}/RECORD": f"{record}helper-{version}.dist-info/METADATA,,\n",
+    }
+
+
+@pytest.mark.parametrize("modules", [0, 20])
+@pytest.mark.parametrize(
+    "reader",
+    [
+        "from helper import version",
+        "import importlib.metadata; version = importlib.metadata.version('helper')",
+        ASKS,
+    ],
+    ids=["import", "metadata", "child"],
+)
+def test_an_upgraded_distribution(reader: str, modules: int, tree: Tree, forge: Forge) -> None:
+    names = [f"part{number}" for number in range(modules)]
+    root = tree(package(reader, **distribution("1.0", *names)))
+    workspace = Workspace(root, forge, env={"PYTHONPATH": str(root / "lib")})
+    shutil.rmtree(root / "lib")
+    assert workspace.change(distribution("1.1", *names))
+
+
+def test_a_distribution_that_was_not_there_is_installed(tree: Tree, forge: Forge) -> None:
+    reader = "try:\n    from helper import version\nexcept ImportError: pass"
+    root = tree(package(reader, **{"lib/other.py": ""}))
+    workspace = Workspace(root, forge, env={"PYTHONPATH": str(root / "lib")})
+    assert workspace.change(distribution("1.1"))
+    shutil.rmtree(root / "lib")
+    assert workspace.change({"lib/other.py": ""})
+
+
+def test_another_setuptools_in_the_interpreter(tree: Tree, forge: Forge) -> None:
+    """One that lacks it is lent forge's own, until it has one."""
+    root = tree(package())
+    venv.create(root / "venv")
+    (site,) = root.glob("venv/lib/python*/site-packages")
+    workspace = Workspace(root, forge, "--python", str(root / "venv/bin/python3"))
+    home = Path(setuptools.__file__).parent
+    for path in (home, *home.parent.glob("setuptools-*.dist-info"), home.parent / "_distutils_hack"):
+        shutil.copytree(path, site / path.name)
+    assert workspace.build()
+    assert workspace.build() == ""
+    (info,) = site.glob("setuptools-*.dist-info")
+    version = setuptools.__version__
+    metadata = (info / "METADATA").read_text(encoding="utf-8")
+    (info / "METADATA").write_text(metadata.replace(f"Version: {version}", "Version: 99.0"), encoding="utf-8")
+    info.rename(site / "setuptools-99.0.dist-info")
+    assert workspace.build()
+    workspace.is_as_clean()
+    (wheel,) = root.glob("install/talk/lib/python*/site-packages/talk-*.dist-info/WHEEL")
+    assert "99.0" in wheel.read_text(encoding="utf-8")
+
+
+@pytest.mark.needs("gcc", "clang")
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_headers_and_libraries_outside_of_an_extension(compiler: str, tree: Tree, forge: Forge) -> None:
+    line = """more = {"ext_modules": [Extension("talk.fast", ["fast.c"], include_dirs=[
+        os.path.join(here, "../../first"), os.path.join(here, "../../second")])]}"""
+    files = {"src/talk/fast.c": EXTENSION, "second/size.h": '#define SIZE "one"\n', "first/other.h": ""}
+    root = tree(package(line, **files))
+    workspace = Workspace(root, forge, env={"CC": compiler, "LDSHARED": f"{compiler} -shared"})
+    assert workspace.change({"second/size.h": '#define SIZE "two"\n'})
+    assert workspace.change({"first/size.h": '#define SIZE "the first on the path"\n'})
+
+
+@pytest.mark.needs("gcc")
+def test_a_static_library_outside_of_an_extension(tree: Tree, forge: Forge) -> None:
+    code = EXTENSION.replace('#include "size.h"', "extern const char size[];").replace("SIZE", "size")
+    line = """more = {"ext_modules": [Extension("talk.fast", ["fast.c"],
+        library_dirs=[os.path.join(here, "../../lib")], libraries=["size"])]}"""
+    root = tree(package(line, **{"src/talk/fast.c": code}))
+
+    def library(text: str) -> None:
+        (root / "lib").mkdir(exist_ok=True)
+        (root / "size.c").write_text(f'const char size[] = "{text}";\n')
+        subprocess.run(["gcc", "-fPIC", "-c", "size.c", "-o", "size.o"], cwd=root, check=True)
+        (root / "lib/libsize.a").unlink(missing_ok=True)
+        subprocess.run(["ar", "rcsD", "lib/libsize.a", "size.o"], cwd=root, check=True)
+
+    library("one")
+    workspace = Workspace(root, forge)
+    library("two")
+    assert workspace.change({})
+
+
+def test_links_show_edits_and_new_modules_are_built(tree: Tree, forge: Forge) -> None:
+    files = {"src/talk/talk/a.py": "a = 1\n", "src/talk/talk/b.py": "a = 1\n"}
+    workspace = Workspace(tree(package(**files)), forge, "--symlink-install")
+    (installed,) = workspace.root.glob("install/talk/lib/python*/site-packages/talk/a.py")
+    (workspace.root / "src/talk/talk/a.py").write_text("a = 2\n", encoding="utf-8")
+    assert installed.read_text(encoding="utf-8") == "a = 2\n"
+    workspace.build()
+    workspace.is_as_clean()
+    workspace.change({"src/talk/talk/c.py": "a = 3\n"})
+    workspace.change({"src/talk/talk/a.py": None})
+
+
+def test_what_a_build_writes_among_its_sources_is_no_reason_for_ever(tree: Tree, forge: Forge) -> None:
+    """The first build changes the sources, as the second one finds; that leaves them as they were."""
+    root = tree(package("open('talk/made.py', 'w').write('made = 1')"))
+    assert forge("build", cwd=root).code == 0
+    assert "files were added to it" in forge("build", "--explain", cwd=root).out
+    workspace = Workspace(root, forge, first=False)
+    shutil.rmtree(root / "build")
+    assert workspace.build() == "it was not built here yet"
+    assert workspace.build() == ""
+
+
+def test_an_ordinary_package_reads_few_files_outside(tree: Tree, forge: Forge) -> None:
+    """They are listed in the journal for each package."""
+    root = tree(package())
+    Workspace(root, forge)
+    found = external_inputs(root / "build/talk", root / "src/talk", (root,))
+    assert 0 < len(found) < 20
+    assert not [path for path in found if path.endswith((".pyc", "input.json"))]
+
+
+def test_a_cache_knows_what_was_read_outside(tree: Tree, forge: Forge) -> None:
+    root = tree(package(READERS["open"], VERSION="1.0\n"))
+    cache = ("--cache", str(root / "cache"))
+
+    def build() -> tuple[str, str]:
+        for name in ("build", "install", "log"):
+            shutil.rmtree(root / name, ignore_errors=True)
+        ran = forge("build", *cache, cwd=root)
+        assert ran.code == 0, ran.err
+        (info,) = root.glob("install/talk/lib/python*/site-packages/talk-*.dist-info")
+        return info.name, ran.out
+
+    assert build()[0] == "talk-1.0.dist-info"
+    (root / "VERSION").write_text("2.0\n")
+    name, said = build()
+    assert name == "talk-2.0.dist-info"
+    assert "came from the cache" not in said
+    (root / "VERSION").write_text("1.0\n")
+    name, said = build()
+    assert name == "talk-1.0.dist-info"
+    assert "came from the cache" in said
