@@ -7,9 +7,14 @@ run because of it. What it must run nobody says: the tree of a clean build tells
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
+import re
 import shutil
 import stat
+import threading
+import time
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,20 +22,37 @@ from typing import TYPE_CHECKING
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
-ENVIRONMENT = ("CXXFLAGS", "CMAKE_WORD")
-"""Variables that edits set: one that compilers read, one that a CMakeLists.txt of ours does."""
+VARIABLES = (
+    ("CXXFLAGS", "-O1"),
+    ("CMAKE_WORD", "{}"),
+)
+"""What edits set: variables that compilers read, and those that a CMakeLists.txt or a setup.py names."""
+GATES = {"data-configure": "data", "base-build": "base", "base-install": "base"}
+GATES |= {"listener-configure": "listener", "below_msgs-install": "below_msgs"}
+"""Where a build waits, while somebody saves a file, and the package whose build reaches that."""
 
 _BASE = """cmake_minimum_required(VERSION 3.18)
 project(base CXX)
 option(EXTRA "Install one file more" OFF)
+set(LEVEL 1 CACHE STRING "How much")
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Debug CACHE STRING "What kind of build" FORCE)
+endif()
 file(GLOB sources ${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp)
-add_library(base STATIC ${sources})
-target_include_directories(base PRIVATE include private @OUTSIDE@)
+add_custom_command(OUTPUT table.hpp
+  COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/tools/table.sh > table.hpp)
+add_library(base STATIC ${sources} ${CMAKE_CURRENT_BINARY_DIR}/table.hpp)
+target_compile_definitions(base PRIVATE LEVEL=${LEVEL})
+target_compile_options(base PRIVATE -Wa,-I${CMAKE_CURRENT_SOURCE_DIR}/raw)
+target_include_directories(base PRIVATE early include private chosen
+  ${CMAKE_CURRENT_BINARY_DIR} @OUTSIDE@/early @OUTSIDE@)
 install(TARGETS base DESTINATION lib)
 install(DIRECTORY include/ DESTINATION include)
 install(FILES cmake/baseConfig.cmake DESTINATION share/base/cmake)
+install(FILES flags.dsv DESTINATION share/base/environment)
+install(SCRIPT tools/gate.cmake)
 if(EXTRA)
   install(FILES package.xml DESTINATION share/base RENAME extra.xml)
 endif()
@@ -38,29 +60,82 @@ endif()
 _CONFIG = """get_filename_component(base_prefix ${CMAKE_CURRENT_LIST_DIR}/../../.. ABSOLUTE)
 add_library(base::base STATIC IMPORTED)
 set_target_properties(base::base PROPERTIES IMPORTED_LOCATION ${base_prefix}/lib/libbase.a
-  INTERFACE_INCLUDE_DIRECTORIES ${base_prefix}/include)
+  INTERFACE_INCLUDE_DIRECTORIES "${base_prefix}/include/first;${base_prefix}/include")
 """
 _SOURCE = """#include "base/base.hpp"
 #include "inner.hpp"
+#include "part.hpp"
+#include "table.hpp"
 #include <outer.h>
-int base() {{ return BASE + INNER + OUTER + {}; }}
+#if __has_include("maybe.hpp")
+#include "maybe.hpp"
+#else
+#define MAYBE 0
+#endif
+asm(".data\\n.incbin \\"blob.bin\\"\\n.text");
+int base() {{ return BASE + INNER + PART + TABLE + OUTER + MAYBE + LEVEL + {}; }}
 """
+_TABLE = """here=$(dirname "$0")
+sh "$here/gate.sh" base-build
+echo "#define TABLE $(cat "$here/../raw/table.txt")"
+"""
+_GATE = """# Waits while the test saves something.
+gate=@GATES@/$1
+if [ -d "$gate" ]; then
+  touch "$gate/reached"
+  until [ ! -d "$gate" ]; do sleep 0.02; done
+fi
+"""
+_GATE_SCRIPT = "execute_process(COMMAND sh ${{CMAKE_CURRENT_LIST_DIR}}/gate.sh {}-install)\n"
 _USER = """cmake_minimum_required(VERSION 3.18)
 project(user CXX)
 find_package(base REQUIRED)
+find_package(low REQUIRED)
+find_file(found_maybe base/maybe.hpp PATHS ${base_prefix}/include NO_DEFAULT_PATH)
+if(found_maybe)
+  add_definitions(-DFOUND)
+endif()
 add_executable(main src/main.cpp)
+target_include_directories(main PRIVATE ${low_INCLUDE_DIRS})
 target_link_libraries(main base::base)
-install(TARGETS main DESTINATION lib/user)
+add_executable(other src/other.cpp)
+target_link_libraries(other -L${base_prefix}/lib -lbase)
+install(TARGETS main other DESTINATION lib/user)
 install(PROGRAMS scripts/run.sh DESTINATION lib/user)
+"""
+_MAIN = """#include "base/base.hpp"
+#include <low/low.hpp>
+#if __has_include(<base/maybe.hpp>)
+#include <base/maybe.hpp>
+#endif
+#ifndef HOOK
+#define HOOK 0
+#endif
+int main() {{ return base() + BASE + LOW + HOOK + {}; }}
+"""
+_LOW = """cmake_minimum_required(VERSION 3.18)
+project(low NONE)
+install(DIRECTORY include/ DESTINATION include)
+install(FILES lowConfig.cmake DESTINATION share/low/cmake)
+"""
+_LOW_CONFIG = """get_filename_component(low_INCLUDE_DIRS ${CMAKE_CURRENT_LIST_DIR}/../../../include ABSOLUTE)
 """
 _DATA = """cmake_minimum_required(VERSION 3.18)
 project(data NONE)
 file(GLOB found ${CMAKE_CURRENT_SOURCE_DIR}/files/*.txt)
+file(READ ${CMAKE_CURRENT_SOURCE_DIR}/read/version.txt version)
+file(STRINGS ${CMAKE_CURRENT_SOURCE_DIR}/read/lines.txt lines)
+execute_process(COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/tools/say.sh OUTPUT_VARIABLE spoken)
 install(FILES ${found} DESTINATION share/data/files)
 install(DIRECTORY tree DESTINATION share/data USE_SOURCE_PERMISSIONS)
-file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/words.txt "${EXTRA} ${CMAKE_BUILD_TYPE} $ENV{CMAKE_WORD}")
+file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/words.txt
+  "${EXTRA} ${CMAKE_BUILD_TYPE} $ENV{CMAKE_WORD} $ENV{FREE_WORD} ${version} ${lines} ${spoken}")
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/words.txt DESTINATION share/data)
 install(FILES dataConfig.cmake DESTINATION share/data/cmake)
+"""
+_SAY = """here=$(dirname "$0")
+sh "$here/gate.sh" data-configure
+cat "$here/../read/spoken.txt"
 """
 _READER = """cmake_minimum_required(VERSION 3.18)
 project(reader NONE)
@@ -69,12 +144,14 @@ file(READ ${data_words} text)
 configure_file(reader.txt.in reader.txt)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/reader.txt DESTINATION share/reader)
 """
-_SETUP = """from glob import glob
+_SETUP = """import os
+from glob import glob
 from setuptools import find_packages, setup
 
 setup(
     name="script",
     version="0.1.0",
+    description=os.environ.get("FREE_WORD", "none"),
     packages=find_packages(),
     data_files=[("share/script/data", sorted(glob("data/*"))), ("share/script", ["package.xml"])],
     entry_points={"console_scripts": ["say = script.say:main"]},
@@ -83,20 +160,39 @@ setup(
 
 PLAIN: Mapping[str, str] = {
     "src/base/package.xml": manifest_text("base", build_type="cmake"),
+    "src/base/colcon.pkg": '{"hooks": ["share/base/environment/flags.dsv"]}\n',
     "src/base/CMakeLists.txt": _BASE,
     "src/base/cmake/baseConfig.cmake": _CONFIG,
+    "src/base/flags.dsv": "set;CXXFLAGS;-DHOOK=1\n",
     "src/base/include/base/base.hpp": "#pragma once\n#define BASE 1\nint base();\n",
+    "src/base/include/first/base/first.hpp": "#define FIRST\n",
     "src/base/private/inner.hpp": "#define INNER 1\n",
+    "src/base/one/part.hpp": "#define PART 1\n",
+    "src/base/two/part.hpp": "#define PART 2\n",
+    "src/base/raw/blob.bin": "1\n",
+    "src/base/raw/table.txt": "1\n",
+    "src/base/tools/gate.sh": _GATE,
+    "src/base/tools/gate.cmake": _GATE_SCRIPT.format("base"),
+    "src/base/tools/table.sh": _TABLE,
+    "src/base/chosen": "-> one",
     "src/base/src/base.cpp": _SOURCE.format(1),
-    "src/user/package.xml": manifest_text("user", "<depend>base</depend>", build_type="cmake"),
+    "src/user/package.xml": manifest_text(
+        "user", "<depend>base</depend>", "<depend>low</depend>", build_type="cmake"
+    ),
     "src/user/CMakeLists.txt": _USER,
     "src/user/scripts/run.sh": "#!/bin/sh\necho run\n",
-    "src/user/src/main.cpp": '#include "base/base.hpp"\nint main() { return base() + BASE; }\n',
+    "src/user/src/main.cpp": _MAIN.format(0),
+    "src/user/src/other.cpp": "int base();\nint main() { return base(); }\n",
     "src/data/package.xml": manifest_text("data", build_type="cmake"),
     "src/data/CMakeLists.txt": _DATA,
     "src/data/dataConfig.cmake": "set(data_words ${CMAKE_CURRENT_LIST_DIR}/../words.txt)\n",
     "src/data/files/one.txt": "1\n",
     "src/data/tree/deep/leaf.txt": "1\n",
+    "src/data/read/version.txt": "1\n",
+    "src/data/read/lines.txt": "1\n",
+    "src/data/read/spoken.txt": "1\n",
+    "src/data/tools/gate.sh": _GATE,
+    "src/data/tools/say.sh": _SAY,
     "src/reader/package.xml": manifest_text("reader", "<depend>data</depend>", build_type="cmake"),
     "src/reader/CMakeLists.txt": _READER,
     "src/reader/reader.txt.in": "${text} as reader has it\n",
@@ -126,6 +222,7 @@ find_package(above_msgs REQUIRED)
 add_executable(listener src/main.cpp)
 ament_target_dependencies(listener above_msgs)
 install(TARGETS listener DESTINATION lib/${PROJECT_NAME})
+execute_process(COMMAND sh ${CMAKE_CURRENT_SOURCE_DIR}/tools/gate.sh listener-configure)
 ament_package()
 """
 _INTERFACE_LINES = (
@@ -135,33 +232,74 @@ _INTERFACE_LINES = (
 )
 MESSAGES: Mapping[str, str] = {
     "src/below_msgs/package.xml": manifest_text("below_msgs", *_INTERFACE_LINES),
-    "src/below_msgs/CMakeLists.txt": _INTERFACES.format(name="below_msgs", more="", depends=""),
+    "src/below_msgs/CMakeLists.txt": _INTERFACES.format(
+        name="below_msgs", more="install(SCRIPT tools/gate.cmake)", depends=""
+    ),
+    "src/below_msgs/tools/gate.sh": _GATE,
+    "src/below_msgs/tools/gate.cmake": _GATE_SCRIPT.format("below_msgs"),
     "src/below_msgs/msg/Below.msg": "int32 x\n",
     "src/above_msgs/package.xml": manifest_text(
-        "above_msgs", *_INTERFACE_LINES, "<depend>below_msgs</depend>"
+        "above_msgs", *_INTERFACE_LINES, "<depend>below_msgs</depend>", "<depend>low_msgs</depend>"
     ),
     "src/above_msgs/CMakeLists.txt": _INTERFACES.format(
-        name="above_msgs", more="find_package(below_msgs REQUIRED)", depends="DEPENDENCIES below_msgs"
+        name="above_msgs",
+        more="find_package(below_msgs REQUIRED)\nfind_package(low_msgs REQUIRED)",
+        depends="DEPENDENCIES below_msgs low_msgs",
     ),
-    "src/above_msgs/msg/Above.msg": "below_msgs/Below[3] all\n",
+    "src/above_msgs/msg/Above.msg": "below_msgs/Below[3] all\nlow_msgs/Low low\n",
     "src/listener/package.xml": manifest_text(
         "listener", "<buildtool_depend>ament_cmake</buildtool_depend>", "<depend>above_msgs</depend>"
     ),
     "src/listener/CMakeLists.txt": _LISTENER,
+    "src/listener/tools/gate.sh": _GATE,
     "src/listener/src/main.cpp": "#include <above_msgs/msg/above.hpp>\n"
     "int main() { return sizeof(above_msgs::msg::Above); }\n",
 }
 
+LOW: Mapping[str, str] = {
+    "low/package.xml": manifest_text("low", build_type="cmake"),
+    "low/CMakeLists.txt": _LOW,
+    "low/lowConfig.cmake": _LOW_CONFIG,
+    "low/include/low/low.hpp": "#define LOW {}\n",
+}
+"""A package that an underlay has, and that may be cloned into the workspace."""
+LOW_MSGS: Mapping[str, str] = {
+    "low_msgs/package.xml": manifest_text("low_msgs", *_INTERFACE_LINES),
+    "low_msgs/CMakeLists.txt": _INTERFACES.format(name="low_msgs", more="", depends=""),
+    "low_msgs/msg/Low.msg": "int32 x\nint32 NUMBER={}\n",
+}
+
 NEEDS = {
+    "low": (),
+    "low_msgs": (),
     "base": (),
-    "user": ("base",),
+    "user": ("base", "low"),
     "data": (),
     "reader": ("data",),
     "script": ("data",),
     "below_msgs": (),
-    "above_msgs": ("below_msgs",),
-    "listener": ("above_msgs", "below_msgs"),
+    "above_msgs": ("below_msgs", "low_msgs"),
+    "listener": ("above_msgs", "below_msgs", "low_msgs"),
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Save:
+    """Somebody saves a file, or puts back what it was, while a build waits at a gate."""
+
+    gate: str
+    path: Path
+    content: bytes
+    keeps_time: bool = False
+
+    def __call__(self) -> None:
+        """Write it."""
+        if not self.path.parent.is_dir():
+            return
+        before = self.path.stat() if self.path.exists() else None
+        self.path.write_bytes(self.content)
+        if before and self.keeps_time:
+            os.utime(self.path, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 @dataclass(slots=True)
@@ -174,6 +312,12 @@ class Evolving:
     arguments: set[str] = field(default_factory=set)
     variables: dict[str, str] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
+    low: Mapping[str, str] = field(default_factory=dict)
+    """The package of the underlay, for those who clone it."""
+    underlays: tuple[Path, ...] = ()
+    """What the underlay may say: two prefixes."""
+    saves: list[Save] = field(default_factory=list)
+    """What is saved while the next build runs."""
     needs: dict[str, tuple[str, ...]] = field(default_factory=lambda: dict(NEEDS))
     """What may change a package; a need that was there once stays, which allows too much at worst."""
 
@@ -188,6 +332,16 @@ class Evolving:
         return self.root / "outside" / "outer.h"
 
     @property
+    def under(self) -> Path:
+        """The underlay."""
+        return self.root / "under"
+
+    @property
+    def gates(self) -> Path:
+        """Where the folders are that builds wait for."""
+        return self.root / "gates"
+
+    @property
     def packages(self) -> tuple[str, ...]:
         """The packages that there are."""
         return tuple(name for name in NEEDS if (self.home / "src" / name).is_dir())
@@ -200,9 +354,51 @@ class Evolving:
         for name, text in files.items():
             path = self.home / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text.replace("@OUTSIDE@", str(self.outside.parent)), encoding="utf-8")
+            if text.startswith("-> "):
+                path.symlink_to(text[3:])
+                continue
+            said = text.replace("@OUTSIDE@", str(self.outside.parent)).replace("@GATES@", str(self.gates))
+            path.write_text(said, encoding="utf-8")
             if text.startswith("#!"):
                 path.chmod(0o755)
+        if self.underlays:
+            shutil.copytree(self.underlays[0], self.under, symlinks=True)
+
+    @contextmanager
+    def saving(self) -> Iterator[set[str]]:
+        """Save files while a build runs; yield the packages that this concerns, or none.
+
+        Where the build does not reach a gate, files are saved when it has ended.
+        """
+        waiting, self.saves = self.saves, []
+        for save in waiting:
+            (self.gates / save.gate).mkdir(parents=True, exist_ok=True)
+        ended = threading.Event()
+        saver = threading.Thread(target=self._save, args=(waiting, ended))
+        saver.start()
+        try:
+            yield {
+                name
+                for save in waiting
+                for name in (
+                    self.above("base", "data")
+                    if save.path == self.outside
+                    else self.above(save.path.relative_to(self.home / "src").parts[0])
+                )
+            }
+        finally:
+            ended.set()
+            saver.join()
+
+    def _save(self, waiting: Sequence[Save], ended: threading.Event) -> None:
+        for gate, saves in itertools.groupby(waiting, key=lambda save: save.gate):
+            folder = self.gates / gate
+            while not (folder / "reached").exists() and not ended.wait(0.01):
+                pass
+            for save in saves:
+                save()
+                time.sleep(0.05)
+            shutil.rmtree(folder)
 
     def options(self) -> tuple[str, ...]:
         """Return the words of the next build."""
@@ -222,9 +418,10 @@ class Evolving:
 
     def key(self) -> str:
         """Return a digest of everything that a clean build depends on."""
-        said = [self.options(), sorted(self.variables.items()), self.outside.read_text(encoding="utf-8")]
-        linked = look(self.root / "private")
-        return hashlib.sha256(repr((said, linked, look(self.home / "src"))).encode()).hexdigest()
+        said: list[object] = [self.options(), sorted(self.variables.items())]
+        folders = ("outside", "private", "under", "ws/src")
+        said += [look(self.root / name) for name in folders]
+        return hashlib.sha256(repr(said).encode()).hexdigest()
 
 
 Entry = tuple[str, ...]
@@ -393,6 +590,174 @@ def _link_folder(workspace: Evolving, number: int) -> set[str]:
     return workspace.above("base")
 
 
+def _default(workspace: Evolving, number: int) -> set[str]:
+    """Change what an option, a cached variable or the build type is unless somebody says otherwise."""
+    path = workspace.home / "src/base/CMakeLists.txt"
+    if not path.is_file():
+        return set()
+    text = path.read_text(encoding="utf-8")
+    if number % 3 == 0:
+        text = re.sub(r"(more\") \w+\)", rf"\1 {'ON' if number % 2 else 'OFF'})", text)
+    elif number % 3 == 1:
+        text = re.sub(r"LEVEL \d CACHE", f"LEVEL {number % 10} CACHE", text)
+    else:
+        text = re.sub(r"_TYPE \w+ CACHE", f"_TYPE {'Debug' if number % 2 else 'Release'} CACHE", text)
+    path.write_text(text, encoding="utf-8")
+    return workspace.above("base")
+
+
+_SHADOWS = (
+    ("early/inner.hpp", "#define INNER {}\n"),
+    ("src/inner.hpp", "#define INNER {}\n"),
+    ("early/part.hpp", "#define PART {}\n"),
+    ("private/part.hpp", "#define PART {}\n"),
+    ("early/outer.h", "#define OUTER {}\n"),
+    ("early/maybe.hpp", "#define MAYBE {}\n"),
+    ("include/first/base/base.hpp", "#pragma once\n#define BASE {}\nint base();\n"),
+    ("include/base/maybe.hpp", "#define HOOK {}\n"),
+    ("../../../outside/early/outer.h", "#define OUTER {}\n"),
+)
+
+
+def _shadow(workspace: Evolving, number: int) -> set[str]:
+    """Put a header where it is found before another one, or at last; or remove it again."""
+    if "base" not in workspace.packages:
+        return set()
+    name, text = _SHADOWS[number % len(_SHADOWS)]
+    path = workspace.home / "src/base" / name
+    if path.exists():
+        path.unlink()
+        return workspace.above("base")
+    moved = workspace.root / "moved"
+    moved.write_text(text.format(number), encoding="utf-8")
+    if number % 2:
+        os.utime(moved, (1_000_000_000, 1_000_000_000))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    moved.replace(path)
+    return workspace.above("base")
+
+
+_SWAPPED = (
+    ("base/one", "base/two"),
+    ("base/one/part.hpp", "base/two/part.hpp"),
+    ("base/raw/blob.bin", "base/raw/table.txt"),
+    ("data/read/version.txt", "data/read/lines.txt"),
+    ("data/read/spoken.txt", "data/files/one.txt"),
+)
+
+
+def _swap(workspace: Evolving, number: int) -> set[str]:
+    """Let two files or folders change places by renaming: all times stay."""
+    one, other = (workspace.home / "src" / name for name in _SWAPPED[number % len(_SWAPPED)])
+    if not (one.exists() and other.exists()):
+        return set()
+    _exchange(workspace, one, other)
+    return workspace.above(_package(workspace, one))
+
+
+def _exchange(workspace: Evolving, one: Path, other: Path) -> None:
+    moved = workspace.root / "moved"
+    one.rename(moved)
+    other.rename(one)
+    moved.rename(other)
+
+
+def _swap_package(workspace: Evolving, number: int) -> set[str]:
+    """Put an older copy of a package in its place, or the newer one again, as 'mv' does."""
+    name = workspace.packages[number % len(workspace.packages)]
+    if name in workspace.broken:
+        return set()
+    home, other = workspace.home / "src" / name, workspace.root / "older" / name
+    if not other.is_dir():
+        shutil.copytree(home, other, symlinks=True)
+        for path in other.rglob("*"):
+            if path.name in _CHANGEABLE and not path.is_symlink() and name != "listener":
+                _rewrite(path, number)
+            os.utime(path, (1_000_000_000, 1_000_000_000), follow_symlinks=False)
+    _exchange(workspace, home, other)
+    return workspace.above(name)
+
+
+def _switch_link(workspace: Evolving, number: int) -> set[str]:
+    """Let a link to a folder of headers lead to another one."""
+    path = workspace.home / "src/base/chosen"
+    if not path.is_symlink():
+        return set()
+    path.unlink()
+    path.symlink_to(("one", "two")[number % 2])
+    return workspace.above("base")
+
+
+def _underlay(workspace: Evolving, number: int) -> set[str]:
+    """Let the underlay say something else: all of it comes anew, with old times, or single files change."""
+    state = workspace.underlays[number % 2]
+    if number % 4 < 2:
+        shutil.rmtree(workspace.under)
+        shutil.copytree(state, workspace.under, symlinks=True)
+    else:
+        for name, entry in look(state).items():
+            if entry[0] == "file" and look(workspace.under).get(name) != entry:
+                shutil.copyfile(state / name, workspace.under / name)
+    return workspace.above("low", "low_msgs")
+
+
+def _overlay(workspace: Evolving, number: int) -> set[str]:
+    """Clone a package of the underlay into the workspace, or remove the clone."""
+    name = "low" if "low/package.xml" in workspace.low else "low_msgs"
+    home = workspace.home / "src" / name
+    concerned = workspace.above(name)
+    if home.is_dir():
+        shutil.rmtree(home)
+        workspace.broken.discard(name)
+        return concerned
+    for path, text in workspace.low.items():
+        target = workspace.home / "src" / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        said = text.format(number % 10) if target.suffix in {".hpp", ".msg"} else text
+        target.write_text(said, encoding="utf-8")
+    return workspace.above(name)
+
+
+_REACHED = {
+    "data-configure": "src/data/read/spoken.txt",
+    "base-build": "src/base/raw/table.txt",
+    "base-install": "src/base/raw/table.txt",
+    "listener-configure": "src/listener/src/main.cpp",
+    "below_msgs-install": "src/below_msgs/msg/Below.msg",
+}
+"""What has to change for a build to reach a gate."""
+
+
+def _save(workspace: Evolving, number: int) -> set[str]:
+    """Save a file while the next build runs, and perhaps put back what it was."""
+    if workspace.saves:
+        return set()
+    gates = [gate for gate, package in GATES.items() if package in workspace.packages]
+    gate = gates[number % len(gates)]
+    changed = workspace.home / _REACHED[gate]
+    if changed.name == "main.cpp":
+        with changed.open("a", encoding="utf-8") as stream:
+            stream.write(f"// {number}\n")
+    else:
+        _rewrite(changed, number)
+    kind, number = number % 4, number // 4
+    saved = _changeable(workspace, number)
+    if number % 5 == 0 and "base" in workspace.packages:
+        saved, content = workspace.outside, f"#define OUTER {number}\n"
+    elif kind == 2 and "base" in workspace.packages:
+        saved = workspace.home / f"src/base/src/added_{number % 3}.cpp"
+        content = f"int added_{number % 3}() {{ return {number}; }}\n"
+    elif saved is None:
+        return workspace.above(GATES[gate])
+    else:
+        content = _said(saved, number)
+    workspace.saves.append(Save(gate, saved, content.encode(), keeps_time=kind == 3))
+    if kind == 1 and saved.exists():
+        later = "base-install" if gate == "base-build" else gate
+        workspace.saves.append(Save(later, saved, saved.read_bytes()))
+    return workspace.above(GATES[gate])
+
+
 def _mode(workspace: Evolving, number: int) -> set[str]:
     """Make a file executable, or no longer so."""
     paths = [workspace.home / "src/data/tree/deep/leaf.txt", workspace.home / "src/user/scripts/run.sh"]
@@ -435,7 +800,8 @@ def _argument(workspace: Evolving, number: int) -> set[str]:
 
 
 def _variable(workspace: Evolving, number: int) -> set[str]:
-    name, value = (("CXXFLAGS", "-O1"), ("CMAKE_WORD", str(number % 4)))[number % 2]
+    name, value = VARIABLES[number % len(VARIABLES)]
+    value = value.format(number % 4)
     if workspace.variables.get(name) == value:
         del workspace.variables[name]
     else:
@@ -566,6 +932,14 @@ EDITS = {
         _rename,
         _link,
         _link_folder,
+        _default,
+        _shadow,
+        _swap,
+        _swap_package,
+        _switch_link,
+        _underlay,
+        _overlay,
+        _save,
         _mode,
         _manifest,
         _dependency,
@@ -598,14 +972,23 @@ _CHANGEABLE = {
     "base.hpp": "#pragma once\n#define BASE {}\nint base();\n",
     "base.cpp": _SOURCE,
     "inner.hpp": "#define INNER {}\n",
-    "main.cpp": '#include "base/base.hpp"\nint main() {{ return base() + BASE + {}; }}\n',
+    "main.cpp": _MAIN,
+    "part.hpp": "#define PART {}\n",
+    "table.txt": "{}\n",
+    "blob.bin": "{}\n",
+    "flags.dsv": "set;CXXFLAGS;-DHOOK={}\n",
+    "version.txt": "{}\n",
+    "lines.txt": "{}\n",
+    "spoken.txt": "{}\n",
+    "low.hpp": "#define LOW {}\n",
     "leaf.txt": "{}\n",
     "one.txt": "{}\n",
     "reader.txt.in": "${{text}} {}\n",
     "say.py": "def main():\n    print({})\n",
     "setup.py": _SETUP.replace("{", "{{").replace("}", "}}").replace("say =", "say_{} ="),
     "Below.msg": "int32 x\nint32 NUMBER={}\n",
-    "Above.msg": "below_msgs/Below[3] all\nint32 NUMBER={}\n",
+    "Above.msg": "below_msgs/Below[3] all\nlow_msgs/Low low\nint32 NUMBER={}\n",
+    "Low.msg": "int32 x\nint32 NUMBER={}\n",
 }
 """What files say after a change: the number is in it. A length stays as it was where that is easy."""
 
@@ -620,7 +1003,11 @@ def _changeable(workspace: Evolving, number: int) -> Path | None:
 
 
 def _rewrite(path: Path, number: int, like: Path | None = None) -> None:
-    path.write_text(_CHANGEABLE[(like or path).name].format(number % 10), encoding="utf-8")
+    path.write_text(_said(like or path, number), encoding="utf-8")
+
+
+def _said(path: Path, number: int) -> str:
+    return _CHANGEABLE[path.name].format(number % 10)
 
 
 def _installed(workspace: Evolving) -> list[tuple[Path, str]]:

@@ -16,11 +16,12 @@ import json
 import os
 import shutil
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from forge.build.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.native_graph import read_by_cmake, read_native_graph
-from forge.build.reuse import Decision, Reuse, brought_back, decide, read_or_nothing
+from forge.build.reuse import Decision, Reuse, brought_back, decide, read_or_nothing, undeclared_readers
 from forge.digests import contents_of, tree_stats
 from forge.externals import written_by_backend
 from forge.files import replace_file
@@ -142,7 +143,9 @@ def bring_back_products(build: Path) -> None:
         return
     said = _read_json(build / RECORDS / _DROPPED)
     dropped = frozenset(said.get("dropped", ()))
-    for path in brought_back(read_native_graph(build), dropped):
+    graph = replace(read_native_graph(build), reported=read_native_graph(before, build).reported)
+    dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing)
+    for path in brought_back(graph, dropped):
         if path.startswith(f"{build}/"):
             _move(path, path.replace(str(build), str(before), 1))
     for path in said.get("generated", ()):
@@ -351,6 +354,32 @@ def _keep_time(path: str, source: str) -> None:
         if filecmp.cmp(path, source, shallow=False):
             status = os.stat(source)  # noqa: PTH116
             os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+def _generated_changes(build: Path, before: Path) -> Changes:
+    """Return how the files that CMake has generated differ from those of the folder set aside.
+
+    Generated files that are gone are missed by Ninja where compilers have reported them.
+    """
+    added, modified = set(), set()
+    for folder, folders, files in os.walk(build):
+        if folder == str(build):
+            folders[:] = [name for name in folders if name not in {"CMakeFiles", RECORDS, *_KEPT}]
+        for name in files:
+            path = os.path.join(folder, name)  # noqa: PTH118
+            earlier = path.replace(str(build), str(before), 1)
+            if not os.path.lexists(earlier):
+                added.add(path)
+            elif not _same(path, earlier):
+                modified.add(path)
+    return Changes(added=frozenset(added), modified=frozenset(modified))
+
+
+def _same(path: str, other: str) -> bool:
+    try:
+        return filecmp.cmp(path, other, shallow=False)
+    except OSError:
+        return False
 
 
 def _trash(build: Path) -> Path:

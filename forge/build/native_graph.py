@@ -33,7 +33,14 @@ _FORGE_GENERATOR = re.compile(r"/worker_client\.py interface generate @")
 """Writes a depfile of all that it read; what it writes is known to itself alone."""
 
 _READ_BY_CMAKE = re.compile(r'^  "([^"]+)"$', re.MULTILINE)
-_MAKE_EDGE = re.compile(r"^([^#\s][^:\n]*): (\S.*)$", re.MULTILINE)
+_MAKE_EDGE = re.compile(r"^([^#.%\s][^:=\n]*):(?: (\S.*)|)\n((?:\t.*\n)*)", re.MULTILINE)
+_MAKE_LINKING = re.compile(
+    r"\t@?(cd .+? && )?\$\(CMAKE_COMMAND\) "
+    r"(-E cmake_(echo_color|link_script|symlink_\w+)|-P \S+cmake_clean_target)"
+)
+_MAKE_OWN = re.compile(r"\.dir/(flags\.make|build\.make|link\.txt|compiler_depend\.\w+)$")
+"""Files of CMake's own that its rules list beside a command's inputs."""
+_MAKE_COMPILES, _MAKE_LINKS = "C_COMPILER_", "LINKER"
 _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
 
@@ -66,6 +73,8 @@ class Edge:
         """Tell if the native tool knows all that the command reads and all that it writes."""
         if self.compiles:
             return True
+        if self.rule == _MAKE_LINKS:
+            return True
         if _LINKS.match(self.rule):
             return all(f"{hook} = :" in self.text for hook in ("POST_BUILD", "PRE_LINK"))
         return self.rule == "CUSTOM_COMMAND" and bool(_GENERATORS.search(self.text))
@@ -91,6 +100,14 @@ class NativeGraph:
         """Return every path that is an input of some edge."""
         return frozenset(path for edge in self.edges for path in self.inputs_of(edge))
 
+    def compiled_sources(self) -> frozenset[str]:
+        """Return the files that are compiled, without the headers that they include."""
+        return frozenset(path for edge in self.edges if edge.compiles for path in edge.inputs[:1])
+
+    def reported_by_compilers(self) -> frozenset[str]:
+        """Return the files of which compilers report that they read them: sources and headers."""
+        return frozenset(path for edge in self.edges if edge.compiles for path in self.inputs_of(edge))
+
     def opaque(self) -> tuple[Edge, ...]:
         """Return the commands that made files and may have read files that they do not declare."""
         return tuple(
@@ -105,7 +122,8 @@ def read_native_graph(folder: Path, build: Path | None = None) -> NativeGraph:
     for several configurations at once counts as unknown.
     """
     rules = _text(folder / "build.ninja")
-    if rules and (folder / "CMakeFiles" / "rules.ninja").is_file():
+    several = (folder / "CMakeFiles" / "common.ninja").is_file()
+    if rules and not several and (folder / "CMakeFiles" / "rules.ninja").is_file():
         return _ninja_graph(folder, build or folder, rules)
     if (folder / "CMakeFiles" / "Makefile.cmake").is_file():
         return _make_graph(folder, build or folder)
@@ -208,22 +226,44 @@ def _make_graph(top: Path, build: Path) -> NativeGraph:
         for name in files:
             path = Path(folder, name)
             if name == "build.make":
-                edges += _make_edges(build, _text(path))
+                edges += _make_edges(build, path)
             elif name.endswith(".o.d"):
                 reported[str(path).replace(str(top), str(build), 1)[:-2]] = tuple(_depfile(build, path))
     read = tuple(_absolute(build, path) for path in _READ_BY_CMAKE.findall(listed))
     return NativeGraph(tuple(edges), reported, read, "make")
 
 
-def _make_edges(build: Path, text: str) -> Iterator[Edge]:
-    """Yield one edge for each target of a makefile; a rule that makes no object counts as opaque."""
-    by_target: dict[str, list[str]] = {}
-    for target, words in _MAKE_EDGE.findall(text):
-        paths = [re.sub(r"\\(.)", r"\1", word) for word in _MAKE_WORD.findall(words)]
-        by_target.setdefault(re.sub(r"\\(.)", r"\1", target), []).extend(paths)
-    for target, inputs in by_target.items():
-        rule = "C_COMPILER_" if target.endswith(".o") else "make"
-        yield Edge(rule, (_absolute(build, target),), tuple(_absolute(build, path) for path in inputs))
+def _make_edges(build: Path, makefile: Path) -> Iterator[Edge]:
+    """Yield one edge for each file that a makefile of CMake makes.
+
+    A target's flags and its link command are in files beside the makefile. A rule that neither compiles nor
+    only links is a command of the package's own.
+    """
+    flags, link = (_text(makefile.with_name(name)) for name in ("flags.make", "link.txt"))
+    inputs: dict[str, list[str]] = {}
+    recipes: dict[str, str] = {}
+    for match in _MAKE_EDGE.finditer(_text(makefile)):
+        target = _make_path(match[1].rstrip())
+        paths = [_make_path(word) for word in _MAKE_WORD.findall(match[2] or "")]
+        inputs.setdefault(target, []).extend(path for path in paths if not _MAKE_OWN.search(path))
+        recipes[target] = recipes.get(target, "") + match[3]
+    for target, paths in inputs.items():
+        rule, text = _make_rule(target, recipes[target], flags, link)
+        yield Edge(rule, (_absolute(build, target),), tuple(_absolute(build, path) for path in paths), text)
+
+
+def _make_rule(target: str, recipe: str, flags: str, link: str) -> tuple[str, str]:
+    """Return a name for what a recipe does, and what there is to know of its command."""
+    if target.endswith(".o"):
+        return _MAKE_COMPILES, recipe + flags
+    lines = [line for line in recipe.splitlines() if line.strip()]
+    if "cmake_link_script" in recipe and all(map(_MAKE_LINKING.match, lines)):
+        return _MAKE_LINKS, recipe + link
+    return "CUSTOM_COMMAND", recipe + link
+
+
+def _make_path(word: str) -> str:
+    return re.sub(r"\\(.)", r"\1", word.replace("$$", "$"))
 
 
 def _depfile(build: Path, path: Path) -> Iterator[str]:

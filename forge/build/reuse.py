@@ -64,6 +64,7 @@ _FINDS = re.compile(r"/(Find(?!Package|Python|PkgConfig|Threads|Git)|Check|Test)
 _STEPS = re.compile(r"/src/[^/]+-stamp/[^/]+$")
 """What tells that a step of an ExternalProject was done."""
 _LIBRARY = re.compile(r"lib(.+?)\.(a|so|so\.[\d.]+)$")
+_NAMED = re.compile(r"""(?:^|[\s"'=])(/[^\s"'&|<>;]+)""")
 _PRECOMPILED = (".gch", ".pch", ".modulemap")
 
 
@@ -86,23 +87,30 @@ def decide(
         return Decision(Reuse.NOTHING)
     known = graph.known()
     code = frozenset(graph.read_by_cmake)
-    unknown = frozenset(path for path in changes.all if path not in known and path not in code)
-    opaque = graph.opaque()
     again = (
         bool(changes.names)
         or bool(changes.all & code)
         or any(path.endswith(".pc") for path in needed.modified)
-        or (bool(opaque) and bool(unknown))
         or any(_STEPS.search(output) for output in _made_from(graph, changes.all & known))
+        or any(_may_have_read(edge, graph, changes.all, read) for edge in graph.opaque())
         or _configure_reads(own.modified, needed.modified, code, read, is_cmakes)
     )
     if again and graph.tool != "ninja":
         return Decision(Reuse.NOTHING)
-    dropped = _made_from(graph, changes.all & known)
-    dropped |= _mentioning(graph, unknown, changes.all, read)
+    dropped = _made_from(graph, changes.all & known) | undeclared_readers(graph, changes, read)
     if not again:
         return Decision(Reuse.EVERYTHING, dropped)
     return Decision(Reuse.PRODUCTS, dropped | _made_again(graph))
+
+
+def undeclared_readers(graph: NativeGraph, changes: Changes, read: Callable[[str], bytes]) -> frozenset[str]:
+    """Return the outputs of compilers and linkers that may have read or looked for changed files unreported.
+
+    What one target lists as a library, another may find by '-l'. What is included in one place is asked for
+    by __has_include in another.
+    """
+    known = graph.reported_by_compilers().union(graph.read_by_cmake)
+    return _mentioning(graph, changes.names | (changes.modified - known), changes.all, read)
 
 
 def brought_back(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]:
@@ -160,6 +168,26 @@ def _configure_reads(
             if _READS.search(text if headers else _READS_BESIDE.sub("", text)):
                 return True
     return False
+
+
+def _may_have_read(
+    edge: Edge, graph: NativeGraph, changed: frozenset[str], read: Callable[[str], bytes]
+) -> bool:
+    """Tell if a command may have read one of the changed files without declaring it.
+
+    That may be any file, save that commands seldom read sources which are compiled: such a one counts if
+    the command, or a file that it names, mentions it.
+    """
+    undeclared = changed.difference(graph.inputs_of(edge))
+    sources = undeclared & graph.compiled_sources()
+    if undeclared - sources:
+        return True
+    if not sources:
+        return False
+    named = {match[1] for match in _NAMED.finditer(edge.text)}
+    texts = [edge.text.encode(errors="surrogateescape"), *map(read, {*edge.inputs, *named})]
+    names = [os.fsencode(os.path.basename(path)) for path in sources]  # noqa: PTH119
+    return any(name in text for text in texts for name in names)
 
 
 def _made_from(graph: NativeGraph, inputs: frozenset[str]) -> frozenset[str]:

@@ -4,33 +4,52 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
-from tests.evolving import EDITS, MESSAGES, PLAIN, PYTHON, Entry, Evolving, differences, look
+from tests.evolving import EDITS, LOW, LOW_MSGS, MESSAGES, PLAIN, PYTHON, Entry, Evolving, differences, look
 from tests.packages import manifest_text
 from tests.snippets import shell
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from tests.conftest import Forge, Ran
 
+    Steps = Sequence[Sequence[tuple[str, int]]]
+    """The edits, with their numbers, between one build and the next."""
+
 pytestmark = pytest.mark.needs("cmake", "g++")
 
-EXAMPLES = int(os.environ.get("FORGE_TEST_EXAMPLES", "5"))
-"""How many sequences each test tries; `make soak` asks for many."""
+EXAMPLES = int(os.environ.get("FORGE_TEST_SEQUENCES", "5"))
+"""How many sequences each of the four tests tries; `make soak` asks for many."""
+SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 
 STEPS = st.lists(
     st.lists(st.tuples(st.sampled_from(sorted(EDITS)), st.integers(0, 99)), min_size=1, max_size=3),
     min_size=1,
     max_size=6,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a workspace is built, and if it has a package of Python."""
+
+    merged: bool
+    symlink: bool
+    python: bool
+    cached: bool = False
+
+
+WAYS = st.builds(Way, st.booleans(), st.booleans(), st.booleans())
+CACHED = st.builds(Way, st.booleans(), st.booleans(), st.booleans(), st.just(value=True))
 SETTINGS = settings(
     max_examples=EXAMPLES,
     deadline=None,
@@ -74,25 +93,91 @@ class Clean:
         return self._trees[key]
 
 
-def underlay(root: Path) -> dict[str, str]:
-    """Build everything that interface packages need; return the environment that has it."""
+def underlay(root: Path) -> Path:
+    """Build everything that interface packages need; return its prefix."""
     (root / "src").mkdir(parents=True)
     (root / "src" / "package.xml").write_text(UNDERLAY, encoding="utf-8")
     (root / "src" / "CMakeLists.txt").write_text("project(all_of_it NONE)\n", encoding="utf-8")
     shell("forge build --merge-install", root)
-    printed = shell(". install/setup.sh && env -0", root)
-    variables = dict(entry.split("=", 1) for entry in printed.split("\0") if "=" in entry)
-    return {n: v for n, v in variables.items() if n == "PYTHONPATH" or n.endswith("PREFIX_PATH")}
+    return root / "install"
+
+
+@dataclass(frozen=True, slots=True)
+class Below:
+    """What a workspace is built above: the environment that has it, and two states that it may be in."""
+
+    low: Mapping[str, str]
+    variables: Mapping[str, str]
+    states: tuple[Path, Path]
+
+    def evolving(self, root: Path, way: Way) -> Evolving:
+        """Return a workspace above it."""
+        workspace = Evolving(root, way.merged, way.symlink, low=self.low, underlays=self.states)
+        workspace.variables.update(self.variables)
+        return workspace
+
+
+def below(root: Path, low: Mapping[str, str], under: Path, prefix: Path | None = None) -> Below:
+    """Build a package twice, with two different texts, into the prefix `under`; move both below `root`."""
+    states = (root / "0", root / "1")
+    variables: dict[str, str] = {}
+    for number, state in enumerate(states):
+        for name, text in low.items():
+            path = root / "src" / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            said = text.format(number) if path.suffix in {".hpp", ".msg"} else text
+            path.write_text(said, encoding="utf-8")
+        first = f". {prefix}/setup.sh && " if prefix else ""
+        shell(f"{first}forge build --merge-install --install-base {under}", root)
+        printed = shell(f". {under}/setup.sh && env -0", root)
+        variables = dict(entry.split("=", 1) for entry in printed.split("\0") if "=" in entry)
+        under.rename(state)
+    found = {n: v for n, v in variables.items() if n == "PYTHONPATH" or n.endswith("PREFIX_PATH")}
+    return Below(low, found, states)
+
+
+def _started(ran: Ran) -> set[str]:
+    return {line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")}
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """What the plays of this module share."""
+
+    root: Path
+    clean: Clean
+    cached: Clean
+    plain: Below
+    interfaces: Below
+
+    @property
+    def cache(self) -> tuple[str, str]:
+        """One cache for all plays: what one of them built another finds."""
+        return "--cache", str(self.root.with_name("cache"))
+
+
+def make_stage(root: Path) -> Stage:
+    """Return a folder for all plays, which is the same for each, and underlays."""
+    under = root / "play" / "under"
+    under.parent.mkdir()
+    prefix = underlay(root / "underlay")
+    plain = below(root / "plain", LOW, under)
+    return Stage(
+        root / "play", Clean(), Clean(cached=True), plain, below(root / "msgs", LOW_MSGS, under, prefix)
+    )
 
 
 def play(
     forge: Forge,
-    clean: Clean,
+    stage: Stage,
     workspace: Evolving,
-    steps: Sequence[Sequence[tuple[str, int]]],
-    *cache: str,
+    steps: Steps,
+    *,
+    cached: bool,
 ) -> None:
     """Build after each step and hold what is installed against a clean build."""
+    cache = stage.cache if cached else ()
+    clean = stage.cached if cached else stage.clean
 
     def build(workspace: Evolving, *cache: str) -> Ran:
         return forge(
@@ -108,15 +193,28 @@ def play(
     ran = build(workspace, *cache)
     assert ran.code == 0, ran.err
     may: set[str] = set()
+    built = workspace.packages
     for step in steps:
         for name, number in step:
             may |= EDITS[name](workspace, number)
-        ran = build(workspace, *cache)
-        started = {line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")}
+        if not {*built} <= {*workspace.packages}:
+            # What is left of a package that is gone is the user's to remove; forge warns of it.
+            assert forge("clean", "--yes", "stale", cwd=workspace.home, env=workspace.variables).code == 0
+        with workspace.saving() as saved:
+            ran = build(workspace, *cache)
+        built = workspace.packages
         if workspace.broken:
             assert ran.code in {1, 2}, ran.out  # 2 where a damaged hook of ours stays, too
+            may |= saved
             continue
         assert ran.code == 0, ran.err
+        if saved:
+            # It may have built either state; the next one has only one.
+            assert _started(ran) <= may | saved, f"ran for nothing: {sorted(_started(ran) - may - saved)}"
+            may = saved
+            ran = build(workspace, *cache)
+            assert ran.code == 0, ran.err
+        started = _started(ran)
         expected = clean.tree(workspace, build)
         wrong = differences(look(workspace.home / "install"), expected)
         assert not wrong, "; ".join(wrong)
@@ -124,65 +222,64 @@ def play(
         may = set()
 
 
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """What the plays of this module share."""
-
-    root: Path
-    clean: Clean
-    cached: Clean
-    underlay: dict[str, str]
-
-    @property
-    def cache(self) -> tuple[str, str]:
-        """One cache for all plays: what one of them built another finds."""
-        return "--cache", str(self.root.with_name("cache"))
-
-
 @pytest.fixture(scope="module")
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
-    """Return a folder for all plays, which is the same for each, and an underlay."""
-    root = tmp_path_factory.mktemp("stage")
-    return Stage(root / "play", Clean(), Clean(cached=True), underlay(root / "underlay"))
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    """Return what the plays share; say at the end how many there were."""
+    tried.clear()
+    yield make_stage(tmp_path_factory.mktemp("stage"))
+    for name, number in tried.items():
+        print(f"\n{name}: {number} sequences, {EXAMPLES} asked for, seed {SEED}")  # noqa: T201  (pytest -rP or -s)
 
 
-@given(merged=st.booleans(), python=st.booleans(), steps=STEPS)
+tried: Counter[str] = Counter()
+"""How many sequences each test has tried."""
+
+
+@given(way=WAYS, steps=STEPS)
+@seed(SEED)
 @SETTINGS
-def test_plain_packages_are_as_built_anew(
-    forge: Forge, stage: Stage, *, merged: bool, python: bool, steps: list[list[tuple[str, int]]]
-) -> None:
-    workspace = Evolving(stage.root, merged=merged)
-    workspace.write({**PLAIN, **(PYTHON if python else {})})
-    play(forge, stage.clean, workspace, steps)
+def test_plain_packages_are_as_built_anew(forge: Forge, stage: Stage, *, way: Way, steps: Steps) -> None:
+    play_plain(forge, stage, way, steps)
+    tried["plain packages"] += 1
 
 
-@given(merged=st.booleans(), steps=STEPS)
+@given(way=WAYS, steps=STEPS)
+@seed(SEED)
 @SETTINGS
-def test_interface_packages_are_as_built_anew(
-    forge: Forge, stage: Stage, *, merged: bool, steps: list[list[tuple[str, int]]]
-) -> None:
-    workspace = Evolving(stage.root, merged=merged)
-    workspace.write(MESSAGES)
-    workspace.variables.update(stage.underlay)
-    play(forge, stage.clean, workspace, steps)
+def test_interface_packages_are_as_built_anew(forge: Forge, stage: Stage, *, way: Way, steps: Steps) -> None:
+    play_interfaces(forge, stage, way, steps)
+    tried["interfaces"] += 1
 
 
-@given(merged=st.booleans(), python=st.booleans(), steps=STEPS)
+@given(way=CACHED, steps=STEPS)
+@seed(SEED)
 @SETTINGS
 def test_what_comes_from_the_cache_is_as_built_anew(
-    forge: Forge, stage: Stage, *, merged: bool, python: bool, steps: list[list[tuple[str, int]]]
+    forge: Forge, stage: Stage, *, way: Way, steps: Steps
 ) -> None:
-    workspace = Evolving(stage.root, merged=merged)
-    workspace.write({**PLAIN, **(PYTHON if python else {})})
-    play(forge, stage.cached, workspace, steps, *stage.cache)
+    play_plain(forge, stage, way, steps)
+    tried["plain packages, cached"] += 1
 
 
-@given(merged=st.booleans(), steps=STEPS)
+@given(way=CACHED, steps=STEPS)
+@seed(SEED)
 @SETTINGS
 def test_interfaces_from_the_cache_are_as_built_anew(
-    forge: Forge, stage: Stage, *, merged: bool, steps: list[list[tuple[str, int]]]
+    forge: Forge, stage: Stage, *, way: Way, steps: Steps
 ) -> None:
-    workspace = Evolving(stage.root, merged=merged)
+    play_interfaces(forge, stage, way, steps)
+    tried["interfaces, cached"] += 1
+
+
+def play_plain(forge: Forge, stage: Stage, way: Way, steps: Steps) -> None:
+    """Play with packages that know nothing of ROS, and perhaps one of Python."""
+    workspace = stage.plain.evolving(stage.root, way)
+    workspace.write({**PLAIN, **(PYTHON if way.python else {})})
+    play(forge, stage, workspace, steps, cached=way.cached)
+
+
+def play_interfaces(forge: Forge, stage: Stage, way: Way, steps: Steps) -> None:
+    """Play with packages of interfaces, and one that uses them."""
+    workspace = stage.interfaces.evolving(stage.root, way)
     workspace.write(MESSAGES)
-    workspace.variables.update(stage.underlay)
-    play(forge, stage.cached, workspace, steps, *stage.cache)
+    play(forge, stage, workspace, steps, cached=way.cached)
