@@ -55,8 +55,8 @@ class Case:
 
     reuse: Reuse
     dropped: set[str] = field(default_factory=set)
-    own: Changes = Changes()
-    needed: Changes = Changes()
+    own: Changes = field(default_factory=Changes)
+    needed: Changes = field(default_factory=Changes)
     texts: Mapping[str, str] = field(default_factory=dict)
     graph: NativeGraph = GRAPH
 
