@@ -11,7 +11,7 @@ from forge.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.freshness import CONFIGURING, FOR_COMPILERS, Extra, Outlook, why_at_all, why_different
 from forge.frozen import frozen
 from forge.graph import closure, closures, ordered_names, round_about
-from forge.model import BuildPlan, Parts, Task
+from forge.model import BuildPlan, Mark, Parts, Task
 from forge.names import did_you_mean
 from forge.recipes import RECIPES
 
@@ -136,6 +136,26 @@ def settled(task: Task, outlook: Outlook, record: Record | None, *, reads_other:
     if task.conditional and record is not None and why_different(task.parts, record.parts) is None:
         return None
     return task
+
+
+def make_whole_plan(  # noqa: PLR0913, PLR0917  (as make_plan, and one question)
+    names: Sequence[str],
+    provision: Provision,
+    snapshot: Snapshot,
+    kitchen: Kitchen,
+    standing: Standing,
+    rivals: Callable[[BuildPlan], frozenset[str]],
+) -> tuple[BuildPlan, Outlook]:
+    """Return the same, with the packages that are built because others are.
+
+    `rivals(plan)` are up-to-date packages that install a file which a package of the plan will write over:
+    they are installed again after it.
+    """
+    plan, outlook = make_plan(names, provision, snapshot, kitchen, standing)
+    while found := rivals(plan):
+        snapshot = replace(snapshot, installed={**snapshot.installed, **dict.fromkeys(found, Mark())})
+        plan, outlook = make_plan(names, provision, snapshot, kitchen, standing)
+    return plan, outlook
 
 
 def _parts(package: Package, given: Pairs, snapshot: Snapshot, kitchen: Kitchen, standing: Standing) -> Parts:

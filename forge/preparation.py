@@ -35,11 +35,11 @@ from forge.workspace import warn
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from forge.interpreter import Interpreter
     from forge.layout import Layout
-    from forge.model import BuildPlan, Pairs
+    from forge.model import BuildPlan, Pairs, Task
     from forge.workspace import Loaded
 
 
@@ -91,37 +91,30 @@ def refuse_what_cannot_work(loaded: Loaded, names: Sequence[str], layout: Layout
     raise_if_any(problems, WorkspaceError)
 
 
-def refuse_what_is_in_the_way(plan: BuildPlan, layout: Layout) -> None:
-    """Raise WorkspaceError when something else stands where a package is built or installed."""
-    if plan.tasks:
-        from forge.fallback import in_the_way  # noqa: PLC0415  (a build of nothing is quick)
-
-        raise_if_any((p for task in plan.tasks.values() for p in in_the_way(task, layout)), WorkspaceError)
-
-
-def refuse_generators(plan: BuildPlan, kitchen: Kitchen) -> None:
-    """Raise WorkspaceError for packages whose generator forge has no steps for; the first one is enough."""
-    tasks = (task for task in plan.tasks.values() if task.package.build_type in CMAKE_TYPES)
-    problems = (unfit_generator(task.package, kitchen) for task in tasks if not task.embedded)
-    raise_if_any(islice(filter(None, problems), 1), WorkspaceError)
-
-
-def refuse_special_files(plan: BuildPlan, root: Path) -> None:
-    """Raise WorkspaceError where a tool would wait for a named pipe, or read a device, in the sources."""
-    tasks = (task for task in plan.tasks.values() if not task.embedded)
-    problems = (problem for task in tasks for problem in special_files(root, task.package.path))
-    raise_if_any(problems, WorkspaceError)
-
-
-def refuse_what_is_too_long(
+def refuse_what_would_fail(
     plan: BuildPlan, loaded: Loaded, kitchen: Kitchen, variables: Mapping[str, str]
 ) -> None:
-    """Raise WorkspaceError when programs could not be started, for a variable is too long; warn if later."""
+    """Raise WorkspaceError for what would make tasks fail or hang; warn of what will hurt later."""
     errors, warnings = too_long(
         plan, loaded.provision.packages, kitchen.layout, kitchen.site_packages, variables
     )
     warn(warnings)
-    raise_if_any(errors, WorkspaceError)
+    own = [task for task in plan.tasks.values() if not task.embedded]
+    raise_if_any((*_unfit_generators(own, kitchen), *errors), WorkspaceError)
+    # Tools would wait for a named pipe, and CMake installs a file into a folder of its name without a word.
+    raise_if_any((p for task in own for p in special_files(kitchen.root, task.package.path)), WorkspaceError)
+    if plan.tasks:
+        from forge.fallback import in_the_way  # noqa: PLC0415  (a build of nothing is quick)
+
+        found = (p for task in plan.tasks.values() for p in in_the_way(task, kitchen.layout))
+        raise_if_any(found, WorkspaceError)
+
+
+def _unfit_generators(tasks: Iterable[Task], kitchen: Kitchen) -> Iterator[Problem]:
+    """Yield the first package whose generator forge has no steps for: one is enough."""
+    packages = (task.package for task in tasks if task.package.build_type in CMAKE_TYPES)
+    problems = (unfit_generator(package, kitchen) for package in packages)
+    yield from islice(filter(None, problems), 1)
 
 
 def prepare(

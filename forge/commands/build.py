@@ -6,7 +6,6 @@ import os
 import sys
 import time
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,17 +14,13 @@ from forge import package_options
 from forge.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.launching.choice import LAUNCHERS, NONE
 from forge.manner import Manner
-from forge.model import Mark
 from forge.occupancy import occupied
-from forge.planning import make_plan, wanted_names
+from forge.planning import make_whole_plan, wanted_names
 from forge.preparation import (
     build_variables,
     prepare,
-    refuse_generators,
-    refuse_special_files,
     refuse_what_cannot_work,
-    refuse_what_is_in_the_way,
-    refuse_what_is_too_long,
+    refuse_what_would_fail,
     standing,
     tell_of_lost_underlays,
 )
@@ -97,17 +92,10 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     ):
         snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
         holds, named = standing(options, loaded, kitchen, variables)
-        plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, holds)
-        while rivals := records.rivals(plan):
-            again = {**snapshot.installed, **dict.fromkeys(rivals, Mark())}
-            snapshot = replace(snapshot, installed=again)
-            plan, outlook = make_plan(names, loaded.provision, snapshot, kitchen, holds)
+        plan, outlook = make_whole_plan(names, loaded.provision, snapshot, kitchen, holds, records.rivals)
         named.save()
         records.confirm(plan, snapshot, outlook)
-        refuse_generators(plan, kitchen)
-        refuse_special_files(plan, root)
-        refuse_what_is_in_the_way(plan, layout)
-        refuse_what_is_too_long(plan, loaded, kitchen, variables)
+        refuse_what_would_fail(plan, loaded, kitchen, variables)
         if plan.tasks or not manner.checking:
             _say(plan, options, level, loaded.packages)
         if options.dry_run:
