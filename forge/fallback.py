@@ -91,8 +91,8 @@ def restore(name: str, layout: Layout) -> None:
 
 def drop(name: str, layout: Layout) -> None:
     """Keep nothing any more."""
-    for kind in ("", "copies", "trash"):
-        remove_tree(str(_folder(name, layout, kind)))
+    for kind in ("", "copies"):
+        _discard(_folder(name, layout, kind))
 
 
 def tidy(layout: Layout) -> None:
@@ -103,8 +103,8 @@ def tidy(layout: Layout) -> None:
 
 def put_aside(name: str, layout: Layout) -> list[Path]:
     """Return the folders with what a killed build has put aside of a package."""
-    folders = (_folder(name, layout, kind) for kind in ("", "part", "copies", "trash"))
-    return [folder for folder in folders if folder.is_dir()]
+    folder = _folder(name, layout)
+    return [path for path in (folder, *sorted(folder.parent.glob(f"{name}.*"))) if path.is_dir()]
 
 
 def _folder(name: str, layout: Layout, kind: str = "") -> Path:
@@ -118,7 +118,7 @@ def _keep_prefix(name: str, layout: Layout) -> None:
     if part.is_dir():
         _move_entries(part, prefix)
     if folder.is_dir():
-        _empty(prefix, _folder(name, layout, "trash"))
+        _empty(prefix, folder)
         return
     folder.parent.mkdir(parents=True, exist_ok=True)
     if not prefix.is_dir():
@@ -135,8 +135,8 @@ def _keep_prefix(name: str, layout: Layout) -> None:
 
 
 def _restore_prefix(name: str, layout: Layout) -> None:
-    prefix, folder, trash = layout.prefix(name), _folder(name, layout), _folder(name, layout, "trash")
-    _empty(prefix, trash)
+    prefix, folder = layout.prefix(name), _folder(name, layout)
+    _empty(prefix, folder)
     if not any(folder.iterdir()):
         return
     if not os.path.lexists(prefix):
@@ -145,27 +145,43 @@ def _restore_prefix(name: str, layout: Layout) -> None:
     _move_entries(folder, prefix)
 
 
-def _empty(prefix: Path, trash: Path) -> None:
+def _empty(prefix: Path, folder: Path) -> None:
     """Remove a prefix at once, or what is in it if that is elsewhere; what is no folder is not ours."""
-    if prefix.is_symlink() or not prefix.is_dir():
-        for entry in prefix.iterdir() if prefix.is_dir() else ():
-            remove_tree(str(entry))
+    if prefix.is_dir() and not prefix.is_symlink():
+        with contextlib.suppress(OSError):  # a mount
+            _discard(prefix, folder)
+    for entry in prefix.iterdir() if prefix.is_dir() else ():
+        remove_tree(str(entry))
+
+
+def _discard(path: Path, folder: Path | None = None) -> None:
+    """Remove a folder at once: neither a kill nor files of other users leave a part of it in its place.
+
+    `folder` is where the package's files are put aside, if that is another one.
+    """
+    with contextlib.suppress(OSError):  # it is not there, or it was empty
+        os.rmdir(path)  # noqa: PTH106
+    if not path.is_dir():
         return
+    trash = Path(f"{folder or path}.trash")
     remove_tree(str(trash))
-    try:
-        prefix.rename(trash)
-    except OSError:  # a mount
-        for entry in prefix.iterdir():
-            remove_tree(str(entry))
+    if trash.exists():
+        trash = Path(f"{folder or path}.{os.urandom(4).hex()}.trash")
+    path.rename(trash)
     remove_tree(str(trash))
 
 
 def _move_entries(source: Path, target: Path) -> None:
-    """Move what is in a folder into another one, which may be on another file system."""
+    """Move what is in a folder into another one, which may be on another file system.
+
+    What is in both was being copied when forge was killed: then that in the target is whole.
+    """
     target.mkdir(parents=True, exist_ok=True)
     for entry in source.iterdir():
-        remove_tree(str(target / entry.name))
-        shutil.move(entry, target / entry.name)
+        if os.path.lexists(target / entry.name):
+            remove_tree(str(entry))
+        else:
+            shutil.move(entry, target / entry.name)
     with contextlib.suppress(OSError):
         source.rmdir()
 

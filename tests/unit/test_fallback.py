@@ -178,6 +178,35 @@ def test_a_package_that_was_not_there_is_not_there_again(tmp_path: Path) -> None
     assert prefix.read_text() == "mine"
 
 
+def test_a_kill_while_old_files_are_removed_changes_nothing(tmp_path: Path) -> None:
+    """What is left of them is not taken for the last good state."""
+    layout, small, _ = kept(tmp_path)
+    fallback.drop("walker", layout)
+    small.parent.mkdir(parents=True)
+    small.write_text("new")
+    (layout.install / BEFORE / "walker.trash/bin").mkdir(parents=True)
+    assert fallback.put_aside("walker", layout) == [layout.install / BEFORE / "walker.trash"]
+    fallback.keep("walker", layout, [])
+    fallback.restore("walker", layout)
+    assert small.read_text() == "new"
+    fallback.keep("walker", layout, [])
+    fallback.drop("walker", layout)
+    fallback.tidy(layout)
+    assert not (layout.install / BEFORE).exists()
+
+
+def test_a_prefix_that_cannot_be_moved_as_a_whole_is_moved_entry_by_entry(tmp_path: Path) -> None:
+    """One that was killed while it did so has all it needs."""
+    layout, small, large = kept(tmp_path)
+    aside = layout.install / BEFORE / "walker"
+    large.parent.mkdir(parents=True)
+    (aside / "lib/large").rename(large)
+    aside.rename(aside.with_name("walker.part"))
+    fallback.keep("walker", layout, [])
+    fallback.restore("walker", layout)
+    assert (small.read_text(), large.read_text()) == ("small", BIG)
+
+
 def test_folders_that_may_not_be_written_to_go_as_well(tmp_path: Path) -> None:
     """A package may install such; where links lead nothing happens."""
     outside = tmp_path / "outside"
