@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.build.input_manifest import InputManifest
-    from forge.build.native_graph import NativeGraph
     from forge.digests import FileTable
 
 INSTALLED = ".forge_installed"
@@ -228,7 +227,8 @@ def _decision(build: Path, inputs: BuildInputs, examination: Examination, *, rec
     own |= Changes(modified=saved)
     needed = _needed_changes(note.get("needs"), inputs.needs, examination)
     graph = read_native_graph(build)
-    if needed is None or not graph.tool or _externals_changed(build, graph, note, examination):
+    elsewhere = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
+    if needed is None or not graph.tool or _externals_changed(build, elsewhere, note, examination):
         return _NOTHING
     decision = decide(graph, own, needed, read_or_nothing, examination.is_cmakes)
     again = reconfigure or note.get("shape") != inputs.shape
@@ -253,12 +253,12 @@ def _needed_changes(then: object, now: Mapping[str, str], examination: Examinati
 
 
 def _externals_changed(
-    build: Path, graph: NativeGraph, note: Mapping[str, Any], examination: Examination
+    build: Path, elsewhere: Iterable[str], note: Mapping[str, Any], examination: Examination
 ) -> bool:
     """Tell if a file elsewhere that the contents may be made from says something else now.
 
-    A build that did not end left no list of what such files said; one that was written since it began
-    counts as changed.
+    A build that did not end left no list of what such files said: of those `elsewhere` that its commands
+    read, one that was written since it began counts as changed.
     """
     ended = (build / RECORDS / _ENDED).is_file()
     then = read_manifest(build / RECORDS / _EXTERNALS)
@@ -268,7 +268,7 @@ def _externals_changed(
             return True
     if ended:
         return then is None
-    return any(_written_since(path, note["began"]) for path in graph.known())
+    return any(_written_since(path, note["began"]) for path in elsewhere)
 
 
 def _written_since(path: str, when: int) -> bool:
