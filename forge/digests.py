@@ -229,6 +229,14 @@ def _leads_to_folder(link: os.DirEntry[str]) -> bool:
         return False
 
 
+def counts_as_source(path: str) -> bool:
+    """Tell if a file counts as a source whatever lies beside it, by its path relative to the package."""
+    *folders, name = path.split("/")
+    return is_source(name, lambda _: True) and all(
+        is_source_folder(folder, lambda _: True) for folder in folders
+    )
+
+
 def _leads_back(target: str, way: tuple[str, ...]) -> bool:
     """Tell if the real folder `target` holds one of those on the way to it."""
     return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in way)

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 _CMAKE_ROOT = re.compile(r"^CMAKE_ROOT:INTERNAL=(.+)$", re.MULTILINE)
 _FOUND = re.compile(r"^[^/#:]+:(?!INTERNAL)\w+=(/.+)$", re.MULTILINE)
 _SEARCHED = re.compile(r"(?:^|\s)-(?:I|isystem|iquote|idirafter|L) ?((?:\$ |\\ |\\.|[^\s$\\])+)")
+_SEARCHED_BY_LINK = re.compile(r"(?:^|\s)-L ?((?:\$ |\\ |\\.|[^\s$\\])+)")
+_LINKED = re.compile(r"(?:^|\s)-l ?(:?[\w.+-]+)")
+_OF_EVERY_PROGRAM = frozenset({"c", "dl", "gcc", "gcc_s", "m", "pthread", "rt", "stdc++"})
+_IMPLICIT = re.compile(r"set\(CMAKE_\w+_IMPLICIT_LINK_DIRECTORIES \"([^\"]*)\"\)")
 _WORD = re.compile(r"""(?:^|[\s"'=(])(/(?:\$ |\\ |\\.|[^\s"'$\\;)])+)""")
 _INSTALLED = re.compile(r'file\(INSTALL DESTINATION [^\n]*?TYPE (\w+)[^\n]*? FILES((?:\s+"[^"\n]+")+)')
 _QUOTED = re.compile(r'"([^"\n]+)"')
@@ -53,6 +57,7 @@ def external_inputs(
     cmakes = cmake_root(build)
     graph = read_native_graph(build)
     found = {*graph.known(), *graph.read_by_cmake, *_programs(build, graph), *_read_by_backend(build)}
+    found.update(_libraries(build, graph))
     for path in (*_installed_from(build), *_named_outside(source, graph)):
         if not path.startswith(own):
             found.update(_whole(path, inside))
@@ -90,6 +95,33 @@ def _programs(build: Path, graph: NativeGraph) -> Iterator[str]:
 def written_by_backend(build: Path) -> Iterator[str]:
     """Yield the sources of a Python package that its build backend reported to have written itself."""
     return _listed(build, WRITTEN_BY_BACKEND)
+
+
+def _libraries(build: Path, graph: NativeGraph) -> Iterator[str]:
+    """Yield the files that links ask for as -lNAME: in folders that they name, else where compilers look.
+
+    What every program is linked with comes with the compiler.
+    """
+    texts = [edge.text for edge in graph.edges if "-l" in edge.text]
+    if graph.tool == "make":
+        texts += [text for path in build.rglob("link.txt") if "-l" in (text := _text(path))]
+    folders: tuple[str, ...] | None = None
+    for text in texts:
+        names = [name for name in _LINKED.findall(text) if name not in _OF_EVERY_PROGRAM]
+        if names and folders is None:
+            folders = _searched_by_linkers(build)
+        named = [os.path.normpath(folder) for folder in _SEARCHED_BY_LINK.findall(text) if folder[0] == "/"]
+        for name in dict.fromkeys(names):
+            files = (name[1:],) if name[0] == ":" else (f"lib{name}.so", f"lib{name}.a")
+            places = (f"{folder}/{file}" for folder in (*named, *(folders or ())) for file in files)
+            yield from filter(os.path.isfile, places)
+
+
+def _searched_by_linkers(build: Path) -> tuple[str, ...]:
+    """Return the folders in which the compilers of a build folder look for libraries by themselves."""
+    texts = map(_text, build.glob("CMakeFiles/[0-9]*/CMake*Compiler.cmake"))
+    found = (folder for text in texts for said in _IMPLICIT.findall(text) for folder in said.split(";"))
+    return tuple(dict.fromkeys(folder for folder in found if folder.startswith("/")))
 
 
 def _read_by_backend(build: Path) -> Iterator[str]:

@@ -14,7 +14,7 @@ from forge.freshness import FOR_COMPILERS
 from forge.frozen import frozen
 from forge.interpreter import own_command
 from forge.model import RUN_KINDS
-from forge.runner import Frame, ProcessRunner
+from forge.runner import Frame, ProcessRunner, as_it_is
 from forge.sourcing import build_environment, package_edits
 from forge.started import VARIABLE, StartedProcesses
 from forge.tools import CMAKE_TYPES
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
+    from forge.audit.tracing import Audit
     from forge.budget import Budget
     from forge.caching.package_cache import PackageCache
     from forge.environment import Edit, Script
@@ -44,6 +45,8 @@ class Jobs:
     variables: Mapping[str, str]
     records: Records
     cache: PackageCache | None = None
+    audit: Audit | None = None
+    """What watches the steps; then each package begins in an empty build folder."""
     edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
         default_factory=lambda: functools.cache(package_edits)
     )
@@ -51,7 +54,8 @@ class Jobs:
 
     def runner(self, budget: Budget, toolchain: Toolchain | None) -> ProcessRunner:
         """Return a runner that starts programs here; the rest as `frame`."""
-        return ProcessRunner(self.frame(toolchain), budget, StartedProcesses(self.layout.build))
+        launch = self.audit.launch if self.audit is not None else as_it_is
+        return ProcessRunner(self.frame(toolchain), budget, StartedProcesses(self.layout.build), launch)
 
     def frame(self, toolchain: Toolchain | None) -> Frame:
         """Return what surrounds steps; `toolchain` spares new packages the examination of the compilers."""
@@ -76,7 +80,7 @@ class Jobs:
 
     def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._put_aside(task)
-        self.records.prepare(task, self._set_by_needs(environment))
+        self.records.prepare(task, self._set_by_needs(environment), anew=self.audit is not None)
 
     def _set_by_needs(self, environment: Mapping[str, str]) -> Pairs:
         """Return the variables that hooks of needs set, without lists of paths: these follow from needs."""

@@ -214,7 +214,14 @@ def force_of(options: argparse.Namespace) -> str:
     """Return the option that asks for packages though they are fresh; '' when none does, or has done so."""
     if getattr(options, "again", False):
         return ""
-    words = ("force", "cmake-force-configure", "cmake-clean-cache", "cmake-clean-first", "cmake-target")
+    words = (
+        "audit",
+        "force",
+        "cmake-force-configure",
+        "cmake-clean-cache",
+        "cmake-clean-first",
+        "cmake-target",
+    )
     return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
 
 

@@ -139,8 +139,11 @@ class Records:
         files = record.files if record else ()
         self._altered[task.name] = self._said_to_shells(task.name, files, {})
 
-    def prepare(self, task: Task, set_by_needs: Pairs) -> None:
-        """Make the build folder of a task fit for its steps; `set_by_needs` are variables that hooks set."""
+    def prepare(self, task: Task, set_by_needs: Pairs, *, anew: bool = False) -> None:
+        """Make the build folder of a task fit for its steps, or empty if it is to begin `anew`.
+
+        `set_by_needs` are variables that hooks set.
+        """
         from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
         from forge.externals import cmake_root  # noqa: PLC0415
 
@@ -162,7 +165,7 @@ class Records:
             contents=lambda paths: contents_of(paths, self.table),
             is_cmakes=lambda path: bool(cmakes) and path.startswith(cmakes),
         )
-        keeps = task.package.build_type in CMAKE_TYPES
+        keeps = task.package.build_type in CMAKE_TYPES and not anew
         build_dir.prepare_build_dir(build, inputs, examination, keeps=keeps, reconfigure=task.reconfigure)
 
     def seconds(self) -> dict[str, float]:

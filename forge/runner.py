@@ -33,6 +33,7 @@ from forge.steps import LAST_COMMAND, environment_file, step_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+    from contextlib import AbstractContextManager
 
     from forge.budget import Budget
     from forge.model import Event, Record, Step, Task
@@ -126,16 +127,33 @@ class Frame:
         return Finished(task.name, 0, seconds, record=record, cache=self.remark(task))
 
 
+class Launch(Protocol):
+    """How the program of a step is started, and what is done when it has ended."""
+
+    def __call__(self, task: Task, step: Step, /) -> AbstractContextManager[Sequence[str]]:
+        """Return a context that gives the words to run, and ends after the program."""
+
+
+def as_it_is(_: Task, step: Step) -> AbstractContextManager[Sequence[str]]:
+    """Start the program of a step as the step has it."""
+    return nullcontext(step.argv)
+
+
 class ProcessRunner:
     """Starts each step as a process group of its own."""
 
     def __init__(
-        self, frame: Frame, budget: Budget | None = None, started: StartedProcesses | None = None
+        self,
+        frame: Frame,
+        budget: Budget | None = None,
+        started: StartedProcesses | None = None,
+        launch: Launch = as_it_is,
     ) -> None:
         """Remember what surrounds steps, where counted jobs come from, and where processes are noted."""
         self._frame = frame
         self._budget = budget
         self._started = started
+        self._launch = launch
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -215,8 +233,9 @@ class ProcessRunner:
         write_if_changed(task.build_dir / task.desk / LAST_COMMAND, line + "\n")
         variables = {**environment, **dict(step.env)}
         put(StepStarted(task.name, step, changed(variables)))
-        with self._budget.tools(step, variables) if self._budget else nullcontext((variables, ())) as seen:
-            code = self._start(task, step, seen, put)
+        tools = self._budget.tools(step, variables) if self._budget else nullcontext((variables, ()))
+        with tools as seen, self._launch(task, step) as argv:
+            code = self._start(task, replace(step, argv=tuple(argv)), seen, put)
         if step.record and code == 0:
             if step.label == CONFIGURE:
                 from forge.build.build_dir import bring_back_products  # noqa: PLC0415  (few steps configure)

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
+    from forge.audit.tracing import Audit
     from forge.caching.package_cache import PackageCache
     from forge.interpreter import Interpreter
     from forge.launching.farms import Farm
@@ -77,6 +78,7 @@ class Undertaking:
     interpreter: Interpreter
     variables: Mapping[str, str]
     manner: Manner
+    audit: Audit | None = None
 
 
 def carry_out(
@@ -91,10 +93,12 @@ def carry_out(
     warn((*lacking, *overridden(mine, layout.install, variables), *gone))
     seconds = records.seconds()
     account = _account(plan, undertaking)
+    audit = undertaking.audit
     with (
         joined(options, kitchen, variables) if options.executor == CLUSTER else nullcontext() as line,
         closing(open_transcript(layout.logs, "build", sys.argv)) as transcript,
-        manner.worker(plan) as found_by,
+        # What a worker reads is nobody's step: under an audit each generator is a program of its own.
+        nullcontext({}) if audit else manner.worker(plan) as found_by,
         closing(open_budget(options, kitchen, variables, plan, account.farm)) as budget,
         live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
         watched(wanted=options.timings) as watch,
@@ -104,7 +108,7 @@ def carry_out(
         report, feed = audience.report, audience.feed
         surroundings = {**without_jobs(variables), **account.variables, **found_by}
         surroundings |= ninja_first(kitchen.ninja, layout.build / ".forge_programs", variables)
-        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache)
+        jobs = Jobs(loaded.provision, layout, undertaking.interpreter, surroundings, records, cache, audit)
         toolchain = _toolchain(plan, undertaking)
         runner: Runner = jobs.runner(budget, toolchain)
         if line:
@@ -131,7 +135,19 @@ def carry_out(
     if options.strict:
         raise_if_any(records.clashes((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.clashes(plan.tasks))
-    return report.exit_code
+    return report.exit_code if audit is None else _tell_of_audit(audit, plan, undertaking, records, report)
+
+
+def _tell_of_audit(
+    audit: Audit, plan: BuildPlan, undertaking: Undertaking, records: Records, report: Report
+) -> int:
+    """Say what packages read that forge does not track; return the exit code of the build."""
+    from forge.audit.tracked import audited  # noqa: PLC0415  (asked for now and then)
+
+    audit.close()
+    lines, clean = audited(audit, plan, undertaking.kitchen, records, undertaking.variables)
+    print(*lines, sep="\n", file=sys.stderr if undertaking.options.json else sys.stdout, flush=True)
+    return report.exit_code or int(not clean)
 
 
 def _audience(

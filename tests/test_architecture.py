@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     4: """
         __main__ cli cluster.joining cluster.telling commands commands.* manner options package_options
-        preparation testing.preparing undertaking watching worker workspace caching.opening
+        preparation testing.preparing undertaking watching worker workspace caching.opening audit.opening
     """,
     3: """
         backend_inputs backend_tracer backends
@@ -37,7 +37,7 @@ FLOORS = {
         examining.machine examining.naming examining.packages examining.programs
         examining.subject examining.surroundings
         needs.rosdep_files needs.system_packages scenes unfound pitfalls
-        caching caching.* cluster cluster.* build build.*
+        caching caching.* cluster cluster.* build build.* audit audit.*
         launching.accounts launching.farms launching.icecream
     """,
     2: """
@@ -47,6 +47,7 @@ FLOORS = {
         completing hints progress source_names unused_variables
         named_variables assignments lengths places excerpts pictures pictures.* caching.action_result
         examining examining.* needs needs.* mistyped launching launching.*
+        audit.accesses audit.comparison audit.untracked
     """,
     1: "model layout interfaces.model caching.model",
     0: ". deferred durations errors refusals frozen names files templating ament_index",

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping
 
+    from forge.audit.tracing import Audit
     from forge.cli import Parser
     from forge.layout import Layout
     from forge.model import BuildPlan, Package
@@ -84,6 +85,7 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
     names = wanted_names(loaded.selection, loaded.provision, loaded.provision.needs)
     refuse_what_cannot_work(loaded, names, layout)
     kitchen, interpreter = prepare(options, loaded, names, layout, variables)
+    audit = _audit(options, layout, variables)
     begin_workspace(layout)
     keep_compiled(*compiled_templates(os.environ, layout.build / ".forge_templates"))
     with (
@@ -111,8 +113,17 @@ def build(options: argparse.Namespace, manner: Manner) -> int:
             return 0
         from forge.undertaking import Undertaking, carry_out  # noqa: PLC0415  (a build of nothing is quick)
 
-        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables, manner)
+        undertaking = Undertaking(options, loaded, kitchen, interpreter, variables, manner, audit)
         return carry_out(plan, undertaking, records, handlers, begun)
+
+
+def _audit(options: argparse.Namespace, layout: Layout, variables: Mapping[str, str]) -> Audit | None:
+    """Return what watches the steps, if that was asked for."""
+    if not options.audit:
+        return None
+    from forge.audit.opening import audit_of  # noqa: PLC0415  (asked for now and then)
+
+    return audit_of(options, layout.build, variables)
 
 
 def _refuse_timings_without_a_log(options: argparse.Namespace, layout: Layout) -> None:
@@ -232,6 +243,12 @@ def _add_what_to_see(parser: Parser) -> None:
         "--timings",
         action="store_true",
         help="write a page that shows where the time went, and a trace, into the log folder",
+    )
+    group.add_argument(
+        "--audit",
+        action="store_true",
+        help="rebuild the selected packages under strace, from empty build folders, and report what they "
+        "read that forge does not track",
     )
     group.add_argument("--dry-run", action="store_true", help="print the plan and every command, run nothing")
     group.add_argument(

@@ -66,17 +66,22 @@ class Built:
 
 def _workspace(root: Path, *words: str) -> Built:
     """Copy the shapes, write the many messages, build."""
+    copy_shapes(root, MESSAGES)
+    built = Built(root, words)
+    built.build()
+    return built
+
+
+def copy_shapes(root: Path, messages: int) -> None:
+    """Copy the shapes into a workspace, and write the many messages, that many of them."""
     shutil.copytree(SHAPES, root / "src", ignore=shutil.ignore_patterns("README.md"))
     folder = root / "src/4_many_messages/many_msgs/msg"
     folder.mkdir()
-    for number in range(MESSAGES):
+    for number in range(messages):
         before = f"Number{number - 1}[<=2] before\n" if number % 4 else ""
         (folder / f"Number{number}.msg").write_text(
             f"clock_types/Stamp stamp\nfloat64[{number + 1}] values\nstring name\n{before}", encoding="utf-8"
         )
-    built = Built(root, words)
-    built.build()
-    return built
 
 
 @pytest.fixture(scope="module")
