@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
     from pathlib import Path
 
-    from forge.build.build_dir import BegunBuild
+    from forge.build.build_notes import BegunBuild
     from forge.caching.package_cache import Found
     from forge.digests import Stats
     from forge.errors import Problem
@@ -144,13 +144,13 @@ class Records:
 
         `set_by_needs` are variables that hooks set.
         """
-        from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
+        from forge.build import build_dir, build_notes  # noqa: PLC0415  (most builds make nothing)
         from forge.externals import cmake_root  # noqa: PLC0415
 
         source = self.source(task)
         sources = tree_manifest(str(source), self.table)
         build = task.build_dir
-        self._begun[task.name] = build_dir.BegunBuild(str(source), sources, build_dir.read_last(build))
+        self._begun[task.name] = build_notes.BegunBuild(str(source), sources, build_notes.read_last(build))
         parts = task.parts
         pairs = map("=".join, (*parts.tools, *parts.environment, *set_by_needs))
         inputs = build_dir.BuildInputs(
@@ -178,7 +178,7 @@ class Records:
 
     def make(self, task: Task) -> Record:
         """Return the record of a task that ended well, once what only its last build installed is gone."""
-        from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
+        from forge.build import build_notes  # noqa: PLC0415  (most builds make nothing)
         from forge.build.installed_files import date_files  # noqa: PLC0415
         from forge.externals import external_inputs  # noqa: PLC0415
         from forge.installation import installed_files  # noqa: PLC0415
@@ -192,16 +192,16 @@ class Records:
         if self._layout.merged:
             found = (*found, *self._undeclared(task, build))
         externals = file_manifest(found, self.table)
-        saved = build_dir.saved_meanwhile(build, self._begun.pop(task.name), externals, self.table)
-        build_dir.finish_build_dir(build, externals, saved)
+        saved = build_notes.saved_meanwhile(build, self._begun.pop(task.name), externals, self.table)
+        build_notes.finish_build_dir(build, externals, saved)
         contents = {path: state.content for path, state in externals.items()}
         read = tuple(externals), digest_of(externals, contents)
         record = self._made(task, files, folders, read, stats)
         return replace(
             record,
-            began=build_dir.began(build),
+            began=build_notes.began(build),
             saved=tuple(path.removeprefix(f"{self.source(task)}/") for path in sorted(saved)),
-            from_empty=build_dir.began_empty(build),
+            from_empty=build_notes.began_empty(build),
             read_from=self._owners_of(task, externals),
         )
 

@@ -19,11 +19,10 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, RECORDS, read_json, written_since
 from forge.build.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.native_graph import read_by_cmake, read_native_graph
 from forge.build.reuse import Decision, Reuse, brought_back, decide, read_or_nothing, undeclared_readers
-from forge.digests import contents_of, tree_stats
-from forge.externals import written_by_backend
 from forge.files import replace_file
 from forge.frozen import frozen
 
@@ -32,14 +31,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.build.input_manifest import InputManifest
-    from forge.digests import FileTable
 
 INSTALLED = ".forge_installed"
 """The folder beside build folders that lists what packages installed, by package and digest."""
-RECORDS = "handover"
-"""The folder in a build folder that is forge's own."""
-_BEGUN, _ENDED = "begun.json", "ended.json"
-_SOURCES, _EXTERNALS, _DROPPED = "sources.json", "externals.json", "dropped.json"
+_SOURCES, _DROPPED = "sources.json", "dropped.json"
 _KEPT = ("colcon_build.rc", "colcon_test.rc", "test_results", "Testing")
 """What tests and other tools left, which says nothing of how to build."""
 _CLOCK_NANOSECONDS = 2_000_000_000
@@ -58,23 +53,6 @@ class BuildInputs:
     shape: str
     needs: Mapping[str, str]
     sources: InputManifest
-
-
-@frozen
-class LastBuild:
-    """What the last build that ended well noted: inputs saved meanwhile, and the files it read elsewhere."""
-
-    saved: frozenset[str]
-    externals: InputManifest
-
-
-@frozen
-class BegunBuild:
-    """A build that runs: the package's folder, its sources when it began, and what the last one noted."""
-
-    source: str
-    sources: InputManifest
-    last: LastBuild
 
 
 @frozen
@@ -111,7 +89,7 @@ def prepare_build_dir(
     else:
         _begin_empty(build, decision)
     folder = build / RECORDS
-    (folder / _ENDED).unlink(missing_ok=True)
+    (folder / ENDED).unlink(missing_ok=True)
     write_manifest(folder / _SOURCES, inputs.sources)
     note = {
         "began": time.time_ns(),
@@ -120,15 +98,8 @@ def prepare_build_dir(
         "needs": dict(inputs.needs),
         "empty": decision.reuse is Reuse.NOTHING,
     }
-    replace_file(folder / _BEGUN, json.dumps(note, indent=2).encode())
+    replace_file(folder / BEGUN, json.dumps(note, indent=2).encode())
     return decision.reuse
-
-
-def finish_build_dir(build: Path, externals: InputManifest, saved: Iterable[str]) -> None:
-    """Note that a build ended well, what it read elsewhere, and which inputs were saved meanwhile."""
-    folder = build / RECORDS
-    write_manifest(folder / _EXTERNALS, externals)
-    replace_file(folder / _ENDED, json.dumps({"saved": sorted(saved)}).encode())
 
 
 def bring_back_products(build: Path) -> None:
@@ -140,7 +111,7 @@ def bring_back_products(build: Path) -> None:
     before = set_aside(build)
     if not before.is_dir():
         return
-    said = _read_json(build / RECORDS / _DROPPED)
+    said = read_json(build / RECORDS / _DROPPED)
     dropped = frozenset(said.get("dropped", ()))
     graph = replace(read_native_graph(build), reported=read_native_graph(before, build).reported)
     dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing)
@@ -156,56 +127,6 @@ def bring_back_products(build: Path) -> None:
     _discard(_trash(build))
 
 
-def read_last(build: Path) -> LastBuild:
-    """Return what the last build that ended well in a folder noted of its inputs."""
-    said = _read_json(build / RECORDS / _ENDED)
-    return LastBuild(frozenset(said.get("saved", ())), read_manifest(build / RECORDS / _EXTERNALS) or {})
-
-
-def saved_meanwhile(
-    build: Path, begun: BegunBuild, externals: InputManifest, table: FileTable
-) -> frozenset[str]:
-    """Return the inputs that were written since the build began, whatever they say now.
-
-    What the native tool or a build backend itself made among the sources does not count, nor does a file
-    that was written during the last build, too, and says what it said: the build writes it.
-    """
-    note = _read_json(build / RECORDS / _BEGUN)
-    then, now, last = begun.sources, tree_stats(begun.source), begun.last
-    paths = then.keys() | now.keys()
-    changed = {path for path in paths if path not in then or then[path].stats != now.get(path)}
-    if changed:
-        made = {output for edge in read_native_graph(build).edges for output in edge.outputs}
-        made.update(written_by_backend(build))
-        before = {path: then[path].content for path in changed & then.keys()}
-        contents = contents_of(sorted(changed), table)
-        changed = {
-            path
-            for path in changed
-            if path not in made and not (path in last.saved and before.get(path) == contents[path])
-        }
-    elsewhere = {path for path in externals if _written_since(path, note["began"])}
-    for path in elsewhere:
-        known = last.externals.get(path)
-        if not (path in last.saved and known is not None and known.content == externals[path].content):
-            changed.add(path)
-    return frozenset(changed)
-
-
-def began(build: Path) -> float:
-    """Return when the last build in a folder began, in seconds since the epoch; 0 when nobody knows."""
-    said = _read_json(build / RECORDS / _BEGUN).get("began")
-    try:
-        return said / 1e9 if isinstance(said, int) else 0.0
-    except OverflowError:
-        return 0.0
-
-
-def began_empty(build: Path) -> bool:
-    """Tell if the last build in a folder found it empty."""
-    return _read_json(build / RECORDS / _BEGUN).get("empty") is True
-
-
 def set_aside(build: Path) -> Path:
     """Return where a folder stands from which products are to be brought back."""
     return build.with_name(f".{build.name}.before")
@@ -215,7 +136,7 @@ _NOTHING = Decision(Reuse.NOTHING)
 
 
 def _decision(build: Path, inputs: BuildInputs, examination: Examination, *, reconfigure: bool) -> Decision:
-    note, ended = _read_json(build / RECORDS / _BEGUN), _read_json(build / RECORDS / _ENDED)
+    note, ended = read_json(build / RECORDS / BEGUN), read_json(build / RECORDS / ENDED)
     then = read_manifest(build / RECORDS / _SOURCES)
     known = then is not None and isinstance(note.get("began"), int) and note.get("base") == inputs.base
     if not known or then is None or _in_future(build, note["began"]):
@@ -260,23 +181,15 @@ def _externals_changed(
     A build that did not end left no list of what such files said: of those `elsewhere` that its commands
     read, one that was written since it began counts as changed.
     """
-    ended = (build / RECORDS / _ENDED).is_file()
-    then = read_manifest(build / RECORDS / _EXTERNALS)
+    ended = (build / RECORDS / ENDED).is_file()
+    then = read_manifest(build / RECORDS / EXTERNALS)
     if then is not None:
         now = examination.contents(then)
         if any(state.content != now[path] for path, state in then.items()):
             return True
     if ended:
         return then is None
-    return any(_written_since(path, note["began"]) for path in elsewhere)
-
-
-def _written_since(path: str, when: int) -> bool:
-    try:
-        status = os.stat(path)  # noqa: PTH116
-    except OSError:
-        return False
-    return max(status.st_mtime_ns, status.st_ctime_ns) >= when
+    return any(written_since(path, note["began"]) for path in elsewhere)
 
 
 def _in_future(build: Path, begun: int) -> bool:
@@ -391,12 +304,3 @@ def _discard(folder: Path) -> None:
         folder.unlink()
     elif folder.is_dir():
         shutil.rmtree(folder)
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    """Return the object that a file holds; an empty one when there is none that can be read."""
-    try:
-        said = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return said if isinstance(said, dict) else {}

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from forge import conditions, sourcing
 from forge.backends import _build_system
-from forge.build.build_dir import BuildInputs, Examination, began, prepare_build_dir, read_last
+from forge.build.build_dir import BuildInputs, Examination, prepare_build_dir
+from forge.build.build_notes import began, read_last
 from forge.build.input_manifest import read_manifest
 from forge.caching import action_result as action_results
 from forge.caching import keys

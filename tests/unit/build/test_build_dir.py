@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.build import build_dir
-from forge.build.build_dir import BegunBuild, BuildInputs, Examination
+from forge.build import build_dir, build_notes
+from forge.build.build_dir import BuildInputs, Examination
+from forge.build.build_notes import BegunBuild
 from forge.build.input_manifest import Changes
 from forge.build.reuse import Reuse
 from forge.digests import FileTable, contents_of, file_manifest, tree_manifest
@@ -72,7 +73,7 @@ class Probe:
         """Prepare the folder for the steps of a build."""
         table = self.table()
         sources = tree_manifest(str(self.source), table)
-        self.begun = BegunBuild(str(self.source), sources, build_dir.read_last(self.build))
+        self.begun = BegunBuild(str(self.source), sources, build_notes.read_last(self.build))
         examination = Examination(
             needed=lambda _name, _then, _now: self.needed,
             contents=lambda paths: contents_of(paths, table),
@@ -99,8 +100,8 @@ class Probe:
         assert self.begun is not None
         table = self.table()
         externals = file_manifest(self.externals, table)
-        saved = build_dir.saved_meanwhile(self.build, self.begun, externals, table)
-        build_dir.finish_build_dir(self.build, externals, saved)
+        saved = build_notes.saved_meanwhile(self.build, self.begun, externals, table)
+        build_notes.finish_build_dir(self.build, externals, saved)
         return saved
 
     def make(self) -> tuple[Reuse, set[str]]:
@@ -140,7 +141,7 @@ def probe(tmp_path: Path) -> Probe:
 
 def note_of(probe: Probe, **values: object) -> None:
     """Change what a build noted as it began."""
-    path = probe.build / build_dir.RECORDS / "begun.json"
+    path = probe.build / build_notes.RECORDS / "begun.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **values}), encoding="utf-8")
 
 
@@ -309,7 +310,7 @@ def test_a_clock_that_went_back_makes_everything_anew(probe: Probe) -> None:
 def test_records_that_were_lost_or_spoilt_never_reuse_what_changed(
     probe: Probe, name: str, text: str | None
 ) -> None:
-    path = probe.build / build_dir.RECORDS / name
+    path = probe.build / build_notes.RECORDS / name
     path.unlink()
     if text is not None:
         path.write_text(text, encoding="utf-8")
