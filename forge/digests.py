@@ -230,11 +230,16 @@ def _leads_to_folder(link: os.DirEntry[str]) -> bool:
 
 
 def counts_as_source(path: str) -> bool:
-    """Tell if a file counts as a source whatever lies beside it, by its path relative to the package."""
-    *folders, name = path.split("/")
-    return is_source(name, lambda _: True) and all(
-        is_source_folder(folder, lambda _: True) for folder in folders
-    )
+    """Tell if a file or folder counts as a source whatever lies beside it.
+
+    `path` is relative to the package.
+    """
+    names = path.split("/")
+    return is_source(names[-1], _whatever) and all(is_source_folder(name, _whatever) for name in names)
+
+
+def _whatever(_: str) -> bool:
+    return True
 
 
 def _leads_back(target: str, way: tuple[str, ...]) -> bool:

@@ -1,4 +1,4 @@
-"""What a build folder notes of its builds: when and from what they began, how they ended, what was saved then."""
+"""What a build folder notes of its builds: when and from what they began, how they ended, what was saved."""
 
 from __future__ import annotations
 
