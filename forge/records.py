@@ -17,6 +17,7 @@ from forge.digests import (
     digest_words,
     file_manifest,
     mark_files,
+    mark_tree,
     stamp_files,
     tree_manifest,
 )
@@ -150,7 +151,10 @@ class Records:
         source = self.source(task)
         sources = tree_manifest(str(source), self.table)
         build = task.build_dir
-        self._begun[task.name] = build_notes.BegunBuild(str(source), sources, build_notes.read_last(build))
+        # The plan is older, and the cache knows a package by the sources that the plan saw.
+        planned = mark_tree(str(source), self.table, task.sources).digest == task.sources.digest
+        last = build_notes.read_last(build)
+        self._begun[task.name] = build_notes.BegunBuild(str(source), sources, last, as_planned=planned)
         parts = task.parts
         pairs = map("=".join, (*parts.tools, *parts.environment, *set_by_needs))
         inputs = build_dir.BuildInputs(
@@ -192,15 +196,17 @@ class Records:
         if self._layout.merged:
             found = (*found, *self._undeclared(task, build))
         externals = file_manifest(found, self.table)
-        saved = build_notes.saved_meanwhile(build, self._begun.pop(task.name), externals, self.table)
+        begun = self._begun.pop(task.name)
+        saved = build_notes.saved_meanwhile(build, begun, externals, self.table)
         build_notes.finish_build_dir(build, externals, saved)
+        names = (path.removeprefix(f"{self.source(task)}/") for path in sorted(saved))
         contents = {path: state.content for path, state in externals.items()}
         read = tuple(externals), digest_of(externals, contents)
         record = self._made(task, files, folders, read, stats)
         return replace(
             record,
             began=build_notes.began(build),
-            saved=tuple(path.removeprefix(f"{self.source(task)}/") for path in sorted(saved)),
+            saved=(*names, *(() if begun.as_planned else (str(task.package.path),))),
             from_empty=build_notes.began_empty(build),
             read_from=self._owners_of(task, externals),
         )

@@ -36,11 +36,15 @@ class LastBuild:
 
 @frozen
 class BegunBuild:
-    """A build that runs: the package's folder, its sources when it began, and what the last one noted."""
+    """A build that runs: the package's folder, its sources when it began, and what the last one noted.
+
+    `as_planned` tells if the sources were still what they had been when the whole build was planned.
+    """
 
     source: str
     sources: InputManifest
     last: LastBuild
+    as_planned: bool = True
 
 
 def finish_build_dir(build: Path, externals: InputManifest, saved: Iterable[str]) -> None:
