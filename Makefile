@@ -49,11 +49,12 @@ fuzz-parsers: .venv/.ready
 scale: .venv/.ready
 	FORGE_TEST_SCALE=1 $(PYTEST) -s tests/e2e/test_scale.py
 
-# Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output. SEED=2 makes other sequences.
+# Fifty kills: thirteen in each of the four tests; fifty faults, a gigabyte of output; a thousand sequences of
+# edits: 250 in each of the four tests, or SEQUENCES. SEED=2 makes other ones.
 soak: .venv/.ready
 	FORGE_TEST_KILLS=13 FORGE_TEST_FAULTS=50 FORGE_TEST_FLOOD=1024 FORGE_TEST_SEED=$(or $(SEED),1) \
-	  FORGE_TEST_EXAMPLES=60 $(PYTEST) tests/e2e/test_kill.py tests/e2e/test_faults.py tests/e2e/test_incremental.py \
-	  tests/e2e/test_cache.py
+	  FORGE_TEST_EXAMPLES=60 FORGE_TEST_SEQUENCES=$(or $(SEQUENCES),250) $(PYTEST) tests/e2e/test_kill.py \
+	  tests/e2e/test_faults.py tests/e2e/test_incremental.py tests/e2e/test_cache.py
 
 peers: .venv-peers/.ready
 

@@ -223,12 +223,14 @@ def play(
 
 
 @pytest.fixture(scope="module")
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+def stage(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     """Return what the plays share; say at the end how many there were."""
     tried.clear()
     yield make_stage(tmp_path_factory.mktemp("stage"))
+    reporter = request.config.pluginmanager.get_plugin("terminalreporter")
     for name, number in tried.items():
-        print(f"\n{name}: {number} sequences, {EXAMPLES} asked for, seed {SEED}")  # noqa: T201  (pytest -rP or -s)
+        if reporter is not None:
+            reporter.write_line(f"{name}: {number} of {EXAMPLES} sequences of edits, seed {SEED}")
 
 
 tried: Counter[str] = Counter()
