@@ -229,19 +229,6 @@ def _leads_to_folder(link: os.DirEntry[str]) -> bool:
         return False
 
 
-def counts_as_source(path: str) -> bool:
-    """Tell if a file or folder counts as a source whatever lies beside it.
-
-    `path` is relative to the package.
-    """
-    names = path.split("/")
-    return is_source(names[-1], _whatever) and all(is_source_folder(name, _whatever) for name in names)
-
-
-def _whatever(_: str) -> bool:
-    return True
-
-
 def _leads_back(target: str, way: tuple[str, ...]) -> bool:
     """Tell if the real folder `target` holds one of those on the way to it."""
     return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in way)

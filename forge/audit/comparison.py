@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from posixpath import basename, dirname
 from typing import TYPE_CHECKING
@@ -36,8 +37,8 @@ class Tracked:
     prefixes: Mapping[str, str]
     ways: frozenset[str]
     owners: Mapping[str, str]
-    is_source: Callable[[str], bool]
-    """Tell if a path below one of the source folders counts as a source."""
+    is_source: Callable[[str, str], bool]
+    """Tell if a path below a folder of sources, which comes first, counts as a source."""
 
 
 @frozen
@@ -121,14 +122,19 @@ def _explain(access: Access, tracked: Tracked, machine: Machine) -> str:
     if path in tracked.files:
         return "recorded"
     said = _by_folder(access, tracked)
-    if said or (kind is not Kind.READ and path in tracked.ways):
-        return said or NAMES
+    if said:
+        return said
+    if kind is not Kind.READ and path in tracked.ways:
+        return NAMES
     if kind in _ABOUT_NAMES and (path in tracked.names or dirname(path) in tracked.names):
         return NAMES
     row = untracked(access, machine)
     if row is not None:
         return row.what
-    return LITTER.what if any(not tracked.is_source(part) for part in path.split("/")[1:]) else ""
+    return LITTER.what if _BYTECODE.search(path) or _source_folder(path, tracked) else ""
+
+
+_BYTECODE = re.compile(r"/__pycache__(/|$)|\.pyc$")
 
 
 def _by_folder(access: Access, tracked: Tracked) -> str:
@@ -136,11 +142,15 @@ def _by_folder(access: Access, tracked: Tracked) -> str:
     for folder in _upwards(access.path):
         if folder in tracked.folders:
             what = tracked.folders[folder]
-            is_litter = what == SOURCES and not tracked.is_source(access.path[len(folder) + 1 :])
-            return "" if is_litter else what
+            return what if what != SOURCES or tracked.is_source(folder, access.path) else ""
         if folder in tracked.prefixes and access.kind in _ABOUT_NAMES:
             return tracked.prefixes[folder]
     return ""
+
+
+def _source_folder(path: str, tracked: Tracked) -> bool:
+    """Tell if a path lies in the package, whether or not it counts as a source."""
+    return any(tracked.folders.get(folder) == SOURCES for folder in _upwards(path))
 
 
 _ABOUT_NAMES = frozenset({Kind.MISSED, Kind.LISTED, Kind.FOLDER})

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 import forge
 from forge.audit.comparison import SOURCES, Disk, Tracked, findings, report
 from forge.audit.untracked import LINKED, MERGED, Machine
-from forge.digests import NAMES_IN, counts_as_source, source_folders
+from forge.digests import NAMES_IN, source_folders
 from forge.externals import cmake_root
 from forge.frozen import frozen
 from forge.prefixes import find_underlays
 from forge.settings import own_cache
+from forge.source_names import is_source, is_source_folder
 from forge.tools import program_of
 
 if TYPE_CHECKING:
@@ -112,6 +113,20 @@ class _Files:
 
     def __contains__(self, path: object) -> bool:
         return path in self.recorded or self.owners.get(str(path)) in self.declared
+
+
+def counts_as_source(folder: str, path: str) -> bool:
+    """Tell if a path below a folder of sources, or the folder, counts as a source."""
+    while path != folder:
+        above, _, name = path.rpartition("/")
+
+        def beside(other: str, above: str = above) -> bool:
+            return os.path.lexists(f"{above}/{other}")
+
+        if not (is_source(name, beside) and is_source_folder(name, beside)):
+            return False
+        path = above
+    return True
 
 
 def first_missing(path: str) -> str:

@@ -10,9 +10,8 @@ import pytest
 
 from forge.audit.accesses import Access, Accesses, Kind, read_accesses, started_by
 from forge.audit.comparison import SOURCES, Disk, Tracked, explain, findings, report
-from forge.audit.tracked import first_missing
+from forge.audit.tracked import counts_as_source, first_missing
 from forge.audit.untracked import ROWS, Machine
-from forge.digests import counts_as_source
 
 PAGE = Path(__file__).parents[2] / "docs/explanation/change-detection.md"
 MACHINE = Machine("/home/me", "/scratch", frozenset({"/home/me/tool/bin"}), frozenset({"/checkout"}))
@@ -192,6 +191,7 @@ def test_what_forge_does_not_track_is_not_explained(path: str, kind: Kind, progr
         ),
         ("/home/me/.cmake/packages/a", Kind.MISSED, "cmake", "settings in the home directory"),
         ("/scratch/cc1234.s", Kind.MISSED, "cc", "names in the temporary folder"),
+        ("/ws/install/b/lib/__pycache__/x.pyc", Kind.READ, "python3", "bytecode and what editors leave"),
         ("/ws/src/a/__pycache__/x.pyc", Kind.READ, "python3", "bytecode and what editors leave"),
     ],
 )
@@ -226,6 +226,16 @@ def test_the_first_part_that_is_missing_is_found(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert first_missing(f"{tmp_path}/a/b/c") == f"{tmp_path}/a/b"
     assert first_missing(f"{tmp_path}/a") == ""
+
+
+def test_what_lies_beside_a_file_tells_if_it_is_a_source(tmp_path: Path) -> None:
+    (tmp_path / "package.xml").touch()
+    (tmp_path / "data").mkdir()
+    root = str(tmp_path)
+    assert counts_as_source(root, f"{root}/data/compile_commands.json")
+    assert not counts_as_source(root, f"{root}/compile_commands.json")
+    assert not counts_as_source(root, f"{root}/.venv/lib/x.py")
+    assert counts_as_source(root, root)
 
 
 def test_a_link_is_where_it_leads() -> None:
