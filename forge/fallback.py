@@ -266,9 +266,9 @@ def in_the_way(task: Task, layout: Layout) -> Iterator[Problem]:
         if os.path.lexists(folder) and not folder.is_dir():
             hint = f"remove it, or choose another folder with '--{word}-base'"
             yield Problem(f"the {word} folder '{folder}' of '{name}' is a file", hint=hint)
-    if not layout.merged or not task.earlier or (_folder(name, layout, "copies") / _LIST).is_file():
-        return  # a prefix of its own is put aside as a whole; a build that was killed may have put it there
-    files = set(task.earlier)
+    if not task.earlier or put_aside(name, layout):
+        return  # in the latter case a build was killed that may have put it there
+    files = {path for path in task.earlier if not path.endswith("/")}
     parents = {parent for path in files for parent in _parents(path, str(task.prefix))}
     for path in sorted(files - parents):
         if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114  (each installed file: no Path for each)

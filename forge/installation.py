@@ -72,7 +72,7 @@ def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], 
     found = set(listed_files(layout.build_dir(package.name)))
     if not layout.merged:
         files, folders = tree_below(str(prefix))
-        elsewhere = (path for path in found if not path.startswith(f"{prefix}/"))
+        elsewhere = (path for path in found if not path.startswith(f"{prefix}/") and os.path.lexists(path))
         return tuple(sorted((*(path for path, _ in files), *elsewhere))), tuple(
             sorted(f"{path}/" for path in folders)
         )

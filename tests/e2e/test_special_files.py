@@ -241,18 +241,20 @@ def test_a_file_in_the_place_of_a_folder_is_refused(root: Path, path: str, messa
     assert (root / "install/a/share/a/said.txt").is_file()
 
 
-def test_a_folder_in_the_place_of_an_installed_file_is_refused(root: Path) -> None:
-    run(root, "build")
-    path = root / "install/a/share/a/said.txt"
+@pytest.mark.parametrize("layout", ["", "--merge-install"])
+def test_a_folder_in_the_place_of_an_installed_file_is_refused(root: Path, layout: str) -> None:
+    options = [layout] if layout else []
+    run(root, "build", *options)
+    path = root / f"install/{'' if layout else 'a/'}share/a/said.txt"
     path.unlink()
     path.mkdir()
     (path / "precious").touch()
-    code, said = run(root, "build")
+    code, said = run(root, "build", *options)
     assert code == 2
     assert f"'{path}', which 'a' installed as a file, is a folder now" in said
     assert [entry.name for entry in path.iterdir()] == ["precious"]
     shutil.rmtree(path)
-    assert run(root, "build")[0] == 0
+    assert run(root, "build", *options)[0] == 0
     assert path.read_text() == "said\n"
 
 
