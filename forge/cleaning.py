@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.ament_index import INDEX
-from forge.build.build_dir import INSTALLED, set_aside
+from forge.build.build_dir import set_aside
+from forge.build.installed_states import INSTALLED
 from forge.fallback import put_aside
 from forge.files import listed_paths
 from forge.folders import MANIFESTS

@@ -9,7 +9,7 @@ import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.build.input_manifest import Changes, FileState, compare, read_manifest, write_manifest
+from forge.build.installed_states import InstalledStates
 from forge.digests import (
     FileTable,
     contents_of,
@@ -49,10 +49,6 @@ TABLE = "forge_files.json"
 _HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish", ".ps1")
 
 
-_STATES_KEPT = 8
-"""How many states of what a package installed are remembered: dependents may have been built with any."""
-
-
 class Records:
     """What was built, what is being built, and what the rest may count on."""
 
@@ -69,7 +65,7 @@ class Records:
         self._altered: dict[str, str] = {}
         """Packages whose part in the workspace's scripts may differ from now on, and what that was."""
         self._begun: dict[str, BegunBuild] = {}
-        self._needed: dict[tuple[str, str, str], Changes | None] = {}
+        self._states = InstalledStates(layout.build)
 
     def confirm(self, plan: BuildPlan, snapshot: Snapshot, outlook: Outlook) -> None:
         """Take note of what the plan found fresh: new stamps, so that next time they are equal."""
@@ -165,7 +161,7 @@ class Records:
         )
         cmakes = cmake_root(build)
         examination = build_dir.Examination(
-            needed=self._changes_in,
+            needed=self._states.changes,
             contents=lambda paths: contents_of(paths, self.table),
             is_cmakes=lambda path: bool(cmakes) and path.startswith(cmakes),
         )
@@ -269,7 +265,8 @@ class Records:
         if self._layout.merged:
             note_contents(task.build_dir, files, self.table)
         installed = mark_files((*files, *folders), self.table, stats=stats)
-        self._describe_installed(task.name, installed.digest, (*files, *folders), stats)
+        contents = contents_of((*files, *folders), self.table, stats)
+        self._states.keep(task.name, installed.digest, contents)
         return Record(
             parts=task.parts,
             complete=True,
@@ -285,31 +282,6 @@ class Records:
         """Return the digest of what a package has installed, as far as that is recorded."""
         record = self.journal.records.get(name)
         return record.installed.digest if record else UNKNOWN
-
-    def _describe_installed(self, name: str, digest: str, files: tuple[str, ...], stats: Stats) -> None:
-        """Write down what a package has installed, file by file, by the digest of it all."""
-        from forge.build import build_dir  # noqa: PLC0415  (most builds make nothing)
-
-        contents = contents_of(files, self.table, stats)
-        folder = self._layout.build / build_dir.INSTALLED / name
-        write_manifest(
-            folder / f"{digest}.json", {path: FileState("", content) for path, content in contents.items()}
-        )
-        known = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
-        for path in known[_STATES_KEPT:]:
-            path.unlink(missing_ok=True)
-
-    def _changes_in(self, name: str, then: str, now: str) -> Changes | None:
-        """Return how two states of what a package installed differ, or None when one is not known."""
-        key = (name, then, now)
-        if key not in self._needed:
-            from forge.build.build_dir import INSTALLED  # noqa: PLC0415  (most builds make nothing)
-
-            folder = self._layout.build / INSTALLED / name
-            states = [read_manifest(folder / f"{digest}.json") if digest else {} for digest in (then, now)]
-            one, other = states
-            self._needed[key] = None if one is None or other is None else compare(one, other)
-        return self._needed[key]
 
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if anything may have changed, and what the next build reads first."""

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from forge.build.input_manifest import InputManifest
 
-INSTALLED = ".forge_installed"
-"""The folder beside build folders that lists what packages installed, by package and digest."""
 _SOURCES, _DROPPED = "sources.json", "dropped.json"
 _KEPT = ("colcon_build.rc", "colcon_test.rc", "test_results", "Testing")
 """What tests and other tools left, which says nothing of how to build."""
