@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 VARIABLES = (
     ("CXXFLAGS", "-O1"),
     ("CMAKE_WORD", "{}"),
+    ("FREE_WORD", "{}"),
 )
 """What edits set: variables that compilers read, and those that a CMakeLists.txt or a setup.py names."""
 GATES = {"data-configure": "data", "base-build": "base", "base-install": "base"}
@@ -806,6 +807,8 @@ def _variable(workspace: Evolving, number: int) -> set[str]:
         del workspace.variables[name]
     else:
         workspace.variables[name] = value
+    if name == "FREE_WORD":
+        return workspace.above("data", "script")  # which name it; no compiler reads it
     return set(workspace.packages)
 
 

@@ -191,7 +191,7 @@ def play(
         )
 
     ran = build(workspace, *cache)
-    assert ran.code == 0, ran.err
+    assert ran.code == 0, ran.out + ran.err
     may: set[str] = set()
     built = workspace.packages
     for step in steps:
@@ -207,13 +207,13 @@ def play(
             assert ran.code in {1, 2}, ran.out  # 2 where a damaged hook of ours stays, too
             may |= saved
             continue
-        assert ran.code == 0, ran.err
+        assert ran.code == 0, ran.out + ran.err
         if saved:
             # It may have built either state; the next one has only one.
             assert _started(ran) <= may | saved, f"ran for nothing: {sorted(_started(ran) - may - saved)}"
             may = saved
             ran = build(workspace, *cache)
-            assert ran.code == 0, ran.err
+            assert ran.code == 0, ran.out + ran.err
         started = _started(ran)
         expected = clean.tree(workspace, build)
         wrong = differences(look(workspace.home / "install"), expected)
