@@ -137,10 +137,7 @@ class Records:
         self._altered[task.name] = self._said_to_shells(task.name, files, {})
 
     def prepare(self, task: Task, set_by_needs: Pairs, *, anew: bool = False) -> None:
-        """Make the build folder of a task fit for its steps, or empty if it is to begin `anew`.
-
-        `set_by_needs` are variables that hooks set.
-        """
+        """Make a task's build folder fit for its steps, or empty if `anew`; hooks set `set_by_needs`."""
         from forge.build import build_dir, build_notes  # noqa: PLC0415  (most builds make nothing)
         from forge.externals import cmake_root  # noqa: PLC0415
 

@@ -103,6 +103,7 @@ def carry_out(
         live_view(plan, seconds, wanted=not options.json and is_wanted(handlers)) as view,
         watched(wanted=options.timings) as watch,
         cache_of(undertaking, records) as cache,
+        closing(audit) if audit else nullcontext(),
     ):
         audience = _audience(plan, undertaking, handlers, transcript, view)
         report, feed = audience.report, audience.feed
@@ -144,7 +145,6 @@ def _tell_of_audit(
     """Say what packages read that forge does not track; return the exit code of the build."""
     from forge.audit.tracked import audited  # noqa: PLC0415  (asked for now and then)
 
-    audit.close()
     lines, clean = audited(audit, plan, undertaking.kitchen, records, undertaking.variables)
     print(*lines, sep="\n", file=sys.stderr if undertaking.options.json else sys.stdout, flush=True)
     return report.exit_code or int(not clean)
