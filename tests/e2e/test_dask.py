@@ -27,8 +27,11 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 
 CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject({name} {languages})\n{body}"
+# The flag is not named as a whole: a file elsewhere that a command names and writes is no clean input.
 SLOW = """add_custom_command(OUTPUT made.txt
-  COMMAND printf half > made.txt && touch {flag} && sleep {seconds} && echo whole > made.txt)
+  COMMAND : at{flag} && printf half > made.txt && cd {flag.parent} && touch {flag.name} && cd -
+          && sleep {seconds}
+          && echo whole > made.txt)
 add_custom_target(all_of_it ALL DEPENDS made.txt)
 install(FILES ${{CMAKE_CURRENT_BINARY_DIR}}/made.txt DESTINATION share/{name})
 """
