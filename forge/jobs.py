@@ -80,7 +80,7 @@ class Jobs:
 
     def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._put_aside(task)
-        self.records.prepare(task, self._set_by_needs(environment), anew=self.audit is not None)
+        self.records.prepare(task, self._set_by_needs(environment), anew=task.anew or self.audit is not None)
 
     def _set_by_needs(self, environment: Mapping[str, str]) -> Pairs:
         """Return the variables that hooks of needs set, without lists of paths: these follow from needs."""

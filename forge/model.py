@@ -287,6 +287,8 @@ class Task:
     """Files and folders that are removed first."""
     reconfigure: bool = False
     """CMake runs in any case."""
+    anew: bool = False
+    """It begins in an empty build folder."""
     after: frozenset[str] = frozenset()
     """Other tasks that go first, since the last build read files of theirs that it had not declared."""
     earlier: tuple[str, ...] = ()

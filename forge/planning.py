@@ -71,7 +71,8 @@ def make_plan(
         after = read_from.get(name, frozenset()) & tasks.keys()
         if reason is not None or given is None or after:
             outlook.expect(name)
-            task = replace(_task(package, needs, parts, snapshot, kitchen), after=after)
+            anew = standing.forced(name) == "--force"
+            task = replace(_task(package, needs, parts, snapshot, kitchen), after=after, anew=anew)
             tasks[name] = task if reason is None else replace(task, reason=reason, conditional=False)
     return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), outlook
 
