@@ -158,7 +158,8 @@ def test_each_save_is_built_and_told_in_one_line(tree: Tree) -> None:
         replace(root / "src/c/said.txt", "three\n")
         assert watch.rebuilt() == "c"
         assert (root / "install/c/share/c/said.txt").read_text() == "three\n"
-        watch.nothing(root / "src/a/notes")
+        (root / "src/a/notes").mkdir()
+        assert watch.rebuilt() == "a", "a package may install its folders, empty ones too"
         (root / "src/a/notes/new.txt").write_text("in a folder that was not there when the watch began")
         assert watch.rebuilt() == "a"
         watch.nothing(root / "src/a/said.txt")
@@ -169,7 +170,13 @@ def test_what_forge_git_and_editors_write_is_no_save(tree: Tree) -> None:
     root = tree({**package("a"), "src/a/.git/HEAD": "x", "src/.git/HEAD": "x"})
     with watching(root) as watch:
         for name in (
-            *("src/a/.git/index", "src/.git/index", "src/a/.said.txt.swp", "src/a/said.txt~", "src/a/#x#"),
+            *(
+                "src/a/.git/index",
+                "src/.git/index",
+                "src/a/.said.txt.swp",
+                "src/a/said.txt~",
+                "src/a/#said.txt#",
+            ),
             *("build/a/x.o", "build/new", "install/a/x", "install/new", "log/new", "src/notes.txt", "todo"),
         ):
             (root / name).write_text("x")
