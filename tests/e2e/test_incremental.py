@@ -85,7 +85,7 @@ class Clean:
             empty = workspace.root / "empty"
             ran = build(workspace, *(("--cache", str(empty)) if self._cached else ()))
             shutil.rmtree(empty, ignore_errors=True)
-            assert ran.code == 0, f"a clean build fails: {ran.err}"
+            assert ran.code == 0, f"a clean build fails: {ran.out}{ran.err}"
             assert "came from the cache" not in ran.out
             self._trees[key] = look(workspace.home / "install")
             shutil.rmtree(workspace.home)
