@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tests.evolving import EDITS, LOW, LOW_MSGS, MESSAGES, PLAIN, PYTHON, Entry, Evolving, differences, look
 from tests.packages import manifest_text
 from tests.snippets import shell
+from tests.underlay_states import Below, below
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -100,40 +101,6 @@ def underlay(root: Path) -> Path:
     (root / "src" / "CMakeLists.txt").write_text("project(all_of_it NONE)\n", encoding="utf-8")
     shell("forge build --merge-install", root)
     return root / "install"
-
-
-@dataclass(frozen=True, slots=True)
-class Below:
-    """What a workspace is built above: the environment that has it, and two states that it may be in."""
-
-    low: Mapping[str, str]
-    variables: Mapping[str, str]
-    states: tuple[Path, Path]
-
-    def evolving(self, root: Path, way: Way) -> Evolving:
-        """Return a workspace above it."""
-        workspace = Evolving(root, way.merged, way.symlink, low=self.low, underlays=self.states)
-        workspace.variables.update(self.variables)
-        return workspace
-
-
-def below(root: Path, low: Mapping[str, str], under: Path, prefix: Path | None = None) -> Below:
-    """Build a package twice, with two different texts, into the prefix `under`; move both below `root`."""
-    states = (root / "0", root / "1")
-    variables: dict[str, str] = {}
-    for number, state in enumerate(states):
-        for name, text in low.items():
-            path = root / "src" / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            said = text.format(number) if path.suffix in {".hpp", ".msg"} else text
-            path.write_text(said, encoding="utf-8")
-        first = f". {prefix}/setup.sh && " if prefix else ""
-        shell(f"{first}forge build --merge-install --install-base {under}", root)
-        printed = shell(f". {under}/setup.sh && env -0", root)
-        variables = dict(entry.split("=", 1) for entry in printed.split("\0") if "=" in entry)
-        under.rename(state)
-    found = {n: v for n, v in variables.items() if n == "PYTHONPATH" or n.endswith("PREFIX_PATH")}
-    return Below(low, found, states)
 
 
 def _started(ran: Ran) -> set[str]:
@@ -275,13 +242,13 @@ def test_interfaces_from_the_cache_are_as_built_anew(
 
 def play_plain(forge: Forge, stage: Stage, way: Way, steps: Steps) -> None:
     """Play with packages that know nothing of ROS, and perhaps one of Python."""
-    workspace = stage.plain.evolving(stage.root, way)
+    workspace = stage.plain.evolving(stage.root, merged=way.merged, symlink=way.symlink)
     workspace.write({**PLAIN, **(PYTHON if way.python else {})})
     play(forge, stage, workspace, steps, cached=way.cached)
 
 
 def play_interfaces(forge: Forge, stage: Stage, way: Way, steps: Steps) -> None:
     """Play with packages of interfaces, and one that uses them."""
-    workspace = stage.interfaces.evolving(stage.root, way)
+    workspace = stage.interfaces.evolving(stage.root, merged=way.merged, symlink=way.symlink)
     workspace.write(MESSAGES)
     play(forge, stage, workspace, steps, cached=way.cached)

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.evolving import EDITS, PLAIN, PYTHON, Evolving, differences, look
+from tests.evolving import EDITS, LOW, PLAIN, PYTHON, Evolving, differences, look
 from tests.packages import manifest_text
+from tests.underlay_states import below
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,9 +45,10 @@ SAFE_EDITS = [name for name in sorted(EDITS) if name not in {"break", "garble", 
 """A package that is broken would hide what we look for; a journal that is lost is another test's matter."""
 
 
-def forge(workspace: Evolving) -> subprocess.Popen[bytes]:
-    """Start a build as a shell would."""
-    argv = [sys.executable, "-m", "forge", "--log-base", "/dev/null", "build", *workspace.options()]
+def forge(workspace: Evolving, *words: str) -> subprocess.Popen[bytes]:
+    """Start a build, or another command, as a shell would."""
+    command = words or ("build", *workspace.options())
+    argv = [sys.executable, "-m", "forge", "--log-base", "/dev/null", *command]
     environment = {
         name: value for name, value in os.environ.items() if not name.startswith(("CMAKE_", "CXX"))
     }
@@ -56,10 +58,10 @@ def forge(workspace: Evolving) -> subprocess.Popen[bytes]:
     )
 
 
-def build(workspace: Evolving) -> float:
-    """Build to the end; return how long it took."""
+def build(workspace: Evolving, *words: str) -> float:
+    """Build to the end, or run another command; return how long it took."""
     begun = time.monotonic()
-    process = forge(workspace)
+    process = forge(workspace, *words)
     said, _ = process.communicate()
     assert process.returncode == 0, said.decode()
     return time.monotonic() - begun
@@ -81,10 +83,13 @@ def clean_build(workspace: Evolving) -> dict[str, tuple[str, ...]]:
 @pytest.mark.parametrize("merged", [False, True], ids=["isolated", "merged"])
 def test_the_next_build_ends_as_a_clean_one(tmp_path: Path, number: signal.Signals, *, merged: bool) -> None:
     chance = random.Random(f"{SEED} {number} {merged}")  # noqa: S311  (a reproducible sequence, not a secret)
-    workspace = Evolving(tmp_path / "all", merged=merged)
+    root = tmp_path / "all"
+    root.mkdir()
+    workspace = below(tmp_path / "low", LOW, root / "under").evolving(root, merged=merged)
     workspace.write({**PLAIN, **PYTHON, **SLOW})
     lasts = build(workspace)
     for kill in range(KILLS):
+        packages = workspace.packages
         edits = [(chance.choice(SAFE_EDITS), chance.randrange(100)) for _ in range(chance.randrange(4))]
         edits.append(("variable", kill))  # so that everything is built
         for name, among in edits:
@@ -96,5 +101,8 @@ def test_the_next_build_ends_as_a_clean_one(tmp_path: Path, number: signal.Signa
             process.send_signal(number)
             process.communicate()
         build(workspace)
+        if not {*packages} <= {*workspace.packages}:
+            # What is left of a package that is gone is the user's to remove; forge warns of it.
+            build(workspace, "clean", "--yes", "stale")
         wrong = differences(look(workspace.home / "install"), clean_build(workspace))
         assert not wrong, f"kill {kill} after {edits}: {wrong}"

@@ -99,17 +99,31 @@ def test_going_on_after_a_failure(forge: Forge, workspace: Path, tree: Tree) -> 
 
 
 def test_nothing_is_configured_twice_and_a_change_of_options_configures_again(
-    forge: Forge, workspace: Path
+    forge: Forge, tree: Tree
 ) -> None:
-    def steps() -> str:
+    data = "install(FILES data.txt DESTINATION share/a)"
+    workspace = tree({**files("a", more=data), "src/a/data.txt": "1\n"})
+
+    def steps(*options: str) -> str:
+        assert forge("build", *options, cwd=workspace).code == 0
         return (workspace / "log/latest_build/a/command.log").read_text()
 
-    forge("build", "--packages-select", "a", cwd=workspace)
     assert " -C " in steps()
+    (workspace / "src/a/data.txt").write_text("2\n")
+    said = steps()
+    assert " --install " in said
+    assert " -C " not in said
+    assert (workspace / "install/a/share/a/data.txt").read_text() == "2\n"
+    assert " -DX=1 -Wno-dev " in steps("--cmake-args", "-DX=1", "-Wno-dev")
+
+
+def test_force_begins_in_an_empty_build_folder(forge: Forge, workspace: Path) -> None:
+    forge("build", "--packages-select", "a", cwd=workspace)
+    left = workspace / "build/a/left.txt"
+    left.touch()
     forge("build", "--packages-select", "a", "--force", cwd=workspace)
-    assert " -C " not in steps()
-    forge("build", "--packages-select", "a", "--cmake-args", "-DX=1", "-Wno-dev", cwd=workspace)
-    assert " -DX=1 -Wno-dev " in steps()
+    assert " -C " in (workspace / "log/latest_build/a/command.log").read_text()
+    assert not left.exists()
 
 
 def built(forge: Forge, root: Path, *options: str, env: Variables | None = None) -> list[str]:
