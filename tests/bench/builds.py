@@ -32,6 +32,8 @@ MANY = 100
 
 _LAUNCHER = "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"
 _CHANGE = "echo 'int changed_'$(date +%s%N)';' >> {path}"
+_CHANGE_BODY = 'sed -i "s/return a + [0-9]* \\* b/return a + $(date +1%N | cut -c1-9) * b/" {path}'
+"""Other code in the same functions: what is linked with it is not compiled again."""
 _COMPILE = "ls -d build/bench_* | xargs -n 1 -P {jobs} ninja -C"
 _CLEAN = "for folder in build/bench_*; do ninja -C $folder clean; done"
 
@@ -96,6 +98,11 @@ PYTHON = Kind("python", workspaces.write_python_workspace)
 def ament(sitting: Sitting) -> Kind:
     """Return packages of ament on the embedded one."""
     return Kind("ament", workspaces.write_ament_workspace, underlay(sitting, "ament_cmake"))
+
+
+def linked(sitting: Sitting) -> Kind:
+    """Return packages of ament of which all link the library of the first."""
+    return Kind("linked", workspaces.write_linked_workspace, underlay(sitting, "ament_cmake"))
 
 
 def debian_ament(sitting: Sitting) -> Kind:
@@ -166,7 +173,7 @@ def _nothing(
 
 
 def one_line(sitting: Sitting) -> Iterator[Case]:
-    """Measure builds after a change of one .cpp that nobody needs, beside ninja in that folder alone."""
+    """Measure builds after a change of one .cpp: of a leaf, beside ninja alone; and what all others link."""
     kind = ament(sitting)
     for size in sitting.sizes(1, 10, 100):
         built = [kind.built(sitting, name, argv, size) for name, argv in _affordable(sitting, size).items()]
@@ -176,6 +183,12 @@ def one_line(sitting: Sitting) -> Iterator[Case]:
         change = ("sh", "-c", _CHANGE.format(path=f"src/{leaf}/src/main.cpp"))
         variants = [replace(variant, before=change) for variant in (*built, alone)]
         yield sitting.turns_of("one .cpp of a leaf", variants, _turns(size), size=size)
+    size = sitting.size(MANY)
+    kind = linked(sitting)
+    built = [kind.built(sitting, name, argv, size) for name, argv in tools(sitting, COLCON).items()]
+    change = ("sh", "-c", _CHANGE_BODY.format(path="src/bench_0000/src/library.cpp"))
+    variants = [replace(variant, before=change) for variant in built]
+    yield sitting.turns_of("one .cpp of the library that all link", variants, _turns(size), size=size)
 
 
 def cold(sitting: Sitting) -> Iterator[Case]:

@@ -79,7 +79,7 @@ add_library({name} SHARED src/library.cpp)
 target_include_directories({name} PUBLIC
   $<BUILD_INTERFACE:${{CMAKE_CURRENT_SOURCE_DIR}}/include> $<INSTALL_INTERFACE:include/{name}>)
 add_executable({name}_main src/main.cpp)
-target_link_libraries({name}_main {name})
+target_link_libraries({name}_main {name}{libraries})
 install(DIRECTORY include/ DESTINATION include/{name})
 install(TARGETS {name} EXPORT {name}_targets LIBRARY DESTINATION lib)
 install(TARGETS {name}_main DESTINATION lib/{name})
@@ -96,24 +96,36 @@ namespace {name} {{
 """
 
 
-def write_ament_workspace(root: Path, packages: int, seed: int = 1, shape: str = "real") -> Path:
-    """Write ament_cmake packages, each a library of 20 lines and a program, that need up to two others."""
+def write_linked_workspace(root: Path, packages: int) -> Path:
+    """Write ament_cmake packages of which all link the library of the first."""
+    return write_ament_workspace(root, packages, shape="wide", linked=True)
+
+
+def write_ament_workspace(
+    root: Path, packages: int, seed: int = 1, shape: str = "real", *, linked: bool = False
+) -> Path:
+    """Write ament_cmake packages, each a library of 20 lines and a program, that need up to two others.
+
+    With `linked` their programs also link what they need.
+    """
 
     def write(number: int, name: str, needs: list[str]) -> None:
         del number
-        _write_ament_package(root / "src" / name, name, needs)
+        _write_ament_package(root / "src" / name, name, needs, linked=linked)
 
     _write(packages, 2, write, seed=seed, shape=shape)
     return root
 
 
-def _write_ament_package(folder: Path, name: str, needs: list[str]) -> None:
+def _write_ament_package(folder: Path, name: str, needs: list[str], *, linked: bool = False) -> None:
     functions = "".join(f"int sum_{n}(int a, int b) {{ return a + {n} * b; }}\n" for n in range(12))
     declared = "".join(f"int sum_{n}(int a, int b);\n" for n in range(12))
     finds = "\n".join(f"find_package({need} REQUIRED)" for need in needs)
     texts = {
         "package.xml": _manifest(name, ["ament_cmake", *needs], "ament_cmake"),
-        "CMakeLists.txt": AMENT_CMAKELISTS.format(name=name, find=finds),
+        "CMakeLists.txt": AMENT_CMAKELISTS.format(
+            name=name, find=finds, libraries="".join(f" {need}" for need in needs if linked)
+        ),
         f"include/{name}/library.hpp": f"#pragma once\nnamespace {name} {{\n{declared}}}\n",
         "src/library.cpp": LIBRARY.format(name=name, functions=functions),
         "src/main.cpp": f'#include "{name}/library.hpp"\nint main() {{ return {name}::sum_0(0, 1); }}\n',
