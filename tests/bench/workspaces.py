@@ -124,7 +124,7 @@ def _write_ament_package(folder: Path, name: str, needs: list[str], *, linked: b
     texts = {
         "package.xml": _manifest(name, ["ament_cmake", *needs], "ament_cmake"),
         "CMakeLists.txt": AMENT_CMAKELISTS.format(
-            name=name, find=finds, libraries="".join(f" {need}" for need in needs if linked)
+            name=name, find=finds, libraries="".join(f" {need}::{need}" for need in needs if linked)
         ),
         f"include/{name}/library.hpp": f"#pragma once\nnamespace {name} {{\n{declared}}}\n",
         "src/library.cpp": LIBRARY.format(name=name, functions=functions),
