@@ -4,11 +4,12 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test newest-cmake oldest-cmake fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
+.PHONY: help demo test quick newest-cmake oldest-cmake fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
+	@echo "make quick   run the unit tests that need no other programs, in about a minute"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
@@ -27,6 +28,10 @@ demo: .venv-demo/.ready
 
 test: .venv/.ready
 	$(PYTEST)
+
+quick: .venv/.ready
+	$(PYTEST) --numprocesses 2 --dist loadfile -m "not needs" $(addprefix tests/unit/,base environment workspace \
+	  toolchain build cache execution testing output cli doctor)
 
 # 'make test' takes the CMake that PATH has; these take the wheels'.
 newest-cmake: .venv/.ready

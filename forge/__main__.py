@@ -9,11 +9,11 @@ def main() -> int:
     """Carry out the command of this process, which ends then; returns its exit code."""
     _insist_on_utf8()
     # Here, once it is known where modules come from.
-    from forge import cli  # noqa: PLC0415
-    from forge.interrupts import open_standard_streams  # noqa: PLC0415
+    from forge.base.signals import open_standard_streams  # noqa: PLC0415
+    from forge.cli import main  # noqa: PLC0415
 
     open_standard_streams()
-    code = cli.main()
+    code = main.main()
     # At the end the interpreter looks for cycles among all that is left, for 20 ms after a large build. What
     # has to be closed is closed by now.
     gc.freeze()

@@ -6,7 +6,7 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-from forge.caching.model import ActionResult, Digest, OutputFile
+from forge.cache.model import ActionResult, Digest, OutputFile
 
 _Field = descriptor_pb2.FieldDescriptorProto
 

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Protocol
 import pytest
 from hypothesis import HealthCheck, settings
 
-from forge.cli import main
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
+from forge.cli.main import main
 
 # A suite that was started in the background, or below nohup, ignores these, and what it starts would, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)

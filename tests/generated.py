@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from forge.interfaces import python, python_package
 from forge.interfaces.model import Catalog, Source
 from forge.interfaces.parsing import parse_all

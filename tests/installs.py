@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.installation import finish_workspace, install_package, uninstall_markers
-from forge.interpreter import Interpreter
-from forge.layout import Layout
-from forge.results import begin_workspace
+from forge.base.layout import Layout
+from forge.build.installation import finish_workspace, install_package, uninstall_markers
+from forge.build.markers import begin_workspace
+from forge.toolchain.interpreter import Interpreter
 from tests.packages import manifest_text, package
 
 if TYPE_CHECKING:

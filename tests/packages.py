@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from forge.discovery import ROS_DEFAULTS
-from forge.manifest import parse_manifest
-from forge.model import Package
+from forge.workspace.discovery import ROS_DEFAULTS
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Package
 
 HEAD = """<?xml version="1.0"?>
 <package format="3">

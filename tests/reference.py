@@ -3,7 +3,7 @@
 In a page, a table stands between two comments; what is around them is written by hand:
 
     <!-- from the code: build -->            the options of `forge build`, without groups told elsewhere
-    <!-- from the code: build / how to build -->     one group of them
+    <!-- from the code: build / build options -->     one group of them
     <!-- end -->
 
 `pytest tests/test_reference.py --accept` writes the tables anew.
@@ -16,17 +16,17 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from forge.cli import COMMANDS, parser_of
+from forge.cli.main import COMMANDS, parser_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 SHARED = {
-    "where packages are": "build",
-    "which packages": "build",
+    "package discovery": "build",
+    "package selection": "build",
     "options from files": "build",
-    "where results go": "build",
-    "how much at a time": "build",
+    "output folders": "build",
+    "parallelism": "build",
 }
 """Groups of options that several commands have in common, and the command whose page's part tells of them."""
 
@@ -56,7 +56,7 @@ def regions(page: str) -> list[str]:
 
 
 def table(subject: str) -> str:
-    """Return the table that a comment asks for: `build`, `build / how to build`, or `before the command`."""
+    """Return the table that a comment asks for: `build`, `build / build options`, or `before the command`."""
     command, _, group = subject.partition(" / ")
     found = list(options("" if command == "before the command" else command))
     chosen = [each for each in found if (each.group == group if group else each.group not in SHARED)]

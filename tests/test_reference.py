@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli import COMMANDS, EXIT_BUG, EXIT_USER
-from forge.errors import EXIT_INTERRUPTED
-from forge.model import Event
-from forge.overrides import NO_SETTINGS
-from forge.reporting import Tally
+from forge.base.errors import EXIT_INTERRUPTED
+from forge.build.events import Event
+from forge.cli.main import COMMANDS, EXIT_BUG, EXIT_USER
+from forge.output.console import Tally
+from forge.workspace.overrides import NO_SETTINGS
 from tests import reference
 from tests.snippets import ROOT
 
@@ -114,7 +114,7 @@ def test_every_key_for_single_packages_is_told() -> None:
 
 
 def test_every_event_is_told_with_all_that_it_has() -> None:
-    """feed.py says them; the page has a row for each, and in it each key."""
+    """json_events.py says them; the page has a row for each, and in it each key."""
     rows = dict(re.findall(r"^\| `([A-Z]\w+)` \|.*?\|(.*)\|$", _page("events"), re.MULTILINE))
     said = _events()
     assert said.keys() >= {each.__name__ for each in Event.__args__}
@@ -124,8 +124,8 @@ def test_every_event_is_told_with_all_that_it_has() -> None:
 
 
 def _events() -> dict[str, set[str]]:
-    """Return the events that feed.py writes, and the keys of each; those of a whole dictionary included."""
-    tree = ast.parse((ROOT / "forge/feed.py").read_text(encoding="utf-8"))
+    """Return the events that json_events.py writes and their keys; those of a whole dictionary included."""
+    tree = ast.parse((ROOT / "forge/output/json_events.py").read_text(encoding="utf-8"))
     functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     more = {
         "StepStarted": _keys(functions["_step"]),
@@ -135,7 +135,7 @@ def _events() -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for node in ast.walk(tree):
         match node:
-            case ast.Call(ast.Attribute(attr="_say" | "_line"), [ast.Constant(str(event)), *_], keywords):
+            case ast.Call(ast.Attribute(attr="_emit" | "_line"), [ast.Constant(str(event)), *_], keywords):
                 keys = {keyword.arg for keyword in keywords if keyword.arg}
                 found.setdefault(event, set()).update(keys | more.get(event, set()))
     return found

@@ -1,6 +1,7 @@
-"""What a build folder was made from, and how much of it the next build may reuse.
+"""Decide which packages must be built and why, and record what each build read and installed.
 
-`input_manifest` lists inputs file by file, `native_graph` reads what ninja and make know, `reuse` decides,
-`build_dir` acts on the decision, `build_notes` keeps what the next build has to know. Imports nothing of
-`execution`, `cache` or `cli`.
+Start with `planning`, `up_to_date` and `recipes/`. Within a build folder, `inputs.input_manifest` lists the
+inputs file by file, `inputs.native_graph` reads the dependency graphs of ninja and make, `reuse` decides
+which outputs remain valid, and `build_dir` applies that decision. Imports nothing from `execution`, `cache`
+or `cli`.
 """

@@ -1,11 +1,11 @@
-"""Build folders: what their contents were made from, and how they are prepared for the next build.
+"""Record the inputs of a build folder's contents, and prepare the folder for the next build.
 
-The journal says from what a package was made when its build ended well. A build that failed or was killed
-leaves objects that were made from something else. So each folder has records of its own: which inputs its
-contents agree with. They are written once all that does not agree is gone, before the first step runs.
+The journal records the inputs of successful builds only. A build that failed or was killed leaves objects
+made from other inputs. Therefore each build folder has its own record of the inputs that its contents match.
+It is written before the first step runs, after everything that does not match was removed.
 
-A folder from which products are to be brought back stands aside, under another name, until CMake has
-configured an empty one. If that fails, the next build begins with it again.
+A folder whose products are to be reused in a newly configured folder is renamed until CMake has configured
+the new one. If that fails, the next build starts from the renamed folder again.
 """
 
 from __future__ import annotations
@@ -19,32 +19,41 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, RECORDS, read_json, written_since
-from forge.build.input_manifest import Changes, compare, read_manifest, write_manifest
-from forge.build.native_graph import read_by_cmake, read_native_graph
-from forge.build.reuse import Decision, Reuse, brought_back, decide, read_or_nothing, undeclared_readers
-from forge.files import replace_file
-from forge.frozen import frozen
+from forge.base.files import replace_file
+from forge.base.frozen import frozen
+from forge.base.layout import SCRATCH_DIR
+from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, read_json, written_since
+from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
+from forge.build.inputs.native_graph import read_by_cmake, read_native_graph
+from forge.build.reuse import (
+    Decision,
+    Reuse,
+    brought_back,
+    decide,
+    read_or_nothing,
+    undeclared_readers,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from forge.build.input_manifest import InputManifest
+    from forge.build.inputs.input_manifest import InputManifest
 
 _SOURCES, _DROPPED = "sources.json", "dropped.json"
 _KEPT = ("colcon_build.rc", "colcon_test.rc", "test_results", "Testing")
-"""What tests and other tools left, which says nothing of how to build."""
+"""Files of tests and other tools that are kept when the folder is emptied."""
 _CLOCK_NANOSECONDS = 2_000_000_000
-"""How far apart the clocks of this machine and of a file server may be."""
+"""The tolerated difference between the clocks of this machine and of a file server."""
 
 
 @frozen
-class BuildInputs:
-    """What a package is built from at the moment at which its build begins.
+class BuildDirInputs:
+    """The inputs of a package at the start of its build.
 
-    `base` is a digest of what no native tool can see: forge, tools, variables. `shape` is one of what only
-    a configure can see: options, packages of underlays. `needs` are digests of what needs installed.
+    `base` is a digest of inputs that no native build tool tracks: forge, tools, variables. `shape` is a
+    digest of inputs that take effect at configure time: options, packages in underlays. `needs` are the
+    digests of the dependencies' installed files.
     """
 
     base: str
@@ -54,39 +63,41 @@ class BuildInputs:
 
 
 @frozen
-class Examination:
-    """How files outside of the package are looked at.
+class FileChecks:
+    """Functions that check files outside the package.
 
-    `needed(name, then, now)` tells how two states of what a need installed differ, None when nobody knows.
-    `contents(paths)` are digests of what files say.
+    `needed_changes(name, then, now)` returns the difference between two states of a dependency's installed
+    files, or None if it is unknown,
+    `links_alike` whether they differ only in the code of shared libraries. `contents(paths)` returns content
+    digests.
     """
 
-    needed: Callable[[str, str, str], Changes | None]
+    needed_changes: Callable[[str, str, str], Changes | None]
     contents: Callable[[Iterable[str]], Mapping[str, str]]
     is_cmakes: Callable[[str], bool]
+    links_alike: Callable[[str, str, str], bool]
 
 
 def prepare_build_dir(
-    build: Path, inputs: BuildInputs, examination: Examination, *, keeps: bool, reconfigure: bool
+    build: Path, inputs: BuildDirInputs, checks: FileChecks, *, can_reuse: bool, reconfigure: bool
 ) -> Reuse:
-    """Make a build folder fit for the steps that follow; return how much of it stays.
+    """Prepare a build folder for the steps that follow; return how much of it is reused.
 
-    `keeps` tells if the build type can build on what is there at all, `reconfigure` if CMake is to run
-    anyway.
+    `can_reuse` is False for build types that always start from empty; `reconfigure` runs CMake in any case.
     """
-    before = set_aside(build)
+    before = set_aside_path(build)
     _discard(_trash(build))
     if before.is_dir():
-        # The configure step that should have brought its products back did not end.
+        # The configure step after which its products should have been restored did not finish.
         _discard(build)
         before.rename(build)
-    decision = _decision(build, inputs, examination, reconfigure=reconfigure) if keeps else _NOTHING
+    decision = _decision(build, inputs, checks, reconfigure=reconfigure) if can_reuse else _NOTHING
     if decision.reuse is Reuse.EVERYTHING:
         _remove_below(build, decision.dropped)
-        _date_rules(build)
+        _touch_build_ninja(build)
     else:
         _begin_empty(build, decision)
-    folder = build / RECORDS
+    folder = build / SCRATCH_DIR
     (folder / ENDED).unlink(missing_ok=True)
     write_manifest(folder / _SOURCES, inputs.sources)
     note = {
@@ -100,42 +111,42 @@ def prepare_build_dir(
     return decision.reuse
 
 
-def bring_back_products(build: Path) -> None:
-    """Move what an earlier build made, and the newly configured one still names, back into its folder.
+def restore_products(build: Path) -> None:
+    """Move products of the earlier build that the new build graph still contains back into the build folder.
 
-    Files that CMake wrote again with the same bytes get their old times, so that nothing is made from them
-    again. Nothing happens unless a folder was set aside.
+    Files that CMake generated again with identical content get their old times, so that they cause no
+    rebuild. Does nothing unless a folder was set aside.
     """
-    before = set_aside(build)
+    before = set_aside_path(build)
     if not before.is_dir():
         return
-    said = read_json(build / RECORDS / _DROPPED)
-    dropped = frozenset(said.get("dropped", ()))
+    note_data = read_json(build / SCRATCH_DIR / _DROPPED)
+    dropped = frozenset(note_data.get("dropped", ()))
     graph = replace(read_native_graph(build), reported=read_native_graph(before, build).reported)
     dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing)
     for path in brought_back(graph, dropped):
         if path.startswith(f"{build}/"):
             _move(path, path.replace(str(build), str(before), 1))
-    for path in said.get("generated", ()):
-        _keep_time(path, path.replace(str(build), str(before), 1))
+    for path in note_data.get("generated", ()):
+        _restore_time(path, path.replace(str(build), str(before), 1))
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
-    _date_rules(build)
+    _touch_build_ninja(build)
     before.rename(_trash(build))
     _discard(_trash(build))
 
 
-def set_aside(build: Path) -> Path:
-    """Return where a folder stands from which products are to be brought back."""
+def set_aside_path(build: Path) -> Path:
+    """Return the path of a build folder that was renamed so that its products can be restored."""
     return build.with_name(f".{build.name}.before")
 
 
 _NOTHING = Decision(Reuse.NOTHING)
 
 
-def _decision(build: Path, inputs: BuildInputs, examination: Examination, *, reconfigure: bool) -> Decision:
-    note, ended = read_json(build / RECORDS / BEGUN), read_json(build / RECORDS / ENDED)
-    then = read_manifest(build / RECORDS / _SOURCES)
+def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconfigure: bool) -> Decision:
+    note, ended = read_json(build / SCRATCH_DIR / BEGUN), read_json(build / SCRATCH_DIR / ENDED)
+    then = read_manifest(build / SCRATCH_DIR / _SOURCES)
     known = then is not None and isinstance(note.get("began"), int) and note.get("base") == inputs.base
     if not known or then is None or _in_future(build, note["began"]):
         return _NOTHING
@@ -144,27 +155,27 @@ def _decision(build: Path, inputs: BuildInputs, examination: Examination, *, rec
     if saved - inputs.sources.keys():
         return _NOTHING
     own |= Changes(modified=saved)
-    needed = _needed_changes(note.get("needs"), inputs.needs, examination)
+    needed_changes = dependency_changes(note.get("needs"), inputs.needs, checks)
     graph = read_native_graph(build)
-    elsewhere = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
-    if needed is None or not graph.tool or _externals_changed(build, elsewhere, note, examination):
+    external_paths = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
+    if needed_changes is None or not graph.tool or _externals_changed(build, external_paths, note, checks):
         return _NOTHING
-    decision = decide(graph, own, needed, read_or_nothing, examination.is_cmakes)
-    again = reconfigure or note.get("shape") != inputs.shape
-    if again and decision.reuse is Reuse.EVERYTHING:
+    decision = decide(graph, own, needed_changes, read_or_nothing, checks.is_cmakes)
+    must_configure = reconfigure or note.get("shape") != inputs.shape
+    if must_configure and decision.reuse is Reuse.EVERYTHING:
         return Decision(Reuse.PRODUCTS if graph.tool == "ninja" else Reuse.NOTHING, decision.dropped)
     return decision
 
 
-def _needed_changes(then: object, now: Mapping[str, str], examination: Examination) -> Changes | None:
-    """Return how what the needs installed differs, or None when nobody knows."""
+def dependency_changes(then: object, now: Mapping[str, str], checks: FileChecks) -> Changes | None:
+    """Return the changes in the dependencies' installed files, or None if they are unknown."""
     if not isinstance(then, dict):
         return None
     changes = Changes()
     for name in then.keys() | now.keys():
         one, other = then.get(name, ""), now.get(name, "")
         if one != other:
-            found = examination.needed(name, one, other)
+            found = checks.needed_changes(name, one, other)
             if found is None:
                 return None
             changes |= found
@@ -172,26 +183,26 @@ def _needed_changes(then: object, now: Mapping[str, str], examination: Examinati
 
 
 def _externals_changed(
-    build: Path, elsewhere: Iterable[str], note: Mapping[str, Any], examination: Examination
+    build: Path, external_paths: Iterable[str], note: Mapping[str, Any], checks: FileChecks
 ) -> bool:
-    """Tell if a file elsewhere that the contents may be made from says something else now.
+    """Return True if a file outside the package that the contents depend on has changed.
 
-    A build that did not end left no list of what such files said: of those `elsewhere` that its commands
-    read, one that was written since it began counts as changed.
+    A build that did not finish recorded no contents of such files: of the `external_paths` that its commands
+    read, those written since it started count as changed.
     """
-    ended = (build / RECORDS / ENDED).is_file()
-    then = read_manifest(build / RECORDS / EXTERNALS)
+    ended = (build / SCRATCH_DIR / ENDED).is_file()
+    then = read_manifest(build / SCRATCH_DIR / EXTERNALS)
     if then is not None:
-        now = examination.contents(then)
+        now = checks.contents(then)
         if any(state.content != now[path] for path, state in then.items()):
             return True
     if ended:
         return then is None
-    return any(written_since(path, note["began"]) for path in elsewhere)
+    return any(written_since(path, note["began"]) for path in external_paths)
 
 
 def _in_future(build: Path, begun: int) -> bool:
-    """Tell if the clock has gone back since the folder was used: then times there mean nothing."""
+    """Return True if the clock was set back since the last build, which makes file times useless."""
     latest = [begun]
     with contextlib.suppress(OSError):
         latest.append((build / ".ninja_log").stat().st_mtime_ns)
@@ -199,8 +210,8 @@ def _in_future(build: Path, begun: int) -> bool:
 
 
 def _begin_empty(build: Path, decision: Decision) -> None:
-    """Put an empty folder in the place of a build folder, with what is not forge's to remove."""
-    target = set_aside(build) if decision.reuse is Reuse.PRODUCTS else _trash(build)
+    """Replace a build folder by an empty one, keeping files of tests and other tools."""
+    target = set_aside_path(build) if decision.reuse is Reuse.PRODUCTS else _trash(build)
     if build.is_dir() and not build.is_symlink():
         build.rename(target)
     build.mkdir(parents=True, exist_ok=True)
@@ -211,14 +222,14 @@ def _begin_empty(build: Path, decision: Decision) -> None:
         graph = read_native_graph(target, build)
         made = {output for edge in graph.edges for output in edge.outputs}
         inputs = (path for path in graph.known() if path.startswith(f"{build}/"))
-        said = {"dropped": sorted(decision.dropped), "generated": sorted(set(inputs) - made)}
-        replace_file(build / RECORDS / _DROPPED, json.dumps(said).encode())
+        note_data = {"dropped": sorted(decision.dropped), "generated": sorted(set(inputs) - made)}
+        replace_file(build / SCRATCH_DIR / _DROPPED, json.dumps(note_data).encode())
     else:
         _discard(target)
 
 
-def _date_rules(build: Path) -> None:
-    """Let build.ninja be as new as all that CMake read: forge has decided whether CMake runs again."""
+def _touch_build_ninja(build: Path) -> None:
+    """Make build.ninja as new as all files that CMake read: forge decides whether CMake runs."""
     rules = build / "build.ninja"
     newest = max(map(_modified, read_by_cmake(build)), default=0)
     with contextlib.suppress(FileNotFoundError):
@@ -247,7 +258,7 @@ def _discard_path(path: str) -> None:
 
 
 def _move(path: str, source: str) -> None:
-    """Move a product to where it was, with what compilers leave beside an object."""
+    """Move a product back to its path, with the files that compilers write beside an object."""
     for target, origin in ((path, source), *_beside(path, source)):
         if os.path.lexists(origin) and not os.path.lexists(target):
             os.makedirs(os.path.dirname(target), exist_ok=True)  # noqa: PTH103, PTH120
@@ -259,8 +270,8 @@ def _beside(path: str, source: str) -> Iterator[tuple[str, str]]:
         yield from ((path[:-1] + ending, source[:-1] + ending) for ending in ("gcno", "dwo"))
 
 
-def _keep_time(path: str, source: str) -> None:
-    """Give a file that says what it said before the time that it had."""
+def _restore_time(path: str, source: str) -> None:
+    """Restore the time of a file whose content has not changed."""
     with contextlib.suppress(OSError):
         if filecmp.cmp(path, source, shallow=False):
             status = os.stat(source)  # noqa: PTH116
@@ -268,14 +279,14 @@ def _keep_time(path: str, source: str) -> None:
 
 
 def _generated_changes(build: Path, before: Path) -> Changes:
-    """Return how the files that CMake has generated differ from those of the folder set aside.
+    """Return the changes of generated files compared with the folder set aside.
 
-    Generated files that are gone are missed by Ninja where compilers have reported them.
+    Removed files are not included: Ninja detects them where compilers have reported them.
     """
     added, modified = set(), set()
     for folder, folders, files in os.walk(build):
         if folder == str(build):
-            folders[:] = [name for name in folders if name not in {"CMakeFiles", RECORDS, *_KEPT}]
+            folders[:] = [name for name in folders if name not in {"CMakeFiles", *_KEPT}]
         for name in files:
             path = os.path.join(folder, name)  # noqa: PTH118
             earlier = path.replace(str(build), str(before), 1)

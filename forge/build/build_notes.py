@@ -1,4 +1,4 @@
-"""What a build folder notes of its builds: when and from what they began, how they ended, what was saved."""
+"""The records in a build folder: start and end of its last build, external inputs, inputs saved meanwhile."""
 
 from __future__ import annotations
 
@@ -6,29 +6,28 @@ import json
 import os
 from typing import TYPE_CHECKING, Any
 
-from forge.build.input_manifest import read_manifest, write_manifest
-from forge.build.native_graph import read_native_graph
-from forge.digests import contents_of, tree_stats
-from forge.externals import written_by_backend
-from forge.files import replace_file
-from forge.frozen import frozen
+from forge.base.files import replace_file
+from forge.base.frozen import frozen
+from forge.base.layout import SCRATCH_DIR
+from forge.build.inputs.depfiles import written_by_backend
+from forge.build.inputs.fingerprints import contents_of, tree_stats
+from forge.build.inputs.input_manifest import read_manifest, write_manifest
+from forge.build.inputs.native_graph import read_native_graph
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from forge.build.input_manifest import InputManifest
-    from forge.digests import FileTable
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.inputs.input_manifest import InputManifest
 
-RECORDS = "handover"
-"""The folder in a build folder that is forge's own."""
 BEGUN, ENDED = "begun.json", "ended.json"
 EXTERNALS = "externals.json"
 
 
 @frozen
 class LastBuild:
-    """What the last build that ended well noted: inputs saved meanwhile, and the files it read elsewhere."""
+    """Inputs of the last successful build: those saved while it ran, and those outside the package."""
 
     saved: frozenset[str]
     externals: InputManifest
@@ -36,9 +35,9 @@ class LastBuild:
 
 @frozen
 class BegunBuild:
-    """A build that runs: the package's folder, its sources when it began, and what the last one noted.
+    """A running build: the source folder, the sources at its start, and the inputs of the last build.
 
-    `as_planned` tells if the sources were still what they had been when the whole build was planned.
+    `as_planned` is True if the sources had not changed since the plan was made.
     """
 
     source: str
@@ -48,27 +47,27 @@ class BegunBuild:
 
 
 def finish_build_dir(build: Path, externals: InputManifest, saved: Iterable[str]) -> None:
-    """Note that a build ended well, what it read elsewhere, and which inputs were saved meanwhile."""
-    folder = build / RECORDS
+    """Record that a build succeeded, its external inputs, and the inputs saved while it ran."""
+    folder = build / SCRATCH_DIR
     write_manifest(folder / EXTERNALS, externals)
     replace_file(folder / ENDED, json.dumps({"saved": sorted(saved)}).encode())
 
 
 def read_last(build: Path) -> LastBuild:
-    """Return what the last build that ended well in a folder noted of its inputs."""
-    said = read_json(build / RECORDS / ENDED)
-    return LastBuild(frozenset(said.get("saved", ())), read_manifest(build / RECORDS / EXTERNALS) or {})
+    """Return the recorded inputs of the last successful build in a folder."""
+    data = read_json(build / SCRATCH_DIR / ENDED)
+    return LastBuild(frozenset(data.get("saved", ())), read_manifest(build / SCRATCH_DIR / EXTERNALS) or {})
 
 
-def saved_meanwhile(
+def saved_during_build(
     build: Path, begun: BegunBuild, externals: InputManifest, table: FileTable
 ) -> frozenset[str]:
-    """Return the inputs that were written since the build began, whatever they say now.
+    """Return the inputs that were written since the build started, even if with the same content.
 
-    What the native tool or a build backend itself made among the sources does not count, nor does a file
-    that was written during the last build, too, and says what it said: the build writes it.
+    Files that the native tool or a build backend wrote among the sources are excluded, and so are files that
+    were also written during the last build and have the same content: the build itself writes them.
     """
-    note = read_json(build / RECORDS / BEGUN)
+    note = read_json(build / SCRATCH_DIR / BEGUN)
     then, now, last = begun.sources, tree_stats(begun.source), begun.last
     paths = then.keys() | now.keys()
     changed = {path for path in paths if path not in then or then[path].stats != now.get(path)}
@@ -82,30 +81,30 @@ def saved_meanwhile(
             for path in changed
             if path not in made and not (path in last.saved and before.get(path) == contents[path])
         }
-    elsewhere = {path for path in externals if written_since(path, note["began"])}
-    for path in elsewhere:
+    recent_externals = {path for path in externals if written_since(path, note["began"])}
+    for path in recent_externals:
         known = last.externals.get(path)
         if not (path in last.saved and known is not None and known.content == externals[path].content):
             changed.add(path)
     return frozenset(changed)
 
 
-def began(build: Path) -> float:
-    """Return when the last build in a folder began, in seconds since the epoch; 0 when nobody knows."""
-    said = read_json(build / RECORDS / BEGUN).get("began")
+def start_time(build: Path) -> float:
+    """Return the start of the last build in a folder, in seconds since the epoch; 0 if unknown."""
+    data = read_json(build / SCRATCH_DIR / BEGUN).get("began")
     try:
-        return said / 1e9 if isinstance(said, int) else 0.0
+        return data / 1e9 if isinstance(data, int) else 0.0
     except OverflowError:
         return 0.0
 
 
-def began_empty(build: Path) -> bool:
-    """Tell if the last build in a folder found it empty."""
-    return read_json(build / RECORDS / BEGUN).get("empty") is True
+def started_empty(build: Path) -> bool:
+    """Return True if the last build in a folder started from empty."""
+    return read_json(build / SCRATCH_DIR / BEGUN).get("empty") is True
 
 
 def written_since(path: str, when: int) -> bool:
-    """Tell if a file was written, or came here, since a moment in nanoseconds; a missing one was not."""
+    """Return True if a file exists and was written or moved here since `when` (nanoseconds)."""
     try:
         status = os.stat(path)  # noqa: PTH116
     except OSError:
@@ -114,9 +113,9 @@ def written_since(path: str, when: int) -> bool:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the object that a file holds; an empty one when there is none that can be read."""
+    """Return the JSON object in a file, or {} if it is missing or invalid."""
     try:
-        said = json.loads(path.read_bytes())
+        data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
-    return said if isinstance(said, dict) else {}
+    return data if isinstance(data, dict) else {}

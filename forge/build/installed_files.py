@@ -1,4 +1,4 @@
-"""What a build has just installed, compared with what was installed before: times, leftovers, other files."""
+"""Update installed files after a build: restore times, remove stale files, keep foreign ones."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.digests import RACY_NANOSECONDS, content_digest
-from forge.fallback import bring_back, earlier_files
-from forge.installation import markers
-from forge.ownership import owned_by_others
-from forge.results import remove_file
+from forge.build.file_conflicts import owned_by_others
+from forge.build.inputs.fingerprints import RACY_NANOSECONDS, content_digest
+from forge.build.installation import markers
+from forge.build.markers import remove_file
+from forge.build.rollback import backed_up_files, restore_files
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from forge.digests import FileTable, Stats
-    from forge.layout import Layout
-    from forge.model import Record, Task
+    from forge.base.layout import Layout
+    from forge.build.inputs.fingerprints import FileTable, Stats
+    from forge.build.model import BuildRecord
+    from forge.build.tasks import Task
 
 
-def date_files(
+def set_file_times(
     task: Task, files: tuple[str, ...], layout: Layout, table: FileTable, known: Stats | None = None
 ) -> Stats:
-    """Let installed files that say what they said before keep their time, and give others a new one.
+    """Restore the times of unchanged installed files, and set a new time on changed ones.
 
-    Build tools compare times only: what uses an unchanged header is not to be compiled again. CMake copies
-    times cut to the second, so a header that changed soon after something was compiled with it would look
-    older than the object. Files out of the cache are new, and `known` are stats of some. Return the stats of
-    regular files. The package's own script is dated last: what changes after it, no build has made.
+    Build tools only compare times: users of an unchanged header must not be recompiled. CMake truncates
+    copied times to seconds, so a header that changed soon after a compilation would look older than the
+    object. Files from the cache have new times; `known` are stats of some. Return the stats of regular files.
+    The package's own script gets its time last: later files were not installed by a build.
     """
-    before = earlier_files(task.name, layout)
+    before = backed_up_files(task.name, layout)
     marker = markers(task.name, layout)[0]
     found = dict(known or {})
     dated = files if known is None or before else ()
     for path in (*(path for path in dated if path != marker), marker):
-        with contextlib.suppress(FileNotFoundError):  # it was listed, and removed by code of the package
+        with contextlib.suppress(FileNotFoundError):  # listed, but removed by the package's own code
             status = found.get(path) or os.lstat(path)
             if stat.S_ISREG(status.st_mode):
-                said = _said_before(path, status, *before[path], table) if path in before else ""
+                old_digest = _old_digest(path, status, *before[path], table) if path in before else ""
                 digest = table.digest(path, status)
-                if said == digest:
+                if old_digest == digest:
                     os.utime(path, ns=(status.st_atime_ns, before[path][1].st_mtime_ns))
                 elif known is None or path == marker:
                     os.utime(path)
@@ -52,25 +53,27 @@ def date_files(
     return found
 
 
-def carry_over(task: Task, layout: Layout, record: Record | None) -> None:
-    """Put back into a prefix what was there and no build had installed.
+def restore_foreign_files(task: Task, layout: Layout, record: BuildRecord | None) -> None:
+    """Move files that no build installed from the old prefix into the new one.
 
-    Without a `record` of what the last build installed, that is what appeared after it.
+    Without a `record` of the last build, these are the files that appeared after it.
     """
-    before = earlier_files(task.name, layout)
+    before = backed_up_files(task.name, layout)
     after = 0
     if not (record and record.files):
         marker = before.get(markers(task.name, layout)[0])
         after = marker[1].st_ctime_ns if marker else 0
     others = before.keys() - set(task.earlier)
-    theirs = [path for path in others if before[path][1].st_ctime_ns > after]
-    if theirs:
-        # Their times must tell, too, that they came after what the build has just made.
+    foreign = [path for path in others if before[path][1].st_ctime_ns > after]
+    if foreign:
+        # Their change times must be later than those of the files just installed.
         time.sleep(RACY_NANOSECONDS / 1e9)
-        bring_back(task.name, layout, theirs)
+        restore_files(task.name, layout, foreign)
 
 
-def remove_stale(task: Task, files: tuple[str, ...], layout: Layout, records: Mapping[str, Record]) -> None:
+def remove_stale(
+    task: Task, files: tuple[str, ...], layout: Layout, records: Mapping[str, BuildRecord]
+) -> None:
     """Remove files that a package no longer installs, unless another package does."""
     stale = set(task.earlier).difference(files)
     left = frozenset(path for path in stale if os.path.islink(path) or os.path.isfile(path))  # noqa: PTH113, PTH114
@@ -81,8 +84,8 @@ def remove_stale(task: Task, files: tuple[str, ...], layout: Layout, records: Ma
             remove_file(Path(path), layout.install)
 
 
-def _said_before(path: str, now: os.stat_result, kept: str, then: os.stat_result, table: FileTable) -> str:
-    """Return the content digest that a file had before, '' if size or mode tell that it was another."""
+def _old_digest(path: str, now: os.stat_result, kept: str, then: os.stat_result, table: FileTable) -> str:
+    """Return the previous content digest of a file, or '' if size or mode differ."""
     if (now.st_size, now.st_mode) != (then.st_size, then.st_mode):
         return ""
     return table.known(path, then) or content_digest(kept)

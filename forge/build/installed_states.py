@@ -1,37 +1,45 @@
-"""What packages have installed, file by file, in their last few states: dependents see how these differ."""
+"""The installed files of packages in their last few states, so that dependents can compare them."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 from typing import TYPE_CHECKING
 
-from forge.build.input_manifest import FileState, compare, read_manifest, write_manifest
+from forge.base.files import replace_file
+from forge.build.inputs.input_manifest import FileState, compare, read_manifest, write_manifest
+from forge.build.inputs.library_interface import SHARED_LIBRARY, library_interface
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from forge.build.input_manifest import Changes
+    from forge.build.inputs.input_manifest import Changes
 
 INSTALLED = ".forge_installed"
 """The folder beside build folders with a list of files for each package and state."""
 _KEPT = 8
-"""How many states of a package are kept: each dependent may have been built with another one."""
+"""The number of states kept per package: dependents may have been built with different ones."""
+_INTERFACES = "interfaces"
+"""The interface of each shared library in these states, by the digest of its content."""
+_LIBRARIES = 64
 
 
 class InstalledStates:
     """Lists of installed files by package and by the digest of all of them."""
 
     def __init__(self, build: Path) -> None:
-        """Remember where the lists are kept; `build` is the folder that holds all build folders."""
+        """Store the path of the lists; `build` is the parent of all build folders."""
         self._home = build / INSTALLED
         self._compared: dict[tuple[str, str, str], Changes | None] = {}
 
     def keep(self, name: str, digest: str, contents: Mapping[str, str]) -> None:
-        """Write down the contents of what a package has installed, by absolute path; forget old states."""
+        """Record the contents of a package's installed files by absolute path; remove old states."""
         folder = self._home / name
         manifest = {path: FileState("", content) for path, content in contents.items()}
         write_manifest(folder / f"{digest}.json", manifest)
-        newest_first = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
+        self._keep_interfaces(folder / _INTERFACES, contents)
+        newest_first = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
         for path in newest_first[_KEPT:]:
             path.unlink(missing_ok=True)
 
@@ -48,3 +56,40 @@ class InstalledStates:
             )
             self._compared[key] = None if one is None or other is None else compare(one, other)
         return self._compared[key]
+
+    def links_alike(self, name: str, then: str, now: str) -> bool:
+        """Tell if two states of a package differ, and only in the code of shared libraries.
+
+        A program that is linked with either is the same: the libraries have equal interfaces.
+        """
+        changes = self.changes(name, then, now)
+        if not changes or changes.names:
+            return False
+        one, other = (read_manifest(self._home / name / f"{digest}.json") or {} for digest in (then, now))
+        known = _read_interfaces(self._home / name / _INTERFACES)
+        return all(
+            SHARED_LIBRARY.search(path)
+            and (interface := known.get(one[path].content))
+            and interface == known.get(other[path].content)
+            for path in changes.modified
+        )
+
+    @staticmethod
+    def _keep_interfaces(file: Path, contents: Mapping[str, str]) -> None:
+        libraries = {content: path for path, content in contents.items() if SHARED_LIBRARY.search(path)}
+        if not libraries:
+            return
+        known = _read_interfaces(file)
+        now = {content: known.get(content) or library_interface(path) for content, path in libraries.items()}
+        older = {content: interface for content, interface in known.items() if content not in now}
+        kept = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
+        if kept != known:
+            replace_file(file, json.dumps(kept).encode())
+
+
+def _read_interfaces(file: Path) -> dict[str, str]:
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        said = json.loads(file.read_bytes())
+        if isinstance(said, dict):
+            return said
+    return {}

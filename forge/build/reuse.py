@@ -20,13 +20,13 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
-    from forge.build.input_manifest import Changes
-    from forge.build.native_graph import Edge, NativeGraph
+    from forge.build.inputs.input_manifest import Changes
+    from forge.build.inputs.native_graph import Edge, NativeGraph
 
 
 class Reuse(enum.Enum):
@@ -63,7 +63,13 @@ _FINDS = re.compile(r"/(Find(?!Package|Python|PkgConfig|Threads|Git)|Check|Test)
 """CMake's own modules that read headers of others for their versions, or compile with them."""
 _STEPS = re.compile(r"/src/[^/]+-stamp/[^/]+$")
 """What tells that a step of an ExternalProject was done."""
+_NEVER_BUILT = re.compile(r"/CMakeFiles/(.+\.util|(\w+_)?uninstall)$")
+"""Targets such as `edit_cache` and `install`, which no build of all targets runs."""
 _LIBRARY = re.compile(r"lib(.+?)\.(a|so|so\.[\d.]+)$")
+_INSTALLS_BY_CODE = re.compile(
+    r"\b(CODE|SCRIPT|\w*RUNTIME_DEPENDENC\w+|IMPORTED_RUNTIME_ARTIFACTS|\w*[Bb]undle\w*)\b"
+)
+_INSTALLED = re.compile(r"\bFILES((?:\s+\"[^\"]*\")+)")
 _NAMED = re.compile(r"""(?:^|[\s"'=])(/[^\s"'&|<>;]+)""")
 _PRECOMPILED = (".gch", ".pch", ".modulemap")
 
@@ -101,6 +107,42 @@ def decide(
     if not again:
         return Decision(Reuse.EVERYTHING, dropped)
     return Decision(Reuse.PRODUCTS, dropped | _made_again(graph))
+
+
+def is_own_code(path: str, is_cmakes: Callable[[str], bool]) -> bool:
+    """Tell if a file of CMake code is neither CMake's, ament's nor rosidl's."""
+    return not is_cmakes(path) and not _OF_ROS.search(path)
+
+
+def would_only_link(graph: NativeGraph, decision: Decision) -> bool:
+    """Tell if all that a build would do after a change of shared libraries is to link with them again.
+
+    `decision` is that of decide(). Commands that may run what is linked, or read what they do not declare,
+    may do more.
+    """
+    if graph.tool != "ninja" or decision.reuse is not Reuse.EVERYTHING:
+        return False
+    if not all(edge.inputs_known or _NEVER_BUILT.search(edge.outputs[0]) for edge in graph.edges):
+        return False
+    again = (edge for edge in graph.edges if not decision.dropped.isdisjoint(edge.outputs))
+    return all(edge.links_dynamically for edge in again)
+
+
+def installs_what_others_installed(
+    scripts: Iterable[str], code: Iterable[str], prefixes: Iterable[str]
+) -> bool:
+    """Tell if installing a package may copy or read files of its dependencies.
+
+    `scripts` are the texts of its cmake_install.cmake files, `code` those of its own CMake files, `prefixes`
+    the absolute paths of the prefixes of its dependencies.
+    """
+    if any(_INSTALLS_BY_CODE.search(text) for text in code):
+        return True
+    copied = (
+        path for text in scripts for files in _INSTALLED.findall(text) for path in files.split('"')[1::2]
+    )
+    below = tuple(f"{prefix}/" for prefix in prefixes)
+    return any(path.startswith(below) for path in copied)
 
 
 def undeclared_readers(graph: NativeGraph, changes: Changes, read: Callable[[str], bytes]) -> frozenset[str]:

@@ -1,6 +1,6 @@
 """Interface definitions to code: parse, resolve, render, write; knows nothing of building.
 
-`forge.interfaces.load` is for programs: it gives them classes at run time.
+`forge.interfaces.load` creates message classes at run time, for use in programs.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> object:
-    """Give `load` and `Types` to who asks for them; the compiler itself does not pay for that."""
+    """Import `load` and `Types` lazily, so that the compiler does not load them."""
     if name in {"load", "Types"}:
-        from forge.interfaces import loading  # noqa: PLC0415  (that is the point)
+        from forge.interfaces import loading  # noqa: PLC0415  (lazy on purpose)
 
         return getattr(loading, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -1,4 +1,4 @@
-"""C99 headers of a package, with rosidl's paths and names (interface spec 5.7); C++ can include them, too.
+"""C99 headers of a package, with the paths and names of rosidl_generator_c; C++ can include them, too.
 
 Functions are inline, as there is no library to link. Unlike rosidl's, wstring constants are there.
 """
@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.templating import render
 from forge.interfaces.c_functions import functions_view
 from forge.interfaces.c_text import declare, fits_int, needs_math, number, spell, units
 from forge.interfaces.cpp_text import comment, quoted
 from forge.interfaces.headers import detail_path, guard, handles, main_path, needed, symbol
 from forge.interfaces.model import Array, File, Primitive, Sequence, Text, element_of, messages_of
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ class Line:
 
 @frozen
 class StructView:
-    """Everything that the template of a struct prints."""
+    """The variables of the struct template."""
 
     symbol: str
     doc: tuple[str, ...]
@@ -57,7 +57,7 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 
 
 def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the headers of one interface."""
+    """Return a function that yields the headers of one interface."""
     return _headers_of
 
 
@@ -126,7 +126,7 @@ def _visibility_path(package: str) -> str:
 
 
 def _runtime(messages: tuple[Message, ...], suffix: str) -> set[str]:
-    """Return the run-time headers for what members are made of."""
+    """Return the run-time headers for the types of members."""
     found = set()
     for field in (field for message in messages for field in message.members):
         match field.type:
@@ -161,7 +161,7 @@ def _constant(message: Message, constant: Constant) -> Line:
 
 
 def _numeric(name: str, type_: Primitive, constant: Constant) -> str:
-    """Return a number's definition: as an enumerator, if it can be one, it is constant everywhere in C."""
+    """Return the definition of a number: an enumerator if possible, since C treats that as constant."""
     value = number(constant.value, type_)
     if type_.name not in _NEVER_ENUMERATED and fits_int(constant.value):
         return f"enum {{ {name} = {value} }};"
@@ -169,7 +169,7 @@ def _numeric(name: str, type_: Primitive, constant: Constant) -> str:
 
 
 def _bounds(message: Message, field: Field) -> Iterator[str]:
-    """Yield the definitions of what a sequence or text may hold at most."""
+    """Yield the definitions of the upper bounds of sequences and strings."""
     prefix = f"{symbol(message.name)}__{field.name}"
     if isinstance(field.type, Sequence) and field.type.bound is not None:
         yield _bound(f"{prefix}__MAX_SIZE", field.type.bound)

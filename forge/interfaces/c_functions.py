@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.c_text import is_plain, number, numbers, spell, units
 from forge.interfaces.cpp_text import quoted
 from forge.interfaces.headers import symbol
@@ -49,7 +49,7 @@ def functions_view(message: Message) -> FunctionsView:
 
 
 def _declare(flag: str, lines: Iterable[str]) -> tuple[str, ...]:
-    """Return the lines with the flag declared where it is needed first."""
+    """Return the lines with the flag declared at its first use."""
     declared: list[str] = []
     pending = True
     uses = _uses(flag)
@@ -66,7 +66,7 @@ def _declare(flag: str, lines: Iterable[str]) -> tuple[str, ...]:
 
 
 def _uses(flag: str) -> Callable[[str], object]:
-    """Return what finds the flag in a line, but no member of that name."""
+    """Return a pattern that matches the flag in a line, but no member of that name."""
     return re.compile(rf"(?<![\w>]){flag}\b").search
 
 
@@ -87,7 +87,7 @@ def _wide_table(name: str, value: str) -> str:
 
 
 def _init(field: Field) -> Iterator[str]:
-    """Yield what makes a member of zeros one that is initialized."""
+    """Yield the statements that initialize a zeroed member."""
     target = f"message->{field.name}"
     if not _has_default(field):
         if not is_plain(field.type) and not isinstance(field.type, Sequence):
@@ -109,7 +109,7 @@ def _init(field: Field) -> Iterator[str]:
 
 
 def _fill(field: Field, of: Primitive | Text | Named) -> Iterator[str]:
-    """Yield what gives a sequence of the right size its elements."""
+    """Yield the statements that set the elements of a sequence of the right size."""
     if isinstance(of, Text):
         for position, item in enumerate(_items(field)):
             target = f"message->{field.name}.data[{position}]"
@@ -121,7 +121,7 @@ def _fill(field: Field, of: Primitive | Text | Named) -> Iterator[str]:
 
 
 def _assign(target: str, value: str, table: str, *, wide: bool) -> str:
-    """Return the step that assigns a text; one with NUL inside needs its length told."""
+    """Return the step that assigns a string; one that contains NUL is passed with its length."""
     function = spell(Text(wide=wide))
     if wide:
         size = len(value.encode("utf-16-le", "surrogatepass")) // 2
@@ -177,7 +177,7 @@ def _step(flag: str, function: str, field: Field, arguments: tuple[str, ...]) ->
 
 
 def _has_default(field: Field) -> bool:
-    """Tell whether there is a default other than nothing at all."""
+    """Return whether there is a default that is not empty."""
     return field.default not in (None, (), "")
 
 

@@ -1,4 +1,4 @@
-"""What comments say about a declaration: its documentation and its unit (interface spec 1.7)."""
+"""The documentation and the unit in the comments of a declaration, as rosidl_adapter extracts them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
-"""From a '[' to what ends it; all up to there has no unit in it unless that is a ']'."""
+"""From a '[' to its end; it is a unit only if it ends with ']'."""
 
 
 TURNING = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""What turns the direction of text: code and comments would look like what they are not (CVE-2021-42574)."""
+"""Bidirectional control characters, which make code look different from what it is (CVE-2021-42574)."""
 
 
 def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:

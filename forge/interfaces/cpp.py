@@ -1,4 +1,4 @@
-"""C++17 headers of a package, with rosidl's paths and names (interface spec 5)."""
+"""C++17 headers of a package, with the paths and names of rosidl_generator_cpp."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, Problem, raise_if_any
-from forge.frozen import frozen
+from forge.base.errors import InterfaceError, Problem, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.templating import render
 from forge.interfaces.cpp_cdr import MembersViews
 from forge.interfaces.cpp_struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp_text import qualified
@@ -15,7 +16,6 @@ from forge.interfaces.cpp_traits import type_traits, yaml_view
 from forge.interfaces.headers import detail_path, guard, handles, main_path, needed, services_of
 from forge.interfaces.model import Action, File, Primitive, Sequence, element_of, messages_of
 from forge.interfaces.unfolding import Layouts
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -50,7 +50,7 @@ class Step:
 
 @frozen
 class Start:
-    """What build() begins with."""
+    """The first step of build()."""
 
     message: str
     step: str
@@ -70,7 +70,7 @@ class Headers:
 
     @cached_property
     def messages(self) -> tuple[Message, ...]:
-        """All messages that the interface brings along."""
+        """All messages of the interface, including derived ones."""
         return tuple(messages_of(self.interface))
 
     @cached_property
@@ -143,7 +143,7 @@ class Headers:
         )
 
     def cdr(self) -> File:
-        """Return the header that says how messages lie on the wire."""
+        """Return the header that describes the wire layout of messages."""
         views = [self.wire.of(message.name) for message in self.messages]
         own = _detail(self.name, "cdr")
         needed = {_detail(name, "cdr") for view in views for name in view.needs} - {own}
@@ -179,7 +179,7 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the headers of one interface of the catalog."""
+    """Return a function that yields the headers of one interface of the catalog."""
     wire = MembersViews(Layouts(catalog.known))
 
     def headers_of(interface: Interface) -> Iterator[File]:
@@ -226,7 +226,7 @@ def _steps(message: Message) -> Iterable[Step]:
 
 
 def _start(message: Message) -> Start:
-    """Return the first step; a message without fields is finished before it began."""
+    """Return the first step, or the finished message if it has no fields."""
     spelled = qualified(message.name)
     if not message.fields:
         return Start(spelled, spelled)

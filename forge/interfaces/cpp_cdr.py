@@ -1,4 +1,4 @@
-"""How messages lie on the wire, as C++ tells a sizer, a writer or a reader of the header-only forge_cdr."""
+"""The wire layout of messages as C++ templates, for the sizer, writer and reader of forge_cdr."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import field
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.model import Array, Named
 from forge.interfaces.wire import ANYWHERE, Block, Chars, Count, Loop, Numbers, Run, Shared, Value
@@ -32,12 +32,12 @@ class MembersView:
     storage: str
     statements: tuple[str, ...]
     needs: frozenset[TypeName]
-    """The messages whose own specialisations this one asks for."""
+    """The messages whose specialisations this one uses."""
 
 
 @frozen
 class _Leaf:
-    """What is moved in one piece: a value, a small array, or a message without padding."""
+    """A unit that is copied as a whole: a value, a small array, or a message without padding."""
 
     path: Path
     alignment: int
@@ -147,7 +147,7 @@ def _packed(layout: Layout) -> tuple[int, int]:
 
 
 def _is_copied(member: Member) -> bool:
-    """Tell if a member's bytes in memory are those on the wire."""
+    """Return whether the bytes of a member in memory are those on the wire."""
     match member:
         case Value(_, of) | Block(_, _, of):
             return of.name not in _NEVER_COPIED

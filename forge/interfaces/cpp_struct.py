@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.cpp_text import comment, literal, needs_numeric_limits, spell
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 
@@ -59,7 +59,7 @@ class ConstructorView:
 
 @frozen
 class StructView:
-    """Everything that the template of a struct prints."""
+    """The variables of the struct template."""
 
     name: str
     symbol: str
@@ -92,7 +92,7 @@ def struct_view(message: Message) -> StructView:
 
 
 def struct_needs_numeric_limits(message: Message) -> bool:
-    """Tell whether a value of the struct is infinite or not a number."""
+    """Return whether a value of the struct is infinite or NaN."""
     values = [*((f.default, f.type) for f in message.fields), *((c.value, c.type) for c in message.constants)]
     return any(needs_numeric_limits(value, type_) for value, type_ in values)
 
@@ -109,7 +109,7 @@ def _plain_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) ->
 
 
 def _allocating_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
-    """Hand the allocator to all that take one; the elements of an array make their own."""
+    """Pass the allocator to all members that take one; elements of arrays construct their own."""
     initializers = [f"{f.name}({_ALLOCATED[type(f.type)]})" for f in members if type(f.type) in _ALLOCATED]
     nested = any(isinstance(f.type, Named) for f in members)
     return _constructor(initializers, blocks, takes_init=nested, takes_allocator=bool(initializers))
@@ -118,7 +118,7 @@ def _allocating_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...
 def _constructor(
     initializers: list[str], blocks: tuple[Block, ...], *, takes_init: bool, takes_allocator: bool
 ) -> ConstructorView:
-    """Return the constructor; a parameter that nothing reads is named once, or compilers warn."""
+    """Return the constructor; it mentions unused parameters once, to avoid compiler warnings."""
     statements = [] if takes_allocator else ["(void)_alloc;"]
     if blocks:
         statements.append("_initialize(_init);")
@@ -128,7 +128,7 @@ def _constructor(
 
 
 def _blocks(members: Iterable[Field]) -> tuple[Block, ...]:
-    """Return what initialization does to members, by the kinds that do it (interface spec 5.2)."""
+    """Return the statements that initialize members, by kind of rosidl_runtime_cpp::MessageInitialization."""
     fields = tuple(members)
     blocks = (
         Block(_CLEARED, tuple(s for f in fields if f.default is None for s in _clear(f))),
@@ -139,7 +139,7 @@ def _blocks(members: Iterable[Field]) -> tuple[Block, ...]:
 
 
 def _clear(field: Field) -> Iterator[str]:
-    """Yield the assignment of zero; texts and sequences are born empty."""
+    """Yield the assignment of zero; strings and sequences are empty by construction."""
     match field.type:
         case Primitive():
             yield f"{field.name} = {literal(0, field.type)};"
@@ -148,7 +148,7 @@ def _clear(field: Field) -> Iterator[str]:
 
 
 def _default(field: Field) -> Iterator[str]:
-    """Yield the assignment of a default; an empty one goes without saying."""
+    """Yield the assignment of a default; an empty one needs none."""
     if field.default not in (None, (), ""):
         yield f"{field.name} = {literal(field.default, field.type)};"
 

@@ -78,12 +78,12 @@ def literal(value: Value, type_: Type) -> str:
 
 
 def needs_numeric_limits(value: Value | None, type_: Type) -> bool:
-    """Tell whether the literal of the value names infinity or not-a-number."""
+    """Return whether the literal of the value is infinity or NaN."""
     return value is not None and "std::numeric_limits" in literal(value, type_)
 
 
 def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
-    """Return documentation as comment lines that end where they seem to end."""
+    """Return documentation as comment lines that cannot continue on the next line."""
     *before, last = lines or [""]
     if unit is not None:
         last = f"{last} [{unit}]".lstrip()
@@ -115,7 +115,7 @@ def _number(value: Value, name: str) -> str:
 
 
 def _real(value: float, name: str) -> str:
-    """Return the literal; compilers object to one that overflows or vanishes, so those are spelled out."""
+    """Return the literal; values that overflow or underflow are written explicitly, to avoid warnings."""
     limits = f"std::numeric_limits<{_ARITHMETIC[name]}>"
     if name == "float":
         value = nearest_single(value)
@@ -127,7 +127,7 @@ def _real(value: float, name: str) -> str:
 
 
 def nearest_single(value: float) -> float:
-    """Return the value itself, but infinity or zero where single precision has nothing nearer."""
+    """Return the value, or infinity or zero if that is nearest in single precision."""
     try:
         single: float = struct.unpack("<f", struct.pack("<f", value))[0]
     except OverflowError:
@@ -136,7 +136,7 @@ def nearest_single(value: float) -> float:
 
 
 def _text(value: str, type_: Text) -> str:
-    """Return a literal of the text; one with NUL inside needs its length told."""
+    """Return a literal of the text; one that contains NUL is passed with its length."""
     body = _wide(value) if type_.wide else quoted(value)
     if "\0" not in value:
         return body
@@ -145,7 +145,7 @@ def _text(value: str, type_: Text) -> str:
 
 
 def quoted(value: str) -> str:
-    """Return a string literal whose bytes are UTF-8, whatever the compiler takes its source for."""
+    """Return a string literal whose bytes are UTF-8, regardless of the source encoding of the compiler."""
     return '"' + _without_trigraphs("".join(_ascii(chr(byte)) for byte in _utf8(value))) + '"'
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.headers import services_of
 from forge.interfaces.model import (
@@ -30,7 +30,7 @@ _OCTETS = frozenset({"octet", "char"})
 
 @frozen
 class YamlView:
-    """How a message is written as YAML, member by member."""
+    """The function that writes a message as YAML, member by member."""
 
     name: str
     writer: str
@@ -40,7 +40,7 @@ class YamlView:
 
 @frozen
 class Identity:
-    """Both names of a type, and the base classes that tell whether its size is fixed or bounded."""
+    """Both names of a type, and the base classes of the traits for fixed and bounded size."""
 
     data_type: str
     name: str
@@ -76,7 +76,7 @@ def type_traits(interface: Interface) -> Iterator[TypeTraits]:
 
 
 def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
-    """Return what else the messages of an interface are."""
+    """Return further traits of the messages of an interface."""
     roles: dict[TypeName, tuple[str, ...]] = {}
     for service in services_of(interface):
         roles[service.request.name] = ("is_service_request",)

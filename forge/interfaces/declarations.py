@@ -1,4 +1,4 @@
-"""One line of a definition: its type, its name, its value (interface spec 1.3 and 1.4)."""
+"""One line of a definition: its type, its name, its value (ROS 2 documentation, Interfaces)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, cast
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean, snake_case
 from forge.interfaces.faults import Fault
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
-from forge.names import did_you_mean, snake_case
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -39,7 +39,7 @@ _ELSEWHERE = {
     "time": "builtin_interfaces/Time",
     "uint": "uint32",
 }
-"""What people write for lack of knowing, and the type that they mean."""
+"""Common wrong type names, and the intended types."""
 
 LOWER_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
 TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
@@ -101,7 +101,7 @@ def read_declaration(text: str, package: str) -> Declaration:
 @cache
 def _read_type(written: str, package: str) -> Type:
     """Return a type; few are written in a package, but each of them often."""
-    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (40 ms, only for who compiles)
+    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only to compile)
 
     try:
         tree = _grammar().parse(written)
@@ -119,7 +119,7 @@ def _grammar() -> Lark:
 
 
 def _check_outline(text: str, written: str, rest: str) -> None:
-    """Refuse what is no 'TYPE name' at all."""
+    """Reject a line that is not of the form 'TYPE name'."""
     if not written:
         start = len(text) - len(text.lstrip())
         raise Fault(
@@ -134,7 +134,7 @@ def _check_outline(text: str, written: str, rest: str) -> None:
 
 
 def _explained(written: str, offset: int) -> Fault:
-    """Return what is wrong with a type that the grammar refused at `offset`."""
+    """Return the fault of a type that the grammar rejected at `offset`."""
     if offset == len(written) and written.count("[") > written.count("]"):
         return Fault("a type has no blanks inside", offset=offset)
     if written.count("/") > 1:
@@ -164,7 +164,7 @@ def _type(tree: Tree[Token], package: str) -> Type:
 
 
 def _unbounded(of: Element) -> Sequence:
-    """Return a sequence, unless rosidl and its readers disagree about it (interface spec 10, case 20)."""
+    """Return a sequence, unless rosidl generators and parsers interpret it differently."""
     if isinstance(of, Text) and of.wide and of.bound is not None:
         raise Fault(
             f"rosidl takes 'wstring<={of.bound}[]' for 'wstring<={of.bound}[<={of.bound}]'",

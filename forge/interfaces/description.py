@@ -1,4 +1,4 @@
-"""The type description that Iron and later store beside an interface, with its hashes (spec 8)."""
+"""The type description of an interface with its hashes, as installed since ROS 2 Iron (REP 2011)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def package_files(_: Catalog) -> Iterator[File]:
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the file of one interface."""
+    """Return a function that yields the file of one interface."""
     hasher = Hasher(catalog)
 
     def files_of(interface: Interface) -> Iterator[File]:

@@ -6,11 +6,11 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.templating import render
 from forge.interfaces.comments import TURNING
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Action, Array, File, Message, Named, Primitive, Sequence, Service, Text
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -94,5 +94,5 @@ def _shown(value: Value | None) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return text that Markdown shows as it is, on one line and in one direction."""
+    """Return text escaped for Markdown, on one line and without bidirectional control characters."""
     return _MARKUP.sub(r"\\\1", _UNSEEN.sub(" ", text))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 from forge.interfaces.unfolding import Layouts
 from forge.interfaces.wire import SIZES, START, WIDEST, Phase

@@ -1,10 +1,10 @@
-"""A mistake in one line of a definition, before anybody knows which line of which file."""
+"""An error in a line of a definition, before its file and line are known."""
 
 from __future__ import annotations
 
 
 class Fault(Exception):  # noqa: N818  (it never leaves the parser: there it becomes a Problem)
-    """What is wrong, at which offset of the text that was being read, and what to do."""
+    """An error message, its offset in the parsed text, and a hint."""
 
     def __init__(self, message: str, *, offset: int = 0, hint: str | None = None) -> None:
         """Count `offset` from 0."""
@@ -14,5 +14,5 @@ class Fault(Exception):  # noqa: N818  (it never leaves the parser: there it bec
         self.hint = hint
 
     def shifted(self, by: int) -> Fault:
-        """Return the same fault, seen from a text in which this one starts at `by`."""
+        """Return the same fault with its offset increased by `by`."""
         return Fault(self.message, offset=self.offset + by, hint=self.hint)

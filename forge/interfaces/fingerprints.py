@@ -35,7 +35,7 @@ def fingerprints(catalogs: Iterable[Catalog], generator: str) -> dict[TypeName, 
 
 
 def fingerprint_of_all(catalog: Catalog, digests: Mapping[TypeName, str]) -> str:
-    """Return a digest of everything in a catalog, the names of its interfaces included."""
+    """Return a digest of a whole catalog, including the names of its interfaces."""
     return _digest(*(f"{name} {digests[name]}" for name in catalog.interfaces))
 
 

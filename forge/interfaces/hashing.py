@@ -1,4 +1,4 @@
-"""RIHS01: the hash by which Iron and later tell types apart (interface spec 8)."""
+"""RIHS01, the type hash of ROS 2 Iron and later (REP 2011)."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _IMPLIED = {
         Field("sequence_number", Primitive("int64")),
     ),
 }
-"""What the event of every service refers to, for Humble's prefixes do not have it (spec 3)."""
+"""The types that the event of every service refers to, which Humble does not install."""
 
 
 class Hasher:

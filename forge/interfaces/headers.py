@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
 from forge.interfaces.model import Action, Message, Named, Service, element_of, messages_of
-from forge.names import snake_case
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Interface, TypeName
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 _PART = re.compile(
     r"_(SendGoal|GetResult|((SendGoal|GetResult)_)?(Request|Response)|Goal|Result|Feedback|FeedbackMessage)$"
 )
-"""What the name of a service's or an action's part ends in."""
+"""The suffixes of the parts of services and actions."""
 
 
 @frozen
 class Handle:
-    """A function that hands out type support."""
+    """A function that returns a type support handle."""
 
     kind: str
     name: TypeName
@@ -49,7 +49,7 @@ def detail_path(name: TypeName, part: str, ending: str) -> str:
 
 
 def guard(path: str) -> str:
-    """Return the macro that keeps a header from being read twice."""
+    """Return the include guard of a header."""
     return "__".join(path.replace(".", "_").upper().split("/")) + "_"
 
 
@@ -67,7 +67,7 @@ def needed(interface: Interface) -> tuple[TypeName, ...]:
 
 
 def services_of(interface: Interface) -> tuple[Service, ...]:
-    """Return the services that a header brings along."""
+    """Return the services that a header defines."""
     match interface:
         case Message():
             return ()
@@ -78,7 +78,7 @@ def services_of(interface: Interface) -> tuple[Service, ...]:
 
 
 def handles(interface: Interface) -> list[Handle]:
-    """Return the functions that hand out the type support of all that an interface brings along."""
+    """Return the functions that return the type support of an interface and its derived types."""
     found = [Handle("message", message.name) for message in messages_of(interface)]
     found += [Handle("service", service.name) for service in services_of(interface)]
     if isinstance(interface, Action):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.extents import Extents
 from forge.interfaces.hashing import Hasher, structures_of
 from forge.interfaces.html_text import Paragraph, kind_of, paragraphs, shown, spell, visible
@@ -23,7 +23,7 @@ _TITLES = {1: ("",), 2: ("Request", "Response"), 3: ("Goal", "Result", "Feedback
 
 @frozen
 class Link:
-    """A word that leads to a page, or, without a page, only a word."""
+    """A link to a page, or plain text if there is no page."""
 
     word: str
     page: str = ""
@@ -44,7 +44,7 @@ class Row:
 
 @frozen
 class Bytes:
-    """Where a member lies, in words."""
+    """The offset of a member, as text."""
 
     name: str
     offset: str
@@ -66,7 +66,7 @@ class Section:
 
 @frozen
 class Derived:
-    """A type that ROS makes of an interface, with its hash."""
+    """A type that ROS derives from an interface, with its hash."""
 
     name: str
     hash: str
@@ -74,7 +74,7 @@ class Derived:
 
 @frozen
 class Page:
-    """An interface with all that its page says; `root` leads to the site's first page."""
+    """The contents of the page of an interface; `root` is the relative path to the first page."""
 
     name: TypeName
     kind: str
@@ -86,7 +86,7 @@ class Page:
     snippets: Snippets
     users: tuple[Link, ...]
     needs: tuple[Link, ...]
-    """What every action uses, beyond what it says."""
+    """The types that every action uses implicitly."""
     hash: str
     derived: tuple[Derived, ...]
 
@@ -95,7 +95,7 @@ class Pages:
     """The pages of all interfaces of a site; `catalog` has those of every package."""
 
     def __init__(self, catalog: Catalog) -> None:
-        """Know all interfaces, and who uses whom."""
+        """Index all interfaces and their users."""
         self._catalog = catalog
         self._extents = Extents(catalog.known)
         self._hasher = Hasher(catalog)
@@ -144,14 +144,14 @@ class Pages:
 
 @frozen
 class _Words:
-    """What a page of a package says of types: links are for the folder that the page is in."""
+    """Text about types for a page; links are relative to the folder of the page."""
 
     interfaces: Mapping[TypeName, Interface]
     root: str
     package: str
 
     def row(self, prefix: str, declared: Field | Constant, value: str, unit: str = "") -> Row:
-        """Return what is said of a field or a constant."""
+        """Return the row of a field or a constant."""
         doc = paragraphs(declared.doc)
         type_ = self.type(declared.type)
         return Row(f"{prefix}{declared.name}", declared.name, type_, value, visible(unit), doc)
@@ -170,7 +170,7 @@ class _Words:
 
 
 def path_of(name: TypeName) -> str:
-    """Return where the page of an interface is."""
+    """Return the path of the page of an interface."""
     return f"{name.package}/{name.kind}/{name.name}.html"
 
 

@@ -4,7 +4,7 @@ index.html                  all packages and interfaces, with a search
 PACKAGE/index.html          a package: its interfaces, and how to depend on it
 PACKAGE/KIND/Name.html      an interface
 style.css  search.js
-COLCON_IGNORE               so that nobody looks for packages here
+COLCON_IGNORE               excludes the folder from package discovery
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.templating import render
 from forge.interfaces.html_pages import Pages, path_of
 from forge.interfaces.html_text import KINDS, Paragraph, kind_of, paragraphs, summary, visible
 from forge.interfaces.model import Catalog, File, sections_of
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

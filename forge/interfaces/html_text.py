@@ -6,7 +6,7 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
 
 if TYPE_CHECKING:

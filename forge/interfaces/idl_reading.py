@@ -1,4 +1,4 @@
-"""The text of an .idl file to an interface: the part of IDL 4.2 that rosidl reads (interface spec 2)."""
+"""Parse the text of an .idl file: the subset of OMG IDL 4.2 that rosidl supports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, cast
 
-from forge.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
 from forge.interfaces.declarations import check_keyword
 from forge.interfaces.faults import Fault
 from forge.interfaces.idl_structures import StructureReader
@@ -73,7 +73,7 @@ def read_idl(source: Source) -> FileReader:
 
     Raises InterfaceError with the first mistake of syntax.
     """
-    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (40 ms, only for who reads .idl)
+    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only for .idl files)
 
     text = source.text.removeprefix("\ufeff")
     reader = FileReader(source, text)

@@ -1,4 +1,4 @@
-"""Structs of an .idl file to messages: types, members, constants and annotations (interface spec 2)."""
+"""Convert the structs of an .idl file to messages: types, members, constants and annotations (IDL 4.2)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING, cast
 
+from forge.base.names import did_you_mean
 from forge.interfaces.declarations import check_keyword
 from forge.interfaces.faults import Fault
 from forge.interfaces.idl_values import Expression, read_expression, read_size, value_of
@@ -23,14 +24,13 @@ from forge.interfaces.model import (
     Text,
     TypeName,
 )
-from forge.names import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from lark import Token, Tree
 
-    from forge.errors import Place
+    from forge.base.errors import Place
     from forge.interfaces.model import Type, Value
 
 _ALIASES = {

@@ -1,11 +1,11 @@
-"""Expressions of .idl files, and what they are worth as values of a type (interface spec 2.2 to 2.4)."""
+"""Expressions in .idl files (OMG IDL 4.2) and their values for a type."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING, Literal, cast
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.faults import Fault
 from forge.interfaces.literals import INTEGER_RANGES, within_bound
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text

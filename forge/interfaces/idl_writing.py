@@ -1,11 +1,12 @@
-"""The .idl text of an interface, as readers of installed packages expect it (interface spec 2.5)."""
+"""The .idl text of an interface, in the form that rosidl_adapter installs."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.templating import render
 from forge.interfaces.comments import TURNING
 from forge.interfaces.model import (
     Action,
@@ -18,7 +19,6 @@ from forge.interfaces.model import (
     element_of,
     sections_of,
 )
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -179,7 +179,7 @@ def _literal(value: Value, type_: Type) -> str:
 def _quoted(text: str) -> str:
     """Return a string literal; control characters that have no name of their own are written in octal.
 
-    Backslashes before others or before a quote are doubled once more: rosidl halves them twice (spec 2.4).
+    Backslashes before others or before a quote are doubled once more: rosidl halves them twice.
     """
     named = _HALVED.sub(lambda run: run[0] * 2, text).translate(_ESCAPES)
     return '"' + "".join(c if c >= " " else f"\\{ord(c):03o}" for c in named) + '"'

@@ -1,4 +1,4 @@
-"""A literal against its type: range, bound, quotes and escapes (interface spec 1.6 and 1.8)."""
+"""Parse a literal of a type: range, bound, quotes and escapes (ROS 2 documentation, Interfaces)."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _character(escape: re.Match[str]) -> str:
 
 
 def _texts(inside: str) -> list[str]:
-    """Return the elements of a text array; only a quote can be escaped in them (spec 1.8)."""
+    """Return the elements of a text array; only a quote can be escaped in them."""
     values = []
     offset = 0
     while offset < len(inside):

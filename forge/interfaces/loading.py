@@ -1,7 +1,7 @@
-"""Definitions to Python classes at run time: rendered and imported in memory, no file is written.
+"""Create Python classes from definitions at run time, in memory and without writing files.
 
-Each set of definitions has a package of its own in memory, named after what it contains. So two versions
-of a type, as in an old recording and in the installed package, never meet.
+Each set of definitions gets its own in-memory package, named after a hash of its contents. Two versions
+of a type, such as that of an old recording and that of an installed package, therefore do not conflict.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.errors import InterfaceError, Problem
+from forge.base.errors import InterfaceError, Problem
+from forge.base.names import snake_case
 from forge.interfaces.parsing import Parsed, parse_all
 from forge.interfaces.python_package import files
 from forge.interfaces.resolution import referred, resolve
 from forge.interfaces.schema import parse_name, read_schema
 from forge.interfaces.sources import EMBEDDED, Library, read_folder
-from forge.names import snake_case
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -35,26 +35,26 @@ _RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 
 
 class Types(Mapping[str, Any]):
-    """Classes by full name, such as 'std_msgs/msg/Header'; each is made when it is first asked for."""
+    """Classes by full name, such as 'std_msgs/msg/Header'; each is created on first access."""
 
     def __init__(self, root: str, names: Iterable[TypeName]) -> None:
-        """Know which interfaces there are below a package in memory."""
+        """Index the interfaces of an in-memory package."""
         self._modules = {
             str(name): (f"{root}.{name.package}.{name.kind}._{snake_case(name.name)}", name.name)
             for name in names
         }
 
-    def __getitem__(self, name: str) -> Any:  # noqa: ANN401  (a class that nobody knew when this was written)
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401  (a class created at run time)
         """Return the class of a message, service or action; raises KeyError."""
         module, attribute = self._modules[name]
         return getattr(import_module(module), attribute)
 
     def __iter__(self) -> Iterator[str]:
-        """Yield all names: those asked for, then those below them."""
+        """Yield all names: those of the definitions, then those that they refer to."""
         return iter(self._modules)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of interfaces."""
         return len(self._modules)
 
     def __repr__(self) -> str:
@@ -70,11 +70,11 @@ def load(
 ) -> Types:
     """Return the classes of a folder of definitions or of a schema's text.
 
-    A Path is a folder with msg, srv, action or .idl files in it, and `name` the package, by default the
-    folder's name. A str is the text of a schema as MCAP stores it ('ros2msg' or 'ros2idl'), and `name`
-    the type it is of. Definitions of other packages are looked for in the folders of `includes`, then
-    among those that forge brings along.
-    Raises InterfaceError with all that is wrong with the definitions.
+    A Path is a folder that contains msg, srv, action or .idl files, and `name` is the package, by default
+    the name of the folder. A str is the text of a schema as stored by MCAP ('ros2msg' or 'ros2idl'), and
+    `name` is its type. Definitions of other packages are searched in the folders of `includes`, then among
+    the embedded ones.
+    Raises InterfaceError with all errors in the definitions.
     """
     library = Library(includes=dict(includes or {}))
     if isinstance(definitions, Path):
@@ -122,14 +122,14 @@ class _Schema:
 
 
 def _import(catalogs: Sequence[Catalog]) -> Types:
-    """Put the rendered modules of some catalogs where Python finds them."""
+    """Register the rendered modules of some catalogs with the import system."""
     texts = {
         file.path: file.text for catalog in catalogs for file in files(catalog) if file.path.endswith(".py")
     }
     digest = hashlib.sha256("\0".join(f"{path}\0{texts[path]}" for path in sorted(texts)).encode())
     root = f"forge_types_{digest.hexdigest()[:12]}"
     if root not in _MEMORY.packages:
-        # Who has imported one of them may since have taken its folder from the path.
+        # One of them may have been imported from a folder that is no longer on the path.
         if any(find_spec(name) is None for name in ("forge_cdr", "forge_rosidl")):
             sys.path.append(str(_RUNTIME))
         modules = {path.removesuffix(".py").replace("/", "."): text for path, text in texts.items()}
@@ -140,14 +140,14 @@ def _import(catalogs: Sequence[Catalog]) -> Types:
 
 
 class _Memory(MetaPathFinder, InspectLoader):
-    """Finds and loads modules that are nowhere but here; what they import is first looked for beside them."""
+    """Finds and loads in-memory modules; their imports are resolved within the same package first."""
 
     def __init__(self) -> None:
         self.packages: dict[str, dict[str, str]] = {}
-        """The texts of modules by name, by the package in memory that they are below."""
+        """The source of modules by name, by in-memory package."""
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> ModuleSpec | None:
-        """Return where a module is, if it is here."""
+        """Return the spec of an in-memory module, or None."""
         del path, target
         root, _, name = fullname.partition(".")
         texts = self.packages.get(root)
@@ -156,27 +156,27 @@ class _Memory(MetaPathFinder, InspectLoader):
         return ModuleSpec(fullname, self, origin="in memory", is_package=self.is_package(fullname))
 
     def get_source(self, fullname: str) -> str:
-        """Return a module's text; the package around all others has none."""
+        """Return the source of a module; that of the root package is empty."""
         root, _, name = fullname.partition(".")
         return self.packages[root].get(name, "")
 
     def get_code(self, fullname: str) -> CodeType:
-        """Return a module's code, so named that a traceback tells where it is from."""
+        """Return the code of a module, with a file name that identifies it in tracebacks."""
         return self.source_to_code(self.get_source(fullname), f"<{fullname}>")
 
     def is_package(self, fullname: str) -> bool:
-        """Tell modules that have others below them."""
+        """Return whether a module contains others."""
         root, _, name = fullname.partition(".")
         return any(other.startswith(f"{name}." if name else "") for other in self.packages[root])
 
     def exec_module(self, module: ModuleType) -> None:
-        """Run a module whose imports come here first."""
+        """Execute a module with imports that search its package first."""
         root = module.__name__.partition(".")[0]
         vars(module)["__builtins__"] = {**vars(builtins), "__import__": self._importer(root)}
         super().exec_module(module)
 
-    def _importer(self, root: str) -> Any:  # noqa: ANN401  (whatever __import__ is)
-        """Return the import statement's function for the modules of a package in memory."""
+    def _importer(self, root: str) -> Any:  # noqa: ANN401  (the type of __import__)
+        """Return the `__import__` function for the modules of an in-memory package."""
         texts = self.packages[root]
 
         def from_here_first(
@@ -189,7 +189,7 @@ class _Memory(MetaPathFinder, InspectLoader):
             if level or name not in texts:
                 return builtins.__import__(name, globals_, locals_, fromlist, level)
             import_module(f"{root}.{name}")
-            # 'import a.b' gives a, 'from a.b import c' gives b.
+            # 'import a.b' returns a, 'from a.b import c' returns b.
             return sys.modules[f"{root}.{name if fromlist else name.partition('.')[0]}"]
 
         return from_here_first

@@ -1,4 +1,4 @@
-"""The nouns of interface definitions, frozen and valid once resolved.
+"""The data model of interface definitions, frozen and valid once resolved.
 
 Type names follow IDL ('boolean', 'octet', 'float', 'double'), as rosidl's generators do.
 """
@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from forge.errors import Place
+    from forge.base.errors import Place
 
 HIDDEN_MEMBER = "structure_needs_at_least_one_member"
 
@@ -81,7 +81,7 @@ Type = Element | Array | Sequence
 
 @frozen
 class Field:
-    """A member of a message. `doc` has a line per item; `unit` as in the comment 'speed [m/s]'."""
+    """A member of a message. `doc` contains lines of text; `unit` is as in the comment 'speed [m/s]'."""
 
     name: str
     type: Type
@@ -104,7 +104,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Message:
-    """A structure. `fields` are what a user sees; `members` what is on the wire and in C++."""
+    """A structure. `fields` are those of the definition, `members` those on the wire and in C++."""
 
     name: TypeName
     fields: tuple[Field, ...] = ()
@@ -113,7 +113,7 @@ class Message:
 
     @cached_property
     def members(self) -> tuple[Field, ...]:
-        """The fields, or the one hidden uint8 that stands for none (interface spec 1.5)."""
+        """The fields, or one hidden uint8 if there are none: C has no empty structs."""
         return self.fields or (Field(HIDDEN_MEMBER, Primitive("uint8")),)
 
 
@@ -175,7 +175,7 @@ Interface = Message | Service | Action
 
 @dataclass(frozen=True)
 class Source:
-    """An interface file as found: `relative` is like 'msg/Pose.msg', `text` its content."""
+    """An interface file: `relative` is a path such as 'msg/Pose.msg', `text` its contents."""
 
     package: str
     relative: str
@@ -187,8 +187,8 @@ class Source:
 class Catalog:
     """All interfaces of one package, resolved, in the order of their names.
 
-    `known` holds every message that these refer to, however deep, other packages' included.
-    `sources` are the files read, those of other packages included, by the interface each defines.
+    `known` contains all messages that these refer to, directly or transitively, including other packages'.
+    `sources` maps each interface to its file, including those of other packages.
     """
 
     package: str
@@ -221,7 +221,7 @@ def messages_of(interface: Interface) -> Iterator[Message]:
 
 
 def sections_of(interface: Interface) -> tuple[Message, ...]:
-    """Return the messages that stand in the interface's file, without what ROS derives from them."""
+    """Return the messages defined in the interface's file, without derived ones."""
     match interface:
         case Message():
             return (interface,)

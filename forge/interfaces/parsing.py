@@ -1,4 +1,4 @@
-"""The text of a .msg, .srv, .action or .idl file to an interface whose type names are full but unchecked."""
+"""Parse a .msg, .srv, .action or .idl file to an interface with full but unchecked type names."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, Place, Problem, raise_if_any
-from forge.frozen import frozen
+from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.frozen import frozen
 from forge.interfaces.comments import read_comments
 from forge.interfaces.declarations import TYPE_NAME, Declaration, read_declaration
 from forge.interfaces.faults import Fault
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Interface
 
 ENDINGS = ("msg", "srv", "action", "idl")
-"""How the names of definitions end."""
+"""The file name extensions of definitions."""
 
 SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
-"""The kinds of files, and what the name of each of their sections ends in."""
+"""The kinds of files, and the name suffix of each of their sections."""
 
 _SEPARATOR = "---"
 _DIVISIONS = {1: "is not divided by '---'", 2: "is divided by one '---'", 3: "is divided by two '---'"}
@@ -92,14 +92,14 @@ def _attempt(source: Source) -> Parsed | InterfaceError:
 
 
 def type_name(source: Source) -> TypeName:
-    """Return the name that a .msg, .srv or .action file gives: package, kind by its ending, stem."""
+    """Return the type name of a .msg, .srv or .action file: package, extension, stem."""
     path = PurePosixPath(source.relative)
     return TypeName(source.package, path.suffix.removeprefix("."), path.stem)
 
 
 @frozen
 class _Line:
-    """A line of a file; `text` has blanks for tabs, so that columns stay."""
+    """A line of a file; `text` has blanks instead of tabs, which preserves columns."""
 
     number: int
     text: str
@@ -126,7 +126,7 @@ def _sections(lines: list[_Line]) -> Iterator[list[_Line]]:
 
 
 def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count: int) -> list[Problem]:
-    """Return what is wrong with the file's name and its number of sections."""
+    """Return the problems with the name of the file and its number of sections."""
     problems = []
     if not TYPE_NAME.fullmatch(name.name):
         message = f"'{name.name}' cannot be the name of an interface"
@@ -141,7 +141,7 @@ def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count:
 
 
 def _line_number(problem: Problem) -> int:
-    """Return where a problem is, for sorting; those of the whole file come first."""
+    """Return the line of a problem as a sort key; problems of the whole file come first."""
     return (problem.place.line or 0) if problem.place else 0
 
 
@@ -156,14 +156,14 @@ class _Entry:
 
 @dataclass(slots=True)
 class _SectionReader:
-    """Reads one message; the problems that it met stay in `problems`."""
+    """Reads one message and collects problems in `problems`."""
 
     name: TypeName
     source: Source
     problems: list[Problem] = field(default_factory=list)
 
     def read(self, lines: list[_Line]) -> Message:
-        """Return the message, without the declarations that were wrong."""
+        """Return the message without its invalid declarations."""
         heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
         entries = self._entries(lines[heading:])
         fields: dict[str, Field] = {}
@@ -185,7 +185,7 @@ class _SectionReader:
             if not mark and not code.strip():
                 continue
             if mark and code and not code.strip():
-                # A broken declaration takes its comments along; they are nobody else's.
+                # Comments of an invalid declaration are dropped with it.
                 if entries and not broken:
                     entries[-1].comments.append(mark + comment)
                 continue
@@ -207,7 +207,7 @@ class _SectionReader:
             return None
 
     def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
-        """Make the field or constant of an entry, unless its value or its name forbids it."""
+        """Add the field or constant of an entry, or report its problem."""
         declaration, line = entry.declaration, entry.line
         earlier = (constants if declaration.constant else fields).get(declaration.name)
         if earlier:

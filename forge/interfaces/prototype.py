@@ -6,7 +6,7 @@ import struct
 import sys
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, Problem
+from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import (
     Action,
     Array,

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
+from forge.base.templating import render
 from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
 from forge.interfaces.python_fields import BUILTINS, FieldView, Scope, view_field
 from forge.interfaces.python_stubs import Language, hidden_words, stub_imports, view_stub
 from forge.interfaces.python_types import literal
-from forge.names import snake_case
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

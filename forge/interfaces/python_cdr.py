@@ -11,7 +11,9 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
+from forge.base.templating import render
 from forge.interfaces.model import File, messages_of
 from forge.interfaces.python_cdr_read import Others, read_part, read_whole
 from forge.interfaces.python_cdr_text import Names
@@ -19,8 +21,6 @@ from forge.interfaces.python_cdr_text import Text as Lines
 from forge.interfaces.python_cdr_write import write_part, write_whole
 from forge.interfaces.unfolding import Layouts
 from forge.interfaces.wire import ANYWHERE, START, Layout, Shared
-from forge.names import snake_case
-from forge.templating import render
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array
 from forge.interfaces.python_cdr_cursor import Cursor
 from forge.interfaces.python_cdr_slots import CONVERSIONS, Slots

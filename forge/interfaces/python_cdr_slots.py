@@ -22,7 +22,7 @@ CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_ch
 
 @dataclass(slots=True)
 class Slots:
-    """The messages being read, and the numbers that tell how much there is to read."""
+    """The messages being read, and the counts of elements to read."""
 
     lines: Text
     root: str

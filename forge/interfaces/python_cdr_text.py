@@ -7,7 +7,7 @@ import keyword
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.python_types import TYPE_CODES
 from forge.interfaces.wire import Block, Chars, Count, Loop, Numbers, Phase, Run, Shared, Value
 

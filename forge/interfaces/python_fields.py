@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isinf
 from typing import TYPE_CHECKING, Final
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
 from forge.interfaces.python_types import (
     DTYPES,

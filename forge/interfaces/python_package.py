@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.interfaces import python, python_cdr
 from forge.interfaces.model import Primitive, element_of, sections_of
 from forge.interfaces.python import package_files

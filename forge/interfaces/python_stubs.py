@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
 from forge.interfaces.python_types import DTYPES, INTEGERS, numeric
 

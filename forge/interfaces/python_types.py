@@ -30,7 +30,7 @@ DTYPES: Final = {**{name: name for name in INTEGERS}, "float": "float32", "doubl
 
 
 def type_text(type_: Type) -> str:
-    """Return a type as `get_fields_and_field_types` spells it (interface spec 4.2)."""
+    """Return a type as `get_fields_and_field_types` formats it."""
     match type_:
         case Primitive(name):
             return name

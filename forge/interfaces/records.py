@@ -11,21 +11,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
-from forge.files import write_if_changed
-from forge.frozen import frozen
+from forge.base.files import write_if_changed
+from forge.base.frozen import frozen
+from forge.base.layout import templates_folder
 from forge.interfaces.model import TypeName
-from forge.templating import folder as templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 RECORDS = ".forge"
-"""The folder, in an output folder, for what is none of the output."""
+"""The folder for forge's own records in an output folder."""
 
 _VERSION = 3
 
-Mark = tuple[int, int]
-"""A file's size and time of change: when both are as they were, nobody has touched it."""
+FileMark = tuple[int, int]
+"""The size and modification time of a file: if both are unchanged, so is the file."""
 
 
 @frozen
@@ -33,12 +33,12 @@ class Made:
     """The files of one part of a run, and the digest of what they were made from."""
 
     digest: str | None
-    marks: Mapping[str, Mark | None]
+    marks: Mapping[str, FileMark | None]
 
 
 @frozen
 class Record:
-    """What one package's run left in a folder: its files by part, and the types of others among them."""
+    """The record of a package in an output folder: its files by part, and referenced types of others."""
 
     parts: Mapping[str, Made] = field(default_factory=dict)
     needs: tuple[TypeName, ...] = ()
@@ -52,14 +52,14 @@ class Record:
             yield from part.marks
 
     def fresh(self, part: str, digest: str | None, out: Path) -> Made | None:
-        """Return what is recorded of a part, if it was made from the same and is all there, untouched."""
+        """Return the record of a part if its digest matches and all its files exist unchanged."""
         made = self.parts.get(part)
         if made is None or digest is None or made.digest != digest:
             return None
         return made if all(mark and mark_of(out, path) == mark for path, mark in made.marks.items()) else None
 
 
-def mark_of(out: Path, path: str) -> Mark | None:
+def mark_of(out: Path, path: str) -> FileMark | None:
     """Return the mark of a file, or None when it is not there."""
     try:
         status = os.stat(f"{out}/{path}")  # noqa: PTH116  (thousands of them: Path takes three times as long)
@@ -69,7 +69,7 @@ def mark_of(out: Path, path: str) -> Mark | None:
 
 
 def read_records(out: Path) -> dict[str, Record]:
-    """Return the records of all packages that were generated into a folder; broken ones count as none."""
+    """Return the records of all packages generated into a folder; unreadable ones are ignored."""
     return {path.stem: _read(path) for path in sorted((out / RECORDS).glob("*.json"))}
 
 
@@ -86,9 +86,9 @@ def write_record(out: Path, package: str, record: Record) -> None:
 
 @cache
 def generator_digest() -> str:
-    """Return what tells this forge from others: its version, and the state of its code and templates."""
+    """Return an identifier of this forge: its version, and the state of its code and templates."""
     digest = hashlib.sha256(__version__.encode())
-    for root in (Path(__file__).parent, templates()):
+    for root in (Path(__file__).parent, templates_folder()):
         for folder, below, names in os.walk(root):
             below.sort()
             for name in sorted(names):

@@ -1,4 +1,4 @@
-"""A catalog to files, by the table of targets."""
+"""Render a catalog to files, with the targets in a table."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, raise_if_any
-from forge.frozen import frozen
+from forge.base.errors import InterfaceError, raise_if_any
+from forge.base.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
 from forge.interfaces.resolution import too_deep
@@ -41,7 +41,7 @@ _NESTING = frozenset({"python", "cpp", "c"})
 class Part:
     """The files of one interface, or of a package as a whole, in one language; rendered when asked for.
 
-    `digest` stands for all that they are made from; without one nobody can tell.
+    `digest` is a hash of their inputs, or None if that is unknown.
     """
 
     language: str
@@ -51,7 +51,7 @@ class Part:
 
     @property
     def key(self) -> str:
-        """Return what tells this part from the others of a run."""
+        """Return a key of this part that is unique in a run."""
         return f"{self.language} {self.subject}"
 
     def files(self) -> Iterator[File]:
@@ -63,22 +63,22 @@ class Part:
 def render(catalog: Catalog, target: str) -> tuple[File, ...]:
     """Return all files of a target, below a folder of its name: 'python/std_msgs/msg/_string.py'.
 
-    A target that is not of the table may be another distribution's (forge.interfaces.targets).
+    A target that is not in the table may be provided by another distribution (forge.interfaces.targets).
     Raises ForgeError when there is no such target, or when it cannot be used.
     """
     return tuple(file for part in parts(catalog, target, {}) for file in part.files())
 
 
 def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Iterator[Part]:
-    """Yield the parts of what a target makes of a catalog; `digests` are those of its interfaces, if known.
+    """Yield the parts that a target generates for a catalog; `digests` are those of its interfaces, if known.
 
-    Raises ForgeError as `render` does, and where messages stand too deep inside each other.
+    Raises ForgeError as `render` does, and if messages are nested too deeply.
     """
     if target in _NESTING:
         raise_if_any(too_deep(catalog.known), InterfaceError)
-    # A target is imported by name, so that one that is not asked for costs nothing.
+    # Import targets by name, so that only the requested one is loaded.
     view = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
-    # What another distribution's target is made of nobody knows.
+    # The inputs of another distribution's target are unknown.
     whole = fingerprint_of_all(catalog, digests) if digests and target in TARGETS else None
     of_package, of_interfaces = getattr(view, "package_files", None), getattr(view, "interface_files", None)
     yield Part(target, catalog.package, whole, partial(of_package or view.files, catalog))

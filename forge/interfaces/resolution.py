@@ -8,9 +8,9 @@ from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
-from forge.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.names import did_you_mean, snake_case
 from forge.interfaces.model import Action, Catalog, Message, Named, TypeName, element_of, messages_of
-from forge.names import did_you_mean, snake_case
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -23,18 +23,18 @@ ACTION_PARTS = (
     TypeName("action_msgs", "msg", "GoalInfo"),
     TypeName("action_msgs", "msg", "GoalStatusArray"),
 )
-"""What the code of an action refers to beyond the members of its messages (interface spec 5.3)."""
+"""The interfaces that the code of an action refers to in addition to the members of its messages."""
 
 
 DEEPEST = 100
-"""How many messages may stand inside each other: importing one imports all of them."""
+"""The maximum nesting of messages: importing one imports all nested ones."""
 
 _MANY = 20
-"""How many mistakes of a kind are told, or explained, of one package."""
+"""The maximum number of problems of one kind that are reported, or explained, for a package."""
 
 
 class Known(Protocol):
-    """The interfaces of other packages, parsed when they are asked for."""
+    """The interfaces of other packages, parsed on demand."""
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return the interface of that name, or None; raises InterfaceError when its file is wrong."""
@@ -117,7 +117,7 @@ def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
 
 
 def too_deep(messages: Mapping[TypeName, Message]) -> list[Problem]:
-    """Return a problem where messages stand too deep inside each other for code that includes code."""
+    """Return a problem if messages are nested too deeply for code that includes other code."""
     below = {
         name: {e.name for member in message.fields if isinstance(e := element_of(member.type), Named)}
         for name, message in messages.items()
@@ -134,7 +134,7 @@ def too_deep(messages: Mapping[TypeName, Message]) -> list[Problem]:
 
 
 def demand(name: TypeName, known: Known) -> Parsed:
-    """Return an interface that has to be there; raises InterfaceError when it is not."""
+    """Return an interface; raises InterfaceError if it does not exist."""
     parsed = known.find(name)
     if not parsed:
         hint = f"add <depend>{name.package}</depend> to package.xml"
@@ -170,7 +170,7 @@ def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:
 
 
 def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Problem]]:
-    """Return the files by name, and the problems of those that get in each other's way."""
+    """Return the files by name, and the problems of conflicting ones."""
     unique: dict[TypeName, Parsed] = {}
     outputs: dict[tuple[str, str], Parsed] = {}
     problems = []
@@ -291,6 +291,6 @@ def _cycle(needs: Mapping[TypeName, Mapping[TypeName, Field]]) -> list[TypeName]
     try:
         TopologicalSorter(needs).prepare()
     except CycleError as error:
-        # graphlib walks against the direction of 'contains'.
+        # graphlib follows the edges in the opposite direction of 'contains'.
         return list(reversed(error.args[1]))
     return None

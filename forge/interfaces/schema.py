@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, Place, Problem
+from forge.base.errors import InterfaceError, Place, Problem
 from forge.interfaces.declarations import LOWER_NAME
 from forge.interfaces.idl_writing import idl_text
 from forge.interfaces.model import Named, Source, TypeName, element_of, sections_of

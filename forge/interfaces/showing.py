@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from forge.errors import InterfaceError, Problem
+from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.declarations import read_declaration
 from forge.interfaces.faults import Fault
 from forge.interfaces.model import Named, TypeName, element_of

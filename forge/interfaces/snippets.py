@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
 from forge.interfaces.model import Action, Array, Message, Named, Primitive, Sequence, Service, Text
-from forge.names import snake_case
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

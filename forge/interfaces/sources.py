@@ -1,4 +1,4 @@
-"""Where definitions lie: folders, installed packages, and the set that forge brings along."""
+"""Find definitions in folders, installed packages, and the embedded packages."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.ament_index import INDEX
-from forge.errors import InterfaceError, Place, Problem
-from forge.files import read_file
+from forge.base.ament_index import INDEX
+from forge.base.errors import InterfaceError, Place, Problem
+from forge.base.files import read_file
+from forge.base.layout import PACKAGE
 from forge.interfaces.model import File, Source, TypeName
 from forge.interfaces.parsing import ENDINGS, SECTIONS, Parsed, parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-EMBEDDED = Path(__file__).parent.parent / "embedded"
+EMBEDDED = PACKAGE / "embedded"
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
-"""Where in the run time the files of each language lie, and which they are."""
+"""The folder and the files of each language in the run time."""
 
 
 def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
@@ -71,7 +72,7 @@ def read_runtime(language: str) -> Iterator[File]:
     folder = EMBEDDED / "rosidl_default_runtime" / place
     for path in sorted(folder.rglob(pattern)):
         relative = path.relative_to(folder)
-        # Tools leave their caches in a checkout.
+        # Skip caches that tools create in a checkout.
         if path.is_file() and not any(part.startswith((".", "__pycache__")) for part in relative.parts):
             yield File(relative.as_posix(), path.read_text(encoding="utf-8"))
 
@@ -154,7 +155,7 @@ def _namespaces(folder: Path) -> tuple[str, ...]:
 
 
 def _idl_only(folder: Path) -> list[Path]:
-    """Return the .idl files that were made of nothing else in the folder."""
+    """Return the .idl files that were not generated from other files in the folder."""
     return [
         path
         for path in folder.glob("*.idl")

@@ -1,7 +1,6 @@
-"""What is legal in a definition but hurts: names that compilers stumble over, lines that mean something else.
+"""Error-prone definitions: names that fail to compile, and lines with an unexpected meaning.
 
-Where rosidl reads a line in a way that its author hardly meant, so does forge, for the results have to
-be the same; `--strict` tells.
+forge interprets such lines like rosidl, since results must be the same; `--strict` reports them.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from math import inf
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.errors import Place, Problem
+from forge.base.errors import Place, Problem
 from forge.interfaces.literals import QUOTES
 from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, Text, element_of, sections_of
 
@@ -46,7 +45,7 @@ _SIDE_BY_SIDE = re.compile(r"""["']\s+["']""")
 
 
 def doubts(parsed: Iterable[Parsed]) -> list[Problem]:
-    """Return what hurts in some files, in the order of files and lines."""
+    """Return the problems in some files, in the order of files and lines."""
     found = []
     for each in parsed:
         if each.source.relative.endswith(".idl"):
@@ -67,14 +66,14 @@ def _position(problem: Problem) -> tuple[int, int]:
 
 
 def _problem(place: Place | None, message: str, hint: str | None = None, *, at: str | None = None) -> Problem:
-    """Return a problem in a line, its caret under the text `at`."""
+    """Return a problem in a line, with the caret under the text `at`."""
     if place and at and place.source and at in place.source:
         place = Place(place.path, place.line, place.source.index(at) + 1, place.source)
     return Problem(message, place, hint)
 
 
 def _names(message: Message) -> Iterator[Problem]:
-    """Yield the names that some compiler or some class has taken."""
+    """Yield names that conflict with compilers or generated classes."""
     for field in message.fields:
         if field.name in _NAMES:
             hint = f"name it '{field.name}_value', or say what it holds"
@@ -90,7 +89,7 @@ def _names(message: Message) -> Iterator[Problem]:
 
 
 def _lines(parsed: Parsed) -> Iterator[Problem]:
-    """Yield the declarations that say something else than they seem to say."""
+    """Yield declarations with an unexpected meaning."""
     for message in sections_of(parsed.interface):
         for field in message.fields:
             if field.default is not None:
@@ -103,7 +102,7 @@ def _lines(parsed: Parsed) -> Iterator[Problem]:
 
 
 def _value(declared: Field | Constant) -> Iterator[Problem]:
-    """Yield what is odd about the value of a field or a constant."""
+    """Yield problems with the value of a field or a constant."""
     code, mark, _ = (declared.place.source or "" if declared.place else "").partition("#")
     _, rest = code.strip().split(maxsplit=1)
     text = rest.removeprefix(declared.name).strip().removeprefix("=").strip()
@@ -117,7 +116,7 @@ def _value(declared: Field | Constant) -> Iterator[Problem]:
 
 
 def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Problem]:
-    """Yield quotes that do not enclose what they seem to."""
+    """Yield quotes that do not enclose a string."""
     place = declared.place
     opened = text.lstrip("[ ")[:1]
     if opened and opened in QUOTES and text.replace(f"\\{opened}", "").count(opened) % 2:
@@ -131,7 +130,7 @@ def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Proble
 
 
 def _characters(declared: Field | Constant, text: str) -> Iterator[Problem]:
-    """Yield characters that become others, or that rosidl fails over."""
+    """Yield characters that rosidl replaces, or on which it fails."""
     place = declared.place
     if "\t" in text:
         yield _problem(place, "a tab in a string becomes a blank", "write '\\t'", at="\t")
@@ -158,7 +157,7 @@ def _number(declared: Field | Constant, element: Primitive, text: str) -> Iterat
 
 
 def _comments(source: Source) -> Iterator[Problem]:
-    """Yield what rosidl does to comments."""
+    """Yield comments that rosidl changes."""
     lines = source.text.removeprefix("\ufeff").splitlines()
     for number, line in enumerate(lines, 1):
         _, mark, comment = line.partition("#")
@@ -170,7 +169,7 @@ def _comments(source: Source) -> Iterator[Problem]:
 
 
 def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
-    """Yield the brackets that vanish from the comment at the start of a .msg file."""
+    """Yield the brackets that rosidl removes from the comment at the start of a .msg file."""
     if PurePosixPath(source.relative).suffix != ".msg":
         return
     end = next((n for n, line in enumerate(lines) if not line.startswith("#")), len(lines))

@@ -1,6 +1,6 @@
-"""Targets that other distributions bring along: entry points of the group 'forge.interfaces.targets'.
+"""Targets provided by other distributions: entry points of the group 'forge.interfaces.targets'.
 
-Each names a module with `files(catalog) -> Iterator[File]`, as forge's own have it:
+Each refers to a module with `files(catalog) -> Iterator[File]`, like forge's own targets:
 
     [project.entry-points."forge.interfaces.targets"]
     rust = "my_distribution.rust_target"
@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from forge.errors import ForgeError, Problem
-from forge.names import did_you_mean
+from forge.base.errors import ForgeError, Problem
+from forge.base.names import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -22,7 +22,7 @@ GROUP = "forge.interfaces.targets"
 
 
 class Target(Protocol):
-    """What turns a catalog into files."""
+    """Renders a catalog to files."""
 
     def files(self, catalog: Catalog) -> Iterator[File]:
         """Yield the files of a package, their paths relative to the target's folder."""
@@ -31,9 +31,9 @@ class Target(Protocol):
 def find_target(name: str, known: Iterable[str]) -> Target:
     """Return the target of that name from another distribution; `known` are forge's own, for the message.
 
-    Raises ForgeError when there is none, or when it cannot be used.
+    Raises ForgeError if it does not exist or cannot be used.
     """
-    from importlib.metadata import entry_points  # noqa: PLC0415  (who asks for forge's own does not pay)
+    from importlib.metadata import entry_points  # noqa: PLC0415  (needed only for targets of other distributions)
 
     found = entry_points(group=GROUP)
     if name not in found.names:

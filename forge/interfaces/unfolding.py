@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
 from forge.interfaces.wire import (
     ANYWHERE,

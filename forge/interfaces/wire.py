@@ -19,7 +19,7 @@ from __future__ import annotations
 from math import gcd
 from typing import TYPE_CHECKING, Final
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 from forge.interfaces.model import Array, Primitive, Sequence, Text
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ Path = tuple[str, ...]
 
 @frozen
 class Phase:
-    """What is known of an offset: its remainder on division by `modulus`, which is 1, 2, 4 or 8."""
+    """Partial knowledge about an offset: its remainder on division by `modulus`, which is 1, 2, 4 or 8."""
 
     modulus: int
     remainder: int
@@ -85,7 +85,7 @@ class Value:
 
     @property
     def alignment(self) -> int:
-        """What its offset is a multiple of."""
+        """The alignment of its offset."""
         return SIZES[self.type.name]
 
 
@@ -104,7 +104,7 @@ class Block:
 
     @property
     def alignment(self) -> int:
-        """What the first element's offset is a multiple of."""
+        """The alignment of the first element."""
         return SIZES[self.of.name]
 
 
@@ -126,7 +126,7 @@ class Count:
 
     @property
     def alignment(self) -> int:
-        """What its offset is a multiple of."""
+        """The alignment of its offset."""
         return 4
 
 

@@ -1,4 +1,4 @@
-"""Rendered files to a folder: only what changed is touched, and what is no longer made is removed."""
+"""Write rendered files to a folder: write only changed files and remove obsolete ones."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.errors import EnvironmentFault, Place, Problem
-from forge.files import write_if_changed
-from forge.frozen import frozen
+from forge.base.errors import EnvironmentFault, Place, Problem
+from forge.base.files import write_if_changed
+from forge.base.frozen import frozen
 from forge.interfaces.records import Made, Record, mark_of, read_records, write_record
 
 if TYPE_CHECKING:
@@ -24,18 +24,18 @@ _LISTING = ".forge_site"
 
 @frozen
 class Written:
-    """What a run did: the files that were new or had changed, of how many."""
+    """The result of a run: the new or changed files, and the total number."""
 
     changed: tuple[Path, ...]
     total: int
 
 
 def write(parts: Iterable[Part], out: Path, package: str, record: Record | None = None) -> Written:
-    """Write the parts of a package's run below `out`; one that is there, made from the same, is left alone.
+    """Write the parts of a package below `out`; parts that are up to date are skipped.
 
-    `record` says what else to remember of the run. Files of an earlier run of the same package are
-    removed, unless this one or another package still makes them, or their language is not of this run.
-    Raises EnvironmentFault when the folder cannot be written to.
+    `record` contains further data to store with the run. Files of an earlier run of the same package are
+    removed, unless this run or another package generates them, or this run does not include their language.
+    Raises EnvironmentFault if the folder is not writable.
     """
     records = read_records(out)
     before = records.pop(package, Record())
@@ -58,7 +58,7 @@ def write(parts: Iterable[Part], out: Path, package: str, record: Record | None 
 
 
 def _make(part: Part, out: Path, changed: list[Path]) -> Made:
-    """Render a part and write what is not there already, to be found in `changed`."""
+    """Render a part, write its changed files, and add them to `changed`."""
     marks = {}
     for file in part.files():
         path = out / file.path
@@ -81,7 +81,7 @@ def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
             raise EnvironmentFault(problem)
         before = _listed(listing)
         made = {file.path: write_if_changed(out / file.path, file.text) for file in files}
-        # Whatever happens next, all that is there stays listed.
+        # Keep all existing files listed, even if the next steps fail.
         write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | made.keys())))
         _remove(before - made.keys(), out)
         write_if_changed(listing, "".join(f"{path}\n" for path in sorted(made)))
@@ -91,7 +91,7 @@ def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
 
 
 def _listed(listing: Path) -> set[str]:
-    """Return the paths that an earlier run listed; one that leads out of the folder is none of ours."""
+    """Return the paths listed by an earlier run, without those outside of the folder."""
     if not listing.is_file():
         return set()
     lines = listing.read_text(encoding="utf-8").splitlines()
@@ -100,7 +100,7 @@ def _listed(listing: Path) -> set[str]:
 
 
 def _remove(paths: Iterable[str], out: Path) -> None:
-    """Remove files, and the folders that this leaves empty."""
+    """Remove files, and folders that become empty."""
     for path in sorted(paths):
         (out / path).unlink(missing_ok=True)
         for folder in PurePosixPath(path).parents[:-1]:
@@ -114,9 +114,9 @@ def _unwritable(error: OSError, out: Path) -> EnvironmentFault:
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
-    """Say, in make's words, which files `target` was made from.
+    """Write a make depfile with the inputs of `target`.
 
-    Raises EnvironmentFault for a path that make has no word for.
+    Raises EnvironmentFault for a path that make cannot represent.
     """
     listed = tuple(sources)
     unfit = [each for each in (target, *listed) if not _fits_a_rule(str(each))]
@@ -128,7 +128,7 @@ def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
 
 
 def write_stamp(path: Path) -> None:
-    """Make an empty file, or make it young again."""
+    """Create an empty file, or update its modification time."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.touch()
 
@@ -142,5 +142,5 @@ def _fits_a_rule(path: str) -> bool:
 
 
 def _for_make(path: Path) -> str:
-    """Return a path with what make takes for syntax escaped."""
+    """Return a path escaped for make."""
     return str(path).replace("$", "$$").replace("#", "\\#").replace(" ", "\\ ")

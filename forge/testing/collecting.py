@@ -1,4 +1,4 @@
-"""All result files below a folder, as colcon finds them (workspace spec 7.4)."""
+"""Collects all result files below a folder, like `colcon test-result`."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.errors import Place, Problem, WorkspaceError
-from forge.files import read_file, text_or_nothing
-from forge.frozen import frozen
-from forge.names import is_word
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.files import read_file, text_or_nothing
+from forge.base.frozen import frozen
+from forge.base.names import is_word
+from forge.base.xml import parse_xml
 from forge.testing.outcomes import NotAResultError, Outcome, read_ctest, read_junit
-from forge.xml_tree import parse_xml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from forge.xml_tree import Element
+    from forge.base.xml import Element
 
     Read = Callable[[Element, str, str], Outcome]
 
 _LARGEST = 1 << 30
-"""How many bytes a result may have: with the output of its tests it may be long."""
+"""Maximum size in bytes of a result file, which may contain long output."""
 
 
 @frozen
 class Collection:
-    """What was found: outcomes by path, every file that belongs to them, and what could not be read."""
+    """The results by path, all their files, and problems."""
 
     outcomes: tuple[Outcome, ...]
     files: tuple[str, ...]
@@ -34,10 +34,10 @@ class Collection:
 
 
 def collect(base: Path) -> Collection:
-    """Return the results below `base`; their paths begin as it is spelled.
+    """Return the results below `base`; paths start as `base` is spelled.
 
-    Folders whose names begin with a dot are left out, links are not followed. Of CTest's runs the last
-    one counts, which Testing/TAG names.
+    Hidden folders are skipped, links are not followed. Only the last CTest run counts, which Testing/TAG
+    names.
     """
     outcomes: list[Outcome] = []
     files: list[str] = []
@@ -51,7 +51,7 @@ def collect(base: Path) -> Collection:
             problems += error.problems
         except NotAResultError as error:
             if tag is not None:
-                problems.append(Problem(f"this is no result of CTest: {error}", Place(path)))
+                problems.append(Problem(f"not a CTest result: {error}", Place(path)))
         else:
             files.append(path)
     return Collection(
@@ -60,7 +60,7 @@ def collect(base: Path) -> Collection:
 
 
 def _candidates(base: Path) -> Iterator[tuple[str, str, str | None]]:
-    """Yield (file, the folder whose tests it tells of, Testing/TAG for a file of CTest)."""
+    """Yield (file, folder of the tests, Testing/TAG for a CTest file)."""
     homes: list[str] = []
     for folder, names, files in os.walk(base):
         names[:] = sorted(name for name in names if not name.startswith("."))
@@ -74,7 +74,7 @@ def _candidates(base: Path) -> Iterator[tuple[str, str, str | None]]:
 
 
 def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  # noqa: FBT001  (a fact of the walk)
-    """Return the nearest folder above, or this one, that CTest ran in; else the package's below `base`."""
+    """Return the nearest folder in which CTest ran, else the package's folder below `base`."""
     while homes and folder != homes[-1] and not folder.startswith(homes[-1] + os.sep):
         homes.pop()
     if has_testing:
@@ -86,9 +86,9 @@ def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  
 
 
 def _last_run(tag: str) -> str | None:
-    """Return the folder of CTest's last run, if it got as far as a result."""
+    """Return the folder of the last CTest run if it has a result."""
     lines = text_or_nothing(tag).splitlines()
-    # A folder beside the file; unlike Path.is_file, os.path.isfile says no to a name that none can have.
+    # Unlike Path.is_file, os.path.isfile returns False for invalid names.
     if not lines or not is_word(lines[0]):
         return None
     there = os.path.isfile(f"{Path(tag).parent}/{lines[0]}/Test.xml")  # noqa: PTH113
@@ -96,12 +96,12 @@ def _last_run(tag: str) -> str | None:
 
 
 def _read(path: str, home: str, read: Read) -> Outcome:
-    """Read a file; one that mentions no test is not even parsed: build folders hold much XML."""
+    """Parse a file if it mentions tests, because build folders contain much other XML."""
     try:
         content = read_file(path, _LARGEST)
     except OSError as error:
         problem = Problem(f"cannot read the result: {error.strerror}", Place(path))
         raise WorkspaceError(problem) from None
     if b"<testsuite" not in content and read is read_junit:
-        raise NotAResultError("there is no 'testsuite' in it")
+        raise NotAResultError("it contains no 'testsuite'")
     return read(parse_xml(content, Path(path)), path, home)

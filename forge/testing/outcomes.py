@@ -1,21 +1,21 @@
-"""Result files to counts and cases: JUnit as pytest, gtest and ament write it, and CTest's Test.xml; pure."""
+"""Parses result files: JUnit as written by pytest, gtest and ament, and CTest's Test.xml."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from forge.xml_tree import Element
+    from forge.base.xml import Element
 
 
 @frozen
 class Counts:
-    """How many tests there were, and how many of them went wrong or were left out."""
+    """Numbers of tests, errors, failures and skipped tests."""
 
     tests: int = 0
     errors: int = 0
@@ -23,7 +23,7 @@ class Counts:
     skipped: int = 0
 
     def __add__(self, other: Counts) -> Counts:
-        """Return the sum of both."""
+        """Return the sum."""
         return Counts(
             self.tests + other.tests,
             self.errors + other.errors,
@@ -39,13 +39,13 @@ class Counts:
 
     @property
     def bad(self) -> bool:
-        """Tell if any test went wrong."""
+        """Tell whether any test failed."""
         return bool(self.errors or self.failures)
 
 
 @frozen
 class Case:
-    """A test that went wrong. Messages and outputs are in the order of the file; `text` is the long story."""
+    """A failed test. Messages and outputs are in the order of the file; `text` is the complete text."""
 
     name: str
     suite: str = ""
@@ -60,9 +60,9 @@ class Case:
 
 @frozen
 class Outcome:
-    """What one result file says. `home` is the folder whose tests it tells of.
+    """The contents of one result file. `home` is the folder of its tests.
 
-    `by_name` holds the verdict on each test of a CTest file, which alone has these, by its name.
+    `by_name` contains the counts of each test by name, only for CTest files.
     """
 
     path: str
@@ -78,21 +78,21 @@ class Outcome:
 
 
 class NotAResultError(ValueError):
-    """The file is good XML, but tells of no tests."""
+    """Well-formed XML that is not a test result."""
 
 
 def read_junit(root: Element, path: str, home: str) -> Outcome:
-    """Return what a JUnit file says; raises NotAResultError when the root or its counts are none."""
+    """Parse a JUnit file; raises NotAResultError if it is not one."""
     suites = {"testsuite": [root], "testsuites": list(root.all("testsuite"))}.get(root.tag)
     if suites is None:
-        raise NotAResultError(f"the root is neither 'testsuite' nor 'testsuites' but '{root.tag}'")
+        raise NotAResultError(f"the root element is '{root.tag}', not 'testsuite' or 'testsuites'")
     counts = sum((_suite_counts(suite.attributes) for suite in suites), Counts())
     cases = [case for suite in suites for case in map(_junit_case, suite.all("testcase"))]
     return Outcome(path, home, counts, tuple(case for case in cases if case.errors or case.failures))
 
 
 def read_ctest(root: Element, path: str, home: str) -> Outcome:
-    """Return what a Test.xml of CTest says; raises NotAResultError when it is none."""
+    """Parse a CTest Test.xml; raises NotAResultError if it is not one."""
     if root.tag != "Site" or [child.tag for child in root.children] != ["Testing"]:
         raise NotAResultError("it does not consist of one 'Site' with one 'Testing'")
     tests = list(root.children[0].all("Test"))
@@ -103,17 +103,17 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
     return Outcome(path, home, sum((counts for _, counts in verdicts), Counts()), failed, verdicts)
 
 
-def twin_of(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
-    """Return the JUnit file that ament's test `name` of that home left, or None."""
+def find_twin(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
+    """Return the JUnit file of ament's test `name` in that home, or None."""
     found = (junit for junit in junits if junit.test == name and junit.home == home and not junit.by_name)
     return next(found, None)
 
 
 def counted_once(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
-    """Return the outcomes without the tests in CTest's files that a JUnit file tells of too.
+    """Return the results without CTest tests that a JUnit file also contains.
 
-    ament's tests leave both. Where the JUnit file is content and CTest is not, as when a program dies
-    after its last test, both count: no failure gets lost.
+    Tests of ament write both. If only CTest reports a failure, for example because a program crashed after
+    its last test, both count.
     """
     named: dict[tuple[str, str], list[Outcome]] = {}
     for outcome in outcomes:
@@ -124,7 +124,7 @@ def counted_once(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
 def _without_twins(outcome: Outcome, named: Mapping[tuple[str, str], list[Outcome]]) -> Outcome:
     left = []
     for name, counts in outcome.by_name:
-        twin = twin_of(name, outcome.home, named.get((outcome.home, name), ()))
+        twin = find_twin(name, outcome.home, named.get((outcome.home, name), ()))
         if twin is None or (counts.bad and not twin.counts.bad):
             left.append((name, counts))
     names = {name for name, _ in left}
@@ -146,24 +146,24 @@ def _suite_counts(attributes: Mapping[str, str]) -> Counts:
 
 
 def _number(attributes: Mapping[str, str], name: str, *, required: bool = False) -> int:
-    said = attributes.get(name, "" if required else "0")
+    value = attributes.get(name, "" if required else "0")
     try:
-        number = int(said)
+        number = int(value)
     except ValueError:
         number = -1
     if number < 0:
-        raise NotAResultError(f"'{name}' is no number but '{said}'")
+        raise NotAResultError(f"'{name}' is not a number: '{value}'")
     return number
 
 
 def _junit_case(case: Element) -> Case:
-    told = case.attributes
+    fields = case.attributes
     wrong = [child for child in case.children if child.tag in {"error", "failure"}]
     return Case(
-        told.get("name", ""),
-        told.get("classname", ""),
-        told.get("file", ""),
-        told.get("line", ""),
+        fields.get("name", ""),
+        fields.get("classname", ""),
+        fields.get("file", ""),
+        fields.get("line", ""),
         tuple(_messages(case, "error")),
         tuple(_messages(case, "failure")),
         tuple(child.text for child in case.all("system-out")),

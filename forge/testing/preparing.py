@@ -1,55 +1,51 @@
-"""What the tests of a workspace share, and the plan of a run."""
+"""Prepares a test run: packages, dependencies, context and plan."""
 
 from __future__ import annotations
 
 import os
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.budget import Budget
-from forge.capacity import processors, shortage
-from forge.digests import FileTable, mark_tree
-from forge.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
-from forge.freshness import source_changes
-from forge.graph import closures, ordered_names
-from forge.interpreter import find_interpreter, missing_modules
-from forge.jobserver import joined_pool
-from forge.journal import open_journal
-from forge.makeflags import read_make_flags
-from forge.model import BuildPlan, Task
-from forge.prefixes import PACKAGES, find_underlays, provider
-from forge.records import TABLE
-from forge.results import recorded_python
-from forge.testing.looking import look
-from forge.testing.recipes import TEST_RECIPES, Bench, Look, framework
-from forge.tools import CMAKE_TYPES, find_ctest
-from forge.workspace import warn
+from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
+from forge.base.graph import closures, ordered_names
+from forge.base.layout import TEST_SCRATCH_DIR
+from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
+from forge.build.journal import open_journal
+from forge.build.state import TABLE
+from forge.build.tasks import BuildPlan, Task
+from forge.build.up_to_date import source_changes
+from forge.environment.prefixes import PACKAGES, find_underlays, provider
+from forge.environment.recorded import recorded_python
+from forge.execution.job_pool import JobOptions, JobPool
+from forge.execution.jobserver import join_pool
+from forge.execution.makeflags import read_make_flags
+from forge.testing.looking import inspect_tests
+from forge.testing.recipes import TEST_RECIPES, Look, TestContext, TestOptions, framework
+from forge.toolchain.interpreter import find_interpreter, missing_modules
+from forge.toolchain.programs import CMAKE_TYPES, find_ctest
+from forge.toolchain.resources import processors, shortage
+from forge.workspace.load import warn
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterator, Mapping, Sequence
 
-    from forge.layout import Layout
-    from forge.model import Package
-    from forge.workspace import Loaded
-
-DESK = "handover_test"
-"""Where forge leaves, in a build folder, what the tests see and the line that repeats them."""
+    from forge.base.layout import Layout
+    from forge.workspace.load import Loaded
+    from forge.workspace.model import Package
 
 _AROUND_PYTEST = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
 
 
 def tested_names(loaded: Loaded) -> tuple[str, ...]:
-    """Return the selected packages that forge knows how to test; what it brings along is not the user's.
+    """Return the selected packages with a supported build type, except embedded ones.
 
-    Raises WorkspaceError for manifests that cannot be read and names that two packages have.
+    Raises WorkspaceError for invalid manifests and duplicate names.
     """
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     own = [name for name in loaded.selection.names if not loaded.packages[name].embedded]
     kinds = {name: loaded.packages[name].build_type for name in own}
     warn(
-        Problem(f"no recipe to test '{name}', whose build type is '{kind}'")
+        Problem(f"cannot test '{name}': unsupported build type '{kind}'")
         for name, kind in kinds.items()
         if kind not in TEST_RECIPES
     )
@@ -57,14 +53,14 @@ def tested_names(loaded: Loaded) -> tuple[str, ...]:
 
 
 def needs_of_tests(names: Sequence[str], loaded: Loaded) -> dict[str, tuple[str, ...]]:
-    """Return what each package's tests see: all that it needs, lowest first, and the package itself."""
-    needs = loaded.provision.needs
+    """Return the packages in the environment of each package's tests, lowest first, itself included."""
+    needs = loaded.resolution.needs
     ordered = ordered_names(needs)
     position = {name: index for index, name in enumerate(ordered)}
     below = closures(needs, ordered)
     seen = {}
     for name in names:
-        later = loaded.provision.postponed.get(name, frozenset())
+        later = loaded.resolution.postponed.get(name, frozenset())
         wanted = below[name].union(later, *(below[other] for other in later)) - {name}
         seen[name] = (*sorted(wanted, key=position.__getitem__), name)
     return seen
@@ -73,7 +69,7 @@ def needs_of_tests(names: Sequence[str], loaded: Loaded) -> dict[str, tuple[str,
 def absent_problems(
     needs: Mapping[str, Sequence[str]], layout: Layout, variables: Mapping[str, str]
 ) -> dict[str, Problem]:
-    """Return the packages that cannot be tested since they, or what they need, are not installed."""
+    """Return problems for packages that are not installed, or whose dependencies are not."""
     underlays = find_underlays(variables, layout.install)
     found = {}
     for name, wanted in needs.items():
@@ -92,20 +88,20 @@ def absent_problems(
 
 
 def not_built_here(names: Sequence[str], loaded: Loaded, layout: Layout) -> tuple[Problem, ...]:
-    """Return what is to be said of packages whose tests are not there, since they came from a cache."""
+    """Return a warning for packages restored from a cache, whose tests are not available."""
     here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
     gone = [name for name in here if not (layout.build_dir(name) / "CMakeCache.txt").is_file()]
     if not gone:
         return ()
-    who = ", ".join(f"'{name}'" for name in gone)
-    message = f"no tests run of {who}: only what is installed came from the cache"
+    packages = ", ".join(f"'{name}'" for name in gone)
+    message = f"skipping tests of {packages}: only installed files came from the cache"
     return (Problem(message, hint=f"forge build --force --packages-select {' '.join(gone)}"),)
 
 
 def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: Layout) -> tuple[Problem, ...]:
-    """Return what is to be said of packages that changed since they were built: tests use what was built.
+    """Return warnings for packages that changed since their last build, which the tests use.
 
-    Tests of a Python package run in its source folder, and links lead there, too.
+    Python tests run in the source folder, and symbolic links lead there, too.
     """
     records = open_journal(layout.build).records
     table = FileTable(layout.build / TABLE)
@@ -121,10 +117,10 @@ def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: La
         if package is None or package.embedded or record is None or not record.complete:
             continue
         home = str(loaded.workspace.root / package.path)
-        table.news.clear()
-        if mark_tree(home, table, record.sources).digest != record.sources.digest:
-            what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.news)))
-            message = f"'{name}' changed since it was built, and tests use what was built: {what}"
+        table.changed_files.clear()
+        if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
+            what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.changed_files)))
+            message = f"'{name}' changed since its last build, which the tests use: {what}"
             problems.append(Problem(message, Place(package.path), "forge build"))
     return tuple(problems)
 
@@ -134,87 +130,74 @@ def _is_python(loaded: Loaded, name: str) -> bool:
     return package is not None and "python" in package.build_type
 
 
-def prepare_bench(options: argparse.Namespace, loaded: Loaded, names: Sequence[str], layout: Layout) -> Bench:
-    """Return the programs and options of the tests; raises EnvironmentFault for what is missing."""
+def prepare_context(
+    options: TestOptions, loaded: Loaded, names: Sequence[str], layout: Layout
+) -> TestContext:
+    """Return the programs and options of the tests; raises EnvironmentFault for missing programs."""
     types = {loaded.packages[name].build_type for name in names}
     ctest = find_ctest(os.environ) if types & CMAKE_TYPES else None
     interpreter = find_interpreter(options.python or recorded_python(layout.install), os.environ)
     missing = missing_modules(interpreter, _AROUND_PYTEST) if types - CMAKE_TYPES else ()
-    return Bench(
+    return TestContext(
         root=loaded.workspace.root,
         layout=layout,
         python=interpreter.path,
         ctest=ctest,
         modules=frozenset(_AROUND_PYTEST) - frozenset(missing),
-        results=Path(options.test_result_base).absolute() if options.test_result_base else None,
-        framework=options.python_testing,
-        until_fail=options.retest_until_fail,
-        until_pass=options.retest_until_pass,
-        coverage=options.pytest_with_coverage,
-        ctest_args=_words(options.ctest_args),
-        pytest_args=_words(options.pytest_args),
-        unittest_args=_words(options.unittest_args),
+        options=options,
     )
 
 
-def open_test_budget(options: argparse.Namespace, variables: Mapping[str, str]) -> Budget:
-    """Return a token for each package that may be tested at a time; a make above us may give them.
-
-    Each test runs one job, as far as forge knows: what programs under test start is theirs.
-    """
+def open_test_budget(options: JobOptions, variables: Mapping[str, str]) -> JobPool:
+    """Return the job pool with one job per package under test; a parent make may provide it."""
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
-    pool = joined_pool(flags.auth) if flags.auth and not options.jobs else None
+    pool = join_pool(flags.auth) if flags.auth and not options.jobs else None
     short = partial(shortage, options.memory_limit, options.load_limit or flags.load)
-    return Budget(options.jobs or flags.jobs or processors(), pool, flags=flags, short=short)
+    return JobPool(options.jobs or flags.jobs or processors(), pool, flags=flags, is_short=short)
 
 
-def make_test_plan(names: Sequence[str], loaded: Loaded, bench: Bench) -> BuildPlan:
-    """Return a task per package; none waits for another. Raises EnvironmentFault when pytest is missing."""
+def make_test_plan(names: Sequence[str], loaded: Loaded, context: TestContext) -> BuildPlan:
+    """Return a task per package, without dependencies. Raises EnvironmentFault if pytest is missing."""
     looks = {}
     for name in names:
         package = loaded.packages[name]
-        looks[name] = look(package, bench.source(package), bench.layout.build_dir(name))
-    raise_if_any(_without_pytest([loaded.packages[name] for name in names], bench, looks), EnvironmentFault)
-    if bench.coverage and "pytest_cov" not in bench.modules:
-        warn([Problem("there is no coverage: the interpreter has no pytest-cov")])
+        looks[name] = inspect_tests(package, context.source(package), context.layout.build_dir(name))
+    raise_if_any(_without_pytest([loaded.packages[name] for name in names], context, looks), EnvironmentFault)
+    if context.options.coverage and "pytest_cov" not in context.modules:
+        warn([Problem("coverage is not measured: the interpreter has no pytest-cov")])
     tasks = {}
     for name in names:
         package = loaded.packages[name]
-        tasks[name] = _task(package, bench.of(package), looks[name])
+        tasks[name] = _task(package, context.of(package), looks[name])
     return BuildPlan(tasks)
 
 
-def _task(package: Package, bench: Bench, seen: Look) -> Task:
-    recipe = TEST_RECIPES[package.build_type](package, bench, seen)
+def _task(package: Package, context: TestContext, seen: Look) -> Task:
+    recipe = TEST_RECIPES[package.build_type](package, context, seen)
     return Task(
         name=package.name,
         package=package,
-        prefix=bench.layout.prefix(package.name),
-        build_dir=bench.layout.build_dir(package.name),
+        prefix=context.layout.prefix(package.name),
+        build_dir=context.layout.build_dir(package.name),
         needs=(),
         steps=recipe.steps,
         reason="it is selected",
         files=recipe.files,
         clean=recipe.clean,
-        desk=DESK,
+        scratch_dir=TEST_SCRATCH_DIR,
     )
 
 
 def _without_pytest(
-    packages: Sequence[Package], bench: Bench, looks: Mapping[str, Look]
+    packages: Sequence[Package], context: TestContext, looks: Mapping[str, Look]
 ) -> Iterator[Problem]:
     wanting = [
         package.name
         for package in packages
         if package.build_type not in CMAKE_TYPES
-        and framework(package, bench.of(package), looks[package.name]) == "pytest"
+        and framework(package, context.of(package), looks[package.name]) == "pytest"
     ]
-    if wanting and "pytest" not in bench.modules:
-        who = ", ".join(f"'{name}'" for name in wanting)
-        hint = f"{bench.python} -m pip install pytest; or test with unittest: --python-testing unittest"
-        yield Problem(f"'{bench.python}' has no pytest, which tests {who}", hint=hint)
-
-
-def _words(given: Sequence[str]) -> tuple[str, ...]:
-    """Return the arguments of a greedy option without the blanks that shield them."""
-    return tuple(word.lstrip() for word in given)
+    if wanting and "pytest" not in context.modules:
+        packages_text = ", ".join(f"'{name}'" for name in wanting)
+        hint = f"{context.python} -m pip install pytest; or test with unittest: --python-testing unittest"
+        yield Problem(f"'{context.python}' has no pytest, which is required by {packages_text}", hint=hint)

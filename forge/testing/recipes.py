@@ -1,6 +1,6 @@
-"""Build type to the steps that test a package: CTest, pytest or unittest; pure.
+"""The test steps of each build type: CTest, pytest or unittest.
 
-The exit code of CTest and pytest tells failed tests from a run that failed; the steps know the difference.
+Exit codes of CTest and pytest distinguish failed tests from failed runs, and so do the steps.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
-from forge.model import FAILURE, SUCCESS, TEST_FAILURES, Step
-from forge.templating import render
+from forge.base.frozen import frozen
+from forge.base.templating import render
+from forge.build.tasks import FAILURE, SUCCESS, TEST_FAILURES, Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from forge.layout import Layout
-    from forge.model import Package
+    from forge.base.layout import Layout
+    from forge.workspace.model import Package
 
 NO_TESTS = "no tests"
 UNITTESTS = Path(__file__).with_name("unittests.py")
@@ -26,20 +26,17 @@ _OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS))
 
 
 @frozen
-class Bench:
-    """What all tests of one run share: folders, programs and options.
+class TestOptions:
+    """The options of `forge test` that affect how tests run."""
 
-    `modules` are the modules around pytest that the interpreter has; `results` is a folder for results
-    apart from the build folders, or None.
-    """
+    __test__ = False  # pytest collects classes with this prefix
 
-    root: Path
-    layout: Layout
-    python: Path
-    ctest: Path | None = None
-    modules: frozenset[str] = frozenset()
+    python: str | None = None
+    """The interpreter; None for that of the last build."""
     results: Path | None = None
+    """A folder for results, None for the build folders."""
     framework: str | None = None
+    """`pytest` or `unittest`; None to select by package."""
     until_fail: int = 0
     until_pass: int = 0
     coverage: bool = False
@@ -47,33 +44,52 @@ class Bench:
     pytest_args: tuple[str, ...] = ()
     unittest_args: tuple[str, ...] = ()
 
+
+@frozen
+class TestContext:
+    """Folders, programs and options shared by all tests of a run.
+
+    `modules` are the available pytest plugins.
+    """
+
+    __test__ = False
+
+    root: Path
+    layout: Layout
+    python: Path
+    ctest: Path | None = None
+    modules: frozenset[str] = frozenset()
+    options: TestOptions = TestOptions()
+
     def source(self, package: Package) -> Path:
         """Return the absolute folder of a package."""
         return self.root / package.path
 
-    def of(self, package: Package) -> Bench:
-        """Return the bench with what the package's own settings add to the options of all."""
+    def of(self, package: Package) -> TestContext:
+        """Return the context with the package's own options added."""
         if not package.settings:
             return self
-        return replace(
-            self,
-            framework=self.framework or next(iter(package.words("python-testing")), None),
-            ctest_args=(*self.ctest_args, *package.words("ctest-args")),
-            pytest_args=(*self.pytest_args, *package.words("pytest-args")),
-            unittest_args=(*self.unittest_args, *package.words("unittest-args")),
+        options = self.options
+        own = replace(
+            options,
+            framework=options.framework or next(iter(package.words("python-testing")), None),
+            ctest_args=(*options.ctest_args, *package.words("ctest-args")),
+            pytest_args=(*options.pytest_args, *package.words("pytest-args")),
+            unittest_args=(*options.unittest_args, *package.words("unittest-args")),
         )
+        return replace(self, options=own)
 
     def results_of(self, name: str) -> Path:
-        """Return the folder that the results of a package go to."""
-        return (self.results or self.layout.build) / name
+        """Return the folder for results of a package."""
+        return (self.options.results or self.layout.build) / name
 
 
 @frozen
 class Look:
-    """What a package and its build folder say about its tests.
+    """Properties of a package's tests.
 
-    `configuration` is what CMake built, '' when there is no CTest test; `wants` are the Python
-    distributions that its tests are said to need, names normalised.
+    `configuration` is the configuration that CMake built, '' without CTest tests; `wants` are the normalized
+    names of required Python distributions.
     """
 
     configuration: str = ""
@@ -82,91 +98,98 @@ class Look:
 
 @frozen
 class TestRecipe:
-    """The steps, the files written before the first, and what of earlier runs is removed before."""
+    """Steps, files to write before, and old results to remove before."""
 
-    __test__ = False  # pytest collects what is called Test
+    __test__ = False  # pytest collects classes with this prefix
 
     steps: tuple[Step, ...] = ()
     files: tuple[tuple[Path, str], ...] = ()
     clean: tuple[Path, ...] = ()
 
 
-def ctest_recipe(package: Package, bench: Bench, look: Look) -> TestRecipe:
-    """Return the run of CTest, with colcon's options; nothing when there are no tests."""
+def ctest_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
+    """Return the CTest run with colcon's options; no steps without tests."""
     if not look.configuration:
         return TestRecipe()
-    build = bench.layout.build_dir(package.name)
-    named = any(word in {"-C", "--build-config"} for word in bench.ctest_args)
+    build = context.layout.build_dir(package.name)
+    named = any(word in {"-C", "--build-config"} for word in context.options.ctest_args)
     argv = (
-        str(bench.ctest),
+        str(context.ctest),
         *(() if named else ("-C", look.configuration)),
         *("-D", "ExperimentalTest", "--no-compress-output", "-V", "--force-new-ctest-process"),
-        *bench.ctest_args,
-        *(("--repeat-until-fail", str(bench.until_fail + 1)) if bench.until_fail else ()),
+        *context.options.ctest_args,
+        *(("--repeat-until-fail", str(context.options.until_fail + 1)) if context.options.until_fail else ()),
     )
     step = Step("ctest", argv, build, meanings=_OF_CTEST)
     again = replace(step, argv=(*argv, "--rerun-failed"), after=FAILURE)
-    # Another name for each run; where all tests run, the results of tests that are gone go too.
+    # Each run gets a new name; a full run also removes results of deleted tests.
     stale = [build / "Testing" / "TAG"]
-    if not bench.ctest_args:
+    if not context.options.ctest_args:
         stale += [build / "Testing" / "[0-9]*-[0-9]*", build / "test_results" / package.name / "*.xml"]
-    return TestRecipe((step, *(again,) * bench.until_pass), clean=tuple(stale))
+    return TestRecipe((step, *(again,) * context.options.until_pass), clean=tuple(stale))
 
 
-def python_recipe(package: Package, bench: Bench, look: Look) -> TestRecipe:
-    """Return the run of pytest if the package asks for it, else of unittest."""
-    name = framework(package, bench, look)
-    return (pytest_recipe if name == "pytest" else unittest_recipe)(package, bench, look)
+def python_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
+    """Return the pytest run if the package requires pytest, else the unittest run."""
+    name = framework(package, context, look)
+    return (pytest_recipe if name == "pytest" else unittest_recipe)(package, context, look)
 
 
-def framework(package: Package, bench: Bench, look: Look) -> str:
-    """Return 'pytest' or 'unittest': the option's, else what the package's metadata or manifest asks for."""
-    if bench.framework:
-        return "pytest" if bench.framework == "pytest" else "unittest"
+def framework(package: Package, context: TestContext, look: Look) -> str:
+    """Return 'pytest' or 'unittest': the option, else according to the package's metadata and manifest."""
+    if context.options.framework:
+        return "pytest" if context.options.framework == "pytest" else "unittest"
     declared = {dependency.name for dependency in package.manifest.dependencies}
     return "pytest" if "pytest" in look.wants or "python3-pytest" in declared else "unittest"
 
 
-def pytest_recipe(package: Package, bench: Bench, look: Look) -> TestRecipe:
-    """Return the run of pytest; where a plugin that repeats is missing, the whole run is repeated."""
-    build = bench.layout.build_dir(package.name)
-    junit = bench.results_of(package.name) / "pytest.xml"
-    covered = (bench.coverage or "pytest-cov" in look.wants) and "pytest_cov" in bench.modules
-    repeats = bench.until_fail and "pytest_repeat" in bench.modules
-    reruns = bench.until_pass and "pytest_rerunfailures" in bench.modules
+def pytest_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
+    """Return the pytest run; without plugins for repetition the whole run is repeated."""
+    build = context.layout.build_dir(package.name)
+    junit = context.results_of(package.name) / "pytest.xml"
+    covered = (context.options.coverage or "pytest-cov" in look.wants) and "pytest_cov" in context.modules
+    repeats = context.options.until_fail and "pytest_repeat" in context.modules
+    reruns = context.options.until_pass and "pytest_rerunfailures" in context.modules
     argv = (
-        *(str(bench.python), "-m", "pytest", "--tb=short"),
+        *(str(context.python), "-m", "pytest", "--tb=short"),
         f"--junit-xml={junit}",
         f"--junit-prefix={package.name}",
         *("-o", f"cache_dir={build / '.pytest_cache'}"),
-        *(_coverage(bench.source(package), build) if covered else ()),
-        *((f"--count={bench.until_fail + 1}",) if repeats else ()),
-        *((f"--reruns={bench.until_pass}",) if reruns else ()),
-        *bench.pytest_args,
+        *(_coverage(context.source(package), build) if covered else ()),
+        *((f"--count={context.options.until_fail + 1}",) if repeats else ()),
+        *((f"--reruns={context.options.until_pass}",) if reruns else ()),
+        *context.options.pytest_args,
     )
     env = (("COVERAGE_FILE", str(build / ".coverage")),) if covered else ()
-    step = Step("pytest", argv, bench.source(package), env, meanings=_OF_PYTHON)
-    further = 0 if repeats or reruns else bench.until_fail or bench.until_pass
+    step = Step("pytest", argv, context.source(package), env, meanings=_OF_PYTHON)
+    further = 0 if repeats or reruns else context.options.until_fail or context.options.until_pass
     return TestRecipe(
-        (step, *(_again(step, bench),) * further), ((junit, missing_result(package, "pytest")),)
+        (step, *(_again(step, context),) * further), ((junit, missing_result(package, "pytest")),)
     )
 
 
-def unittest_recipe(package: Package, bench: Bench, _: Look) -> TestRecipe:
-    """Return the run of unittest through our own program, which writes a JUnit file."""
-    junit = bench.results_of(package.name) / "unittest.xml"
-    argv = (str(bench.python), str(UNITTESTS), str(junit), package.name, "-v", *bench.unittest_args)
-    step = Step("unittest", argv, bench.source(package), meanings=_OF_PYTHON)
-    further = (_again(step, bench),) * (bench.until_fail or bench.until_pass)
+def unittest_recipe(package: Package, context: TestContext, _: Look) -> TestRecipe:
+    """Return the unittest run through forge's runner, which writes a JUnit file."""
+    junit = context.results_of(package.name) / "unittest.xml"
+    argv = (
+        str(context.python),
+        str(UNITTESTS),
+        str(junit),
+        package.name,
+        "-v",
+        *context.options.unittest_args,
+    )
+    step = Step("unittest", argv, context.source(package), meanings=_OF_PYTHON)
+    further = (_again(step, context),) * (context.options.until_fail or context.options.until_pass)
     return TestRecipe((step, *further), ((junit, missing_result(package, "unittest")),))
 
 
 def missing_result(package: Package, program: str) -> str:
-    """Return the result that stands until there is one: a run that dies must not look like none."""
+    """Return a placeholder result, so that a crashed run is reported."""
     return render("testing/missing_result.xml.j2", package=package.name, program=program)
 
 
-TEST_RECIPES: Mapping[str, Callable[[Package, Bench, Look], TestRecipe]] = {
+TEST_RECIPES: Mapping[str, Callable[[Package, TestContext, Look], TestRecipe]] = {
     "ament_cmake": ctest_recipe,
     "cmake": ctest_recipe,
     "ament_python": python_recipe,
@@ -174,8 +197,8 @@ TEST_RECIPES: Mapping[str, Callable[[Package, Bench, Look], TestRecipe]] = {
 }
 
 
-def _again(step: Step, bench: Bench) -> Step:
-    return replace(step, after=SUCCESS if bench.until_fail else FAILURE)
+def _again(step: Step, context: TestContext) -> Step:
+    return replace(step, after=SUCCESS if context.options.until_fail else FAILURE)
 
 
 def _coverage(source: Path, build: Path) -> tuple[str, ...]:

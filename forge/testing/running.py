@@ -1,4 +1,4 @@
-"""The environment of tests, and what is left beside them: colcon's note, copies of results, failures."""
+"""The environment of tests, and their results: colcon's marker file, copies of result files, failures."""
 
 from __future__ import annotations
 
@@ -7,59 +7,62 @@ import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.files import replace_file
-from forge.folders import clear
-from forge.frozen import frozen
-from forge.model import TEST_FAILURES, Aborted, Finished, Parts, Record
-from forge.runner import Frame, ProcessRunner
-from forge.sourcing import build_environment
-from forge.started import VARIABLE, StartedProcesses
-from forge.steps import environment_file, step_line
+from forge.base.files import replace_file
+from forge.base.frozen import frozen
+from forge.build.events import Aborted, Finished
+from forge.build.installed_lists import clean_paths
+from forge.build.model import BuildInputs, BuildRecord
+from forge.build.shell_command import environment_file, step_line
+from forge.build.tasks import TEST_FAILURES
+from forge.environment.sourcing import build_environment
+from forge.execution.runner import ProcessRunner, TaskLifecycle
+from forge.execution.started import VARIABLE, StartedProcesses
 from forge.testing.collecting import collect
-from forge.testing.outcomes import twin_of
+from forge.testing.outcomes import find_twin
 from forge.testing.showing import Failure, first_lines, last_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from forge.budget import Budget
-    from forge.model import Event, Step, Task
+    from forge.build.events import Event
+    from forge.build.tasks import Step, Task
+    from forge.execution.job_pool import JobPool
     from forge.testing.outcomes import Case, Outcome
-    from forge.testing.recipes import Bench
+    from forge.testing.recipes import TestContext
 
 RESULT = "colcon_test.rc"
 
 
 @frozen
-class TestJobs:
-    """What the tests of one run share; `needs` is what each package sees, itself included, lowest first."""
+class TestSetup:
+    """The setup of a test run; `needs` are the packages in each package's environment, lowest first."""
 
-    __test__ = False  # pytest collects what is called Test
+    __test__ = False  # pytest collects classes with this prefix
 
-    bench: Bench
+    context: TestContext
     needs: Mapping[str, Sequence[str]]
     variables: Mapping[str, str]
 
-    def runner(self, budget: Budget) -> ProcessRunner:
-        """Return what runs the tests."""
-        frame = Frame(self._environment, lambda task, _: clear(task), self._finish)
-        return ProcessRunner(frame, budget, StartedProcesses(self.bench.layout.build))
+    def runner(self, budget: JobPool) -> ProcessRunner:
+        """Return the runner of the tests."""
+        frame = TaskLifecycle(self._environment, lambda task, _: clean_paths(task), self._finish)
+        return ProcessRunner(frame, budget, StartedProcesses(self.context.layout.build))
 
     def _environment(self, task: Task) -> Mapping[str, str]:
-        layout = self.bench.layout
+        layout = self.context.layout
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
         found = build_environment(below, self.variables)
-        # Tests run in the source folder, where nobody wants __pycache__.
+        # Do not create __pycache__ in the source folder.
         return {"PYTHONDONTWRITEBYTECODE": "1", **found, VARIABLE: str(layout.build)}
 
-    def _finish(self, task: Task) -> Record:
-        if self.bench.results is not None:
-            _copy_last_run(task, self.bench)
-        return Record(Parts())
+    def _finish(self, task: Task) -> BuildRecord:
+        if self.context.options.results is not None:
+            _copy_last_run(task, self.context)
+        return BuildRecord(BuildInputs())
 
 
 def note_result(event: Event, task: Task, failed_tests: frozenset[str]) -> None:
-    """Leave colcon's note of how the tests of a package ended, which its selection options read."""
+    """Write colcon's marker file with the result of a package, which selection options read."""
     match event:
         case Finished(name, code):
             result = TEST_FAILURES if not code and name in failed_tests else str(code)
@@ -71,29 +74,29 @@ def note_result(event: Event, task: Task, failed_tests: frozenset[str]) -> None:
         replace_file(task.build_dir / RESULT, f"{result}\n".encode())
 
 
-def failures_of(task: Task, bench: Bench) -> Iterator[Failure]:
-    """Yield the tests of a package that failed in the run that has just ended."""
-    found = collect(bench.results_of(task.name)).outcomes
+def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
+    """Yield the failed tests of a package in its last run."""
+    found = collect(context.results_of(task.name)).outcomes
     step = task.steps[-1]
     if step.label == "ctest":
-        junits = found if bench.results is None else (*found, *collect(task.build_dir).outcomes)
+        junits = found if context.options.results is None else (*found, *collect(task.build_dir).outcomes)
         for case in (case for outcome in found if outcome.by_name for case in outcome.cases):
             yield _ctest_failure(case, task, junits)
         return
-    own = bench.results_of(task.name) / f"{step.label}.xml"
+    own = context.results_of(task.name) / f"{step.label}.xml"
     exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
     for case in (case for outcome in found if outcome.path == str(own) for case in outcome.cases):
         selector = _selector(case, task.name, step.label, exists)
-        # Without a result there is no case to repeat, but a run.
+        # Without a result, repeat the whole run.
         repeat = step if case.name.endswith(".missing_result") else _again(step, selector)
         label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
         yield Failure(task.name, label, first_lines([case]), step_line(repeat, environment_file(task)))
 
 
 def _ctest_failure(case: Case, task: Task, junits: Sequence[Outcome]) -> Failure:
-    """Return a failure of CTest; the JUnit file of the test, if there is one, says more than its output."""
+    """Return a CTest failure; the JUnit file of the test is preferred to its output."""
     twin = next(
-        (found for home in {j.home for j in junits} if (found := twin_of(case.name, home, junits))), None
+        (found for home in {j.home for j in junits} if (found := find_twin(case.name, home, junits))), None
     )
     lines = first_lines(twin.cases) if twin and twin.cases else last_lines(case.text)
     step = task.steps[0]
@@ -104,12 +107,12 @@ def _ctest_failure(case: Case, task: Task, junits: Sequence[Outcome]) -> Failure
 
 
 def _again(step: Step, selector: tuple[str, ...]) -> Step:
-    """Return a step that runs one test by the framework's own command."""
+    """Return a step that runs one test with the framework's own command."""
     return replace(step, argv=(step.argv[0], "-m", step.label, *selector), env=())
 
 
 def _selector(case: Case, package: str, label: str, exists: Callable[[str], bool]) -> tuple[str, ...]:
-    """Return the words that make the framework run one case alone."""
+    """Return the arguments to run a single case."""
     parts = case.suite.split(".")
     if label == "unittest":
         whole = not case.suite or " " in case.name or "_FailedTest" in case.suite
@@ -123,15 +126,15 @@ def _selector(case: Case, package: str, label: str, exists: Callable[[str], bool
     return ("-k", case.name.partition("[")[0])
 
 
-def _copy_last_run(task: Task, bench: Bench) -> None:
-    """Copy the files of CTest's last run to the folder for results."""
+def _copy_last_run(task: Task, context: TestContext) -> None:
+    """Copy the files of the last CTest run to the folder for results."""
     tag = task.build_dir / "Testing" / "TAG"
     if not tag.is_file():
         return
     lines = tag.read_text(encoding="utf-8").splitlines()
     result = tag.parent / lines[0] / "Test.xml" if lines else tag
     if lines and result.is_file():
-        target = bench.results_of(task.name) / "Testing"
+        target = context.results_of(task.name) / "Testing"
         (target / lines[0]).mkdir(parents=True, exist_ok=True)
         shutil.copy2(tag, target / "TAG")
         shutil.copy2(result, target / lines[0] / "Test.xml")

@@ -1,11 +1,11 @@
-"""Results and failures as text: colcon's lines to the letter, and a table of what failed; pure."""
+"""Formats results and failures: colcon's lines, and a table of failed tests."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -18,7 +18,7 @@ _SHOWN_FAILURES = 50
 
 @frozen
 class Failure:
-    """A test that failed: in which package, which, what it says, and the line that repeats it."""
+    """A failed test: its package, name, message, and a command that repeats it."""
 
     package: str
     test: str
@@ -27,12 +27,12 @@ class Failure:
 
 
 def result_line(outcome: Outcome) -> str:
-    """Return colcon's line about a result file."""
+    """Return colcon's line for a result file."""
     return f"{outcome.path}: {outcome.counts}"
 
 
 def details(case: Case) -> list[str]:
-    """Return colcon's lines about a case, the first with a dash."""
+    """Return colcon's lines for a case; the first one starts with a dash."""
     place = f"({case.file}{f':{case.line}' if case.line else ''})" if case.file else ""
     lines = [" ".join(filter(None, (case.suite, case.name, place)))]
     for label, texts in (
@@ -49,24 +49,24 @@ def details(case: Case) -> list[str]:
 
 
 def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
-    """Return what the cases say first, each told apart when there are several."""
+    """Return the first lines of the cases, labeled if there are several."""
     lines: list[str] = []
     for case in cases:
-        said = _said(case)
+        message_lines = _message(case)
         if len(cases) > 1:
             lines.append(f"{case.name}:")
-            said = [f"  {line}" for line in said]
-        lines += said
+            message_lines = [f"  {line}" for line in message_lines]
+        lines += message_lines
     return tuple(lines[: 2 * _SHOWN_LINES])
 
 
 def last_lines(text: str) -> tuple[str, ...]:
-    """Return the last words of a program that left nothing but its output."""
+    """Return the last lines of a program's output."""
     return tuple(_filled(text)[-_SHOWN_LINES:])
 
 
 def table(failures: Sequence[Failure]) -> Iterator[str]:
-    """Yield the lines that tell of every failure, and how to see it again."""
+    """Yield a description of each failure with a command to repeat it."""
     if not failures:
         return
     yield f"{len(failures)} failed test{'' if len(failures) == 1 else 's'}:"
@@ -80,7 +80,7 @@ def table(failures: Sequence[Failure]) -> Iterator[str]:
 
 
 def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
-    """Return the outcomes as JSON has them."""
+    """Return the results for JSON."""
     return [
         {
             "path": outcome.path,
@@ -102,12 +102,12 @@ def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
 
 
 def counts_as_json(counts: Counts) -> dict[str, object]:
-    """Return the counts alone."""
+    """Return the counts for JSON."""
     return asdict(counts)
 
 
-def _said(case: Case) -> list[str]:
-    """Return the first lines of the message, else of the long story."""
+def _message(case: Case) -> list[str]:
+    """Return the first lines of the message, else of the complete text."""
     for text in (*case.errors, *case.failures, case.text):
         lines = _filled(text)
         if lines:

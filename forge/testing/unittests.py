@@ -1,8 +1,8 @@
-"""Run unittest and leave a JUnit file: `python unittests.py JUNIT_FILE PACKAGE [ARGUMENT ...]`.
+"""Run unittest and write a JUnit file: `python unittests.py JUNIT_FILE PACKAGE [ARGUMENT ...]`.
 
-The arguments are those of `python -m unittest`; without names it looks for tests in the working folder.
-Exits with 0, 1 when a test failed, or 5 when there was none. It is run by path in the workspace's
-interpreter, so it needs the standard library only.
+The arguments are those of `python -m unittest`; without names it discovers tests in the working directory.
+Exits with 0, 1 if a test failed, or 5 if there was none. The workspace's interpreter runs it by path, so it
+uses only the standard library.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import sys
 
 if __name__ == "__main__":
-    # As for `python -m`: modules come from the working folder, not from beside this file.
+    # Like `python -m`, import modules from the working directory instead of this folder.
     _HERE = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120  (pathlib comes below)
     sys.path[:] = [os.getcwd(), *(path for path in sys.path if path != _HERE)]  # noqa: PTH109
 
@@ -29,62 +29,62 @@ if TYPE_CHECKING:
     Fault = tuple[type[BaseException], BaseException, TracebackType] | tuple[None, None, None]
 
 FAILED, NONE_FOUND = 1, 5
-# Everything that XML 1.0 has no place for.
+# Characters that XML 1.0 does not allow.
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class Result(unittest.TextTestResult):
-    """unittest's own result, with a note of each test."""
+    """unittest's result class with a record of each test."""
 
     notes: list[Note]
 
     def startTestRun(self) -> None:  # noqa: N802  (unittest's name)
-        """Begin without notes."""
+        """Start without records."""
         super().startTestRun()
         self.notes = []
 
     def startTest(self, test: unittest.TestCase) -> None:  # noqa: N802
-        """Begin the note of a test."""
+        """Start the record of a test."""
         super().startTest(test)
         self.notes.append(Note(test.id()))
 
     def stopTest(self, test: unittest.TestCase) -> None:  # noqa: N802
-        """Note how long the test took."""
+        """Record the duration."""
         super().stopTest(test)
         self.notes[-1].stop()
 
     def addError(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
-        """Note an error, also of what is no test: the set-up of a class or a module."""
+        """Record an error, also of the set-up of a class or module."""
         super().addError(test, err)
         self._note(test).add("error", self._message(err), self.errors[-1][1])
 
     def addFailure(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
-        """Note a failure."""
+        """Record a failure."""
         super().addFailure(test, err)
         self._note(test).add("failure", self._message(err), self.failures[-1][1])
 
     def addSkip(self, test: unittest.TestCase, reason: str) -> None:  # noqa: N802
-        """Note that a test is not run here."""
+        """Record a skipped test."""
         super().addSkip(test, reason)
         self._note(test).add("skipped", reason, "")
 
     def addSubTest(  # noqa: N802
         self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None
     ) -> None:
-        """Note a part of a test that failed."""
+        """Record a failed subtest."""
         super().addSubTest(test, subtest, err)
         if err is not None:
             failed = err[0] is not None and issubclass(err[0], test.failureException)
             text = (self.failures if failed else self.errors)[-1][1]
-            # The part's own words tell which of them it is.
+            # The description of the subtest identifies it.
             part = str(subtest).removeprefix(str(test)).strip()
             message = f"{part} {self._message(err)}"
             self._note(test).add("failure" if failed else "error", message, text)
 
     def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:  # noqa: N802
-        """Note that a test succeeds which was said to fail."""
+        """Record an unexpected success."""
         super().addUnexpectedSuccess(test)
-        self._note(test).add("failure", "it succeeds though it is marked as expected to fail", "")
+        self._note(test).add("failure", "unexpected success of a test marked as expected failure", "")
 
     def _note(self, test: unittest.TestCase) -> Note:
         if not self.notes or self.notes[-1].name != test.id():
@@ -98,33 +98,33 @@ class Result(unittest.TextTestResult):
 
 
 class Runner(unittest.TextTestRunner):
-    """unittest's own runner with our result; the options of the command line go to it."""
+    """unittest's runner with our result class."""
 
-    resultclass = Result  # type: ignore[assignment]  # (typeshed wants a function that makes one)
+    resultclass = Result  # type: ignore[assignment]  # (typeshed expects a factory function)
 
 
 class Note:
-    """What is told of one test."""
+    """The record of one test."""
 
     def __init__(self, name: str) -> None:
-        """Begin to measure; nothing is told yet."""
+        """Start measuring."""
         self.name = name
-        self.told: list[tuple[str, str, str]] = []
+        self.events: list[tuple[str, str, str]] = []
         self.seconds = 0.0
         self._begun = time.monotonic()
 
     def stop(self) -> None:
-        """End the measuring."""
+        """Stop measuring."""
         self.seconds = time.monotonic() - self._begun
 
     def add(self, kind: str, message: str, text: str) -> None:
-        """Tell of an error, a failure or a skipped test."""
-        self.told.append((kind, message, text))
+        """Record an error, a failure or a skip."""
+        self.events.append((kind, message, text))
 
     @property
     def kind(self) -> str:
-        """The worst that is told."""
-        kinds = {kind for kind, _, _ in self.told}
+        """The most severe event."""
+        kinds = {kind for kind, _, _ in self.events}
         return next((kind for kind in ("error", "failure", "skipped") if kind in kinds), "")
 
 
@@ -153,14 +153,14 @@ def _junit(package: str, notes: Sequence[Note]) -> Iterator[str]:
         f'time="{sum(note.seconds for note in notes):.3f}">'
     )
     for note in notes:
-        # 'setUpClass (module.Class)' is no test, and its name has no parts.
+        # 'setUpClass (module.Class)' is not a test name.
         suite, _, name = (package, "", note.name) if " " in note.name else note.name.rpartition(".")
         opening = f'  <testcase classname={_quoted(suite)} name={_quoted(name)} time="{note.seconds:.3f}"'
-        if not note.told:
+        if not note.events:
             yield f"{opening}/>"
             continue
         yield f"{opening}>"
-        for kind, message, text in note.told:
+        for kind, message, text in note.events:
             yield f"    <{kind} message={_quoted(message)}>{escape(_UNPRINTABLE.sub('', text))}</{kind}>"
         yield "  </testcase>"
     yield "</testsuite>"

@@ -1,6 +1,6 @@
 "use strict";
-// A picture of a workspace that can be walked through. `packages[n]` tells of the node with data-number n:
-// `needs` are the numbers of what it needs, `lines` those of them to which a line is drawn.
+// The interactive dependency graph. `packages[n]` describes the node with data-number n: `needs` are the numbers of
+// its dependencies, `lines` those of them with an edge.
 
 const packages = JSON.parse(document.getElementById("packages").textContent);
 const $ = (id) => document.getElementById(id);
@@ -13,7 +13,7 @@ const layers = Math.max(...nodes.map((node) => Number(node.dataset.layer) + 1));
 const left = (number) => packages[number].lines;
 const right = (number) => users[number];
 
-// --- where we look from
+// --- the viewport
 
 const view = { x: 0, y: 0, scale: 1, all: true };
 const size = { width: Number(svg.dataset.width), height: Number(svg.dataset.height) };
@@ -23,7 +23,7 @@ function look(x, y, scale, all = false) {
   world.setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
 }
 
-// The size of the picture that the card leaves free: it is at the right, on a small screen at the bottom.
+// The size of the area not covered by the card, which is at the right, or at the bottom of small screens.
 function room() {
   const { width, height } = svg.getBoundingClientRect();
   if ($("card").hidden) return { width, height };
@@ -44,8 +44,8 @@ function zoom(factor, x, y) {
   look(x - ((x - view.x) * scale) / view.scale, y - ((y - view.y) * scale) / view.scale, scale);
 }
 
-// Move as little as it takes to see a node well, not behind the card; who looked at all of it comes closer, as
-// far as what the node has lines to can be seen too.
+// Move as little as possible to show a node outside of the card. From the overview, also zoom in as far as the
+// neighbours of the node remain visible.
 function bringIntoView(number) {
   const { width, height } = room();
   const box = boxOf([number]), around = boxOf([number, ...left(number), ...right(number)]);
@@ -64,7 +64,7 @@ function bringIntoView(number) {
   if (!inside || scale !== view.scale) lookAt(box, scale);
 }
 
-// The part of the picture that these nodes and a margin take.
+// The bounding box of these nodes, with a margin.
 function boxOf(numbers) {
   const boxes = numbers.map((number) => nodes[number].getBBox());
   const x = Math.min(...boxes.map((box) => box.x)) - 16, y = Math.min(...boxes.map((box) => box.y)) - 16;
@@ -78,11 +78,11 @@ function lookAt(box, scale) {
   look(width / 2 - (box.x + box.width / 2) * scale, height / 2 - (box.y + box.height / 2) * scale, scale);
 }
 
-// --- which package is looked at
+// --- the selected package
 
 let chosen = null;
 
-// All that can be reached from a node, itself left out.
+// All nodes reachable from a node, without the node itself.
 function reach(number, following) {
   const found = new Set(), waiting = [...following(number)];
   while (waiting.length) {
@@ -134,13 +134,13 @@ function tell(number, below, above) {
   $("what").textContent = [item.type, item.version].filter(Boolean).join(" · ");
   $("about").textContent = item.description;
   $("path").textContent = item.path;
-  $("time").textContent = item.time ?? "not known";
+  $("time").textContent = item.time ?? "unknown";
   $("layer").textContent = `${Number(nodes[number].dataset.layer) + 1} of ${layers}`;
   $("command").textContent = `forge build --packages-up-to ${item.name}`;
   const direct = new Set(item.needs);
   const directly = new Set([...packages.keys()].filter((other) => packages[other].needs.includes(number)));
-  $("needs-title").textContent = `Needs ${below.size} (${direct.size} directly)`;
-  $("users-title").textContent = `Needed by ${above.size} (${directly.size} directly)`;
+  $("needs-title").textContent = `Dependencies: ${below.size} (${direct.size} direct)`;
+  $("users-title").textContent = `Dependents: ${above.size} (${directly.size} direct)`;
   list($("needs"), below, direct);
   list($("users"), above, directly);
 }
@@ -171,7 +171,7 @@ function search(text) {
   if ($("search").value !== text) $("search").value = text;
   const wanted = text.trim().toLowerCase();
   const hits = wanted ? [...packages.keys()].filter((n) => packages[n].name.toLowerCase().includes(wanted)) : [];
-  // Names that begin with it come first.
+  // Names that begin with the query come first.
   hits.sort((a, b) => packages[b].name.toLowerCase().startsWith(wanted) - packages[a].name.toLowerCase().startsWith(wanted));
   const found = new Set(hits);
   svg.classList.toggle("searching", wanted !== "");
@@ -189,7 +189,7 @@ $("search").addEventListener("keydown", (event) => {
   choose(hits[0], { focus: true });
 });
 
-// --- keys: one node at a time can be reached by Tab, arrow keys go on from there
+// --- keyboard: Tab focuses one node, arrow keys move to others
 
 function makeReachable(number) {
   for (const node of svg.querySelectorAll('.node[tabindex="0"]')) node.setAttribute("tabindex", "-1");
@@ -240,7 +240,7 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// --- the mouse, or a finger
+// --- mouse and touch
 
 let hold = null;
 svg.addEventListener("pointerdown", (event) => {
@@ -270,7 +270,7 @@ $("farther").addEventListener("click", () => zoom(0.8));
 $("whole").addEventListener("click", lookAtAll);
 $("close").addEventListener("click", () => choose(null));
 
-// --- begin
+// --- start
 
 function followAnchor() {
   const number = packages.findIndex((item) => `#${encodeURIComponent(item.name)}` === location.hash);

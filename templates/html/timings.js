@@ -1,6 +1,6 @@
 "use strict";
-// What moves on the page: zoom, search, one package in the light, tables that sort. `facts.packages[n]` tells of
-// the bar with data-number n; all times are seconds since the build began.
+// Zoom, search, selection and sortable tables. `facts.packages[n]` describes the bar with data-number n; all times
+// are seconds since the start of the build.
 
 const facts = JSON.parse(document.getElementById("facts").textContent);
 const packages = facts.packages;
@@ -16,7 +16,7 @@ const spoken = (seconds) => {
   return rest ? `${minutes}min ${rest}s` : `${minutes}min`;
 };
 
-// --- zoom: the sheet becomes wider, all that is on it is placed in percent
+// --- zoom: changes the width of the sheet; positions on it are percentages
 
 let zoom = 1;
 
@@ -56,7 +56,7 @@ scroll.addEventListener("wheel", (event) => {
 }, { passive: false });
 window.addEventListener("resize", drawAxis);
 
-// --- what is under the mouse
+// --- the mouse position
 
 const rest = $("reading").textContent;
 
@@ -99,7 +99,7 @@ function read(number) {
   $("reading").textContent = sentence(number);
 }
 
-// --- one package in the light
+// --- the selected package
 
 let chosen = null;
 
@@ -116,17 +116,17 @@ function choose(number) {
   $("card").hidden = number === null;
   if (number === null) return;
   tell(item, needs, needed);
-  // Not in front of what was asked about.
+  // Keep the card from covering the selected bar.
   const bar = bars[number].getBoundingClientRect();
   $("card").classList.toggle("high", bar.top > window.innerHeight / 2);
 }
 
 function tell(item, needs, needed) {
-  const words = { finished: "took", taken: "came from the cache in", failed: "failed after", aborted: "was stopped after" };
+  const words = { finished: "took", taken: "restored from the cache in", failed: "failed after", aborted: "was stopped after" };
   $("name").textContent = item.name;
-  const last = item.last ? `, last time ${item.last}` : "";
-  const waited = item.waited ? `, having waited ${item.waited} for a job` : "";
-  $("what").textContent = `${words[item.outcome]} ${item.took}${last}; began at ${spoken(item.begun)}${waited}`;
+  const last = item.last ? `, previously ${item.last}` : "";
+  const waited = item.waited ? `, waited ${item.waited} for a job` : "";
+  $("what").textContent = `${words[item.outcome]} ${item.took}${last}; started at ${spoken(item.begun)}${waited}`;
   $("reason").textContent = `Built because: ${item.reason}`;
   $("steps").replaceChildren(...item.steps.map((step) => line(step.label, step.code ? `${step.took}, exit code ${step.code}` : step.took)));
   list($("needs"), needs);
@@ -160,7 +160,7 @@ function goTo(number) {
   reachable(number);
   bar.focus({ preventScroll: true });
   bars[number].scrollIntoView({ block: "center", inline: "nearest" });
-  // The names cover the left of the sheet: a bar below them is not seen.
+  // The names cover the left of the sheet and hide bars below them.
   const room = scroll.getBoundingClientRect(), box = bar.getBoundingClientRect();
   const names = bars[number].querySelector(".name").offsetWidth;
   if (box.right < room.left + names || box.left > room.right) scroll.scrollLeft += box.left - room.left - names - 40;
@@ -201,7 +201,7 @@ function show() {
 $("search").addEventListener("input", show);
 $("only").addEventListener("change", show);
 
-// --- keys: Tab reaches one bar, arrow keys the others
+// --- keyboard: Tab focuses one bar, arrow keys move to the others
 
 let current = 0;
 
@@ -245,7 +245,7 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// --- the table sorts by the column that is clicked, and the other way round at the second time
+// --- tables: click a column to sort by it, click again to reverse the order
 
 const heads = [...$("packages-table").tHead.rows[0].cells];
 heads.forEach((head, column) => head.querySelector("button").addEventListener("click", () => {
@@ -258,7 +258,7 @@ heads.forEach((head, column) => head.querySelector("button").addEventListener("c
   body.append(...[...body.rows].sort((a, b) => (down ? -1 : 1) * order(a, b)));
 }));
 
-// --- begin
+// --- start
 
 bars.forEach((row) => row.querySelector(".bar").setAttribute("tabindex", "-1"));
 reachable(0);

@@ -12,7 +12,7 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from forge.interfaces import cpp
 from forge.interfaces.showing import parse_type_name
 from forge.interfaces.sources import EMBEDDED

@@ -10,7 +10,7 @@ import subprocess
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from forge.interfaces import cpp
 from forge.interfaces.headers import main_path
 from forge.interfaces.sources import EMBEDDED

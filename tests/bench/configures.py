@@ -12,7 +12,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.toolchain import Toolchain
+from forge.toolchain.compiler_probe import Toolchain
 from tests.bench.commands import forge
 from tests.bench.sitting import run
 from tests.bench.timing import Variant
@@ -76,7 +76,7 @@ def _variant(folder: Path, name: str, package: str, language: str) -> Variant:
     copy = ""
     if language != "NONE":
         copy = f" && cp -r {shlex.quote(str(_known_compilers(folder, command[1])))}/. ."
-    surroundings = shlex.quote(str(build / "handover" / "environment.sh"))
+    surroundings = shlex.quote(str(build / ".forge" / "environment.sh"))
     return Variant(
         name,
         ("sh", "-c", f". {surroundings} && exec {command[1]}"),

@@ -88,11 +88,11 @@ class Cost:
     requests: int = 0
     down: int = 0
 
-    def add(self, parcel: Parcel, *, fetched: bool, times: int = 1) -> None:
+    def add(self, bundle: Parcel, *, fetched: bool, times: int = 1) -> None:
         """Add a package, or take it away with `times` -1; without `fetched` its bytes are here already."""
         self.found += times
-        self.requests += times * (3 + parcel.blobs * fetched)
-        self.down += times * (2 * _REMARK + parcel.index + parcel.contents * fetched)
+        self.requests += times * (3 + bundle.blobs * fetched)
+        self.down += times * (2 * _REMARK + bundle.index + bundle.contents * fetched)
 
 
 @dataclass(slots=True)
@@ -139,14 +139,14 @@ class World:
         self.based = [0] * fleet.developers
         self.runner_at = [0] * fleet.runners
         self.jobs = 0
-        sizes = [parcel.index + parcel.contents for parcel in town.parcels]
+        sizes = [bundle.index + bundle.contents for bundle in town.parcels]
         kept = bisect_right([*accumulate(reversed(sizes))], fleet.runner_bytes)
         self.forgotten = len(sizes) - kept
         """How many packages, the first ones of the order, a CI machine has no room for."""
         self.lost = Cost()
         """What looking up and fetching all of these costs."""
-        for parcel in town.parcels[: self.forgotten]:
-            self.lost.add(parcel, fetched=True)
+        for bundle in town.parcels[: self.forgotten]:
+            self.lost.add(bundle, fetched=True)
 
     def live(self) -> None:
         """Let the days pass."""
@@ -211,13 +211,13 @@ class World:
         for each in changed:
             if each not in absent:
                 cost.add(self.town.parcels[each], fetched=self.different.get(each, 0) > based)
-        self.visit("pull", begun, cost, absent.intersection(changed))
+        self.attempt("pull", begun, cost, absent.intersection(changed))
 
     def edit(self, begun: float, who: int) -> None:
         """Build what an edit changed of the own area; nobody has built that before."""
         package = self.edited(who)
         built = self.affected(package).intersection(self.town.area_of(package))
-        self.visit("edit", begun, Cost(), built)
+        self.attempt("edit", begun, Cost(), built)
 
     def push(self, begun: float, who: int, *, merged: bool) -> None:
         """Let CI build a change on the state that its branch began from, or on main, where it then is."""
@@ -229,7 +229,7 @@ class World:
         cost, missing = self.job(
             len(self.commits) if merged else based, affected, self.absent(begun) | new, new
         )
-        seconds = self.visit(kind, begun, cost, missing)
+        seconds = self.attempt(kind, begun, cost, missing)
         work = [self.town.parcels[each].seconds for each in new]
         ended = begun + seconds + max(sum(work) / self.fleet.runner_cores, max(work, default=0.0))
         self.load.add(ended, *self.upload(self.tallies[kind], new, package), self.fleet)
@@ -273,7 +273,7 @@ class World:
         self.pending = {each: time for each, time in self.pending.items() if time > now}
         return frozenset(self.pending)
 
-    def visit(self, kind: str, begun: float, cost: Cost, missing: Collection[int]) -> float:
+    def attempt(self, kind: str, begun: float, cost: Cost, missing: Collection[int]) -> float:
         """Count what was found and what was not, which one request tells; return how long that takes."""
         tally = self.tallies[kind]
         requests, down = cost.requests + len(missing), cost.down + len(missing) * _REMARK
@@ -290,10 +290,10 @@ class World:
         """Send results: for each blob a question and, where it is new, the bytes; return how much."""
         requests = sent = 0
         for each in sorted(packages):
-            parcel = self.town.parcels[each]
+            bundle = self.town.parcels[each]
             new = each == changed or self.chance.random() >= self.fleet.same_bytes
-            requests += 1 + parcel.blobs + 1 + new * parcel.blobs + 2
-            sent += parcel.index + 2 * _REMARK + new * parcel.contents
+            requests += 1 + bundle.blobs + 1 + new * bundle.blobs + 2
+            sent += bundle.index + 2 * _REMARK + new * bundle.contents
         tally.requests += requests
         tally.up += sent
         self.grown += sent

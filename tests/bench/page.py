@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import jinja2
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from tests.bench import charts
 from tests.bench.figures import SUBJECT, Results, from_json
 from tests.bench.growth import growths

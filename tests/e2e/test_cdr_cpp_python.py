@@ -22,13 +22,13 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
+from forge.base.names import snake_case
 from forge.interfaces import cpp, python_package
 from forge.interfaces.cpp_text import qualified
 from forge.interfaces.headers import main_path
 from forge.interfaces.model import messages_of
 from forge.interfaces.sources import EMBEDDED, Library
-from forge.names import snake_case
 from tests import fastcdr
 from tests.generated import embedded_catalog, importable, probe_catalog
 from tests.messages import class_of, messages, plain

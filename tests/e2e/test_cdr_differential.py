@@ -19,9 +19,9 @@ from hypothesis import HealthCheck, given, settings
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
+from forge.base.names import snake_case
 from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Text, messages_of
 from forge.interfaces.sources import Library
-from forge.names import snake_case
 from tests.generated import embedded_catalog, generate_embedded, importable
 from tests.messages import messages, plain
 

@@ -164,9 +164,9 @@ def test_what_cannot_be_built_is_an_error_of_both(twins: Twins) -> None:
 
 
 MEANT = {
-    "begins to build what needs a ROS package that nobody provides": ("<depend>nav2_msgs</depend>", "cmake"),
-    "leaves out packages of a build type that it does not know, with a warning": ("", "wierd"),
-    "refuses a circle that only a `test_depend` closes": ("<test_depend>b</test_depend>", "cmake"),
+    "starts a build although a required ROS package is missing": ("<depend>nav2_msgs</depend>", "cmake"),
+    "skips packages of an unknown build type, with a warning": ("", "wierd"),
+    "rejects a cycle that only a `test_depend` closes": ("<test_depend>b</test_depend>", "cmake"),
 }
 """Lines of the page, each with a package that shows the difference."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.sourcing import sourced_environment
+from forge.environment.sourcing import sourced_environment
 from tests.e2e.test_colcon_installs import told
 from tests.e2e.test_shells import each_layout
 from tests.packages import manifest_text

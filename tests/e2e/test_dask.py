@@ -244,7 +244,7 @@ def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_p
     said, _ = process.communicate(timeout=60)
     cluster.add(f"{victim}-again")  # no blank: what is made in such a folder has more quotes
     assert process.returncode == 0, said
-    assert "was lost; 'a' begins again on" in said
+    assert "was lost; 'a' is restarted on" in said
     assert differences(look(workspace.home / "install"), workspace.clean()) == []
     assert programs_of(workspace.home / "build") == []
 
@@ -307,7 +307,7 @@ def test_a_worker_without_our_folders_that_is_killed_is_replaced_by_another(
     said, _ = process.communicate(timeout=60)
     cluster.add(f"{victim}-again")  # no blank: what is made in such a folder has more quotes
     assert process.returncode == 0, said
-    assert "was lost; 'a' begins again on" in said
+    assert "was lost; 'a' is restarted on" in said
     assert "3 packages came from the cache" in said
     assert differences(look(workspace.home / "install"), workspace.clean()) == []
 
@@ -350,9 +350,9 @@ def test_what_holds_its_path_is_built_here(elsewhere: Callable[[Mapping[str, str
     bound["src/a/CMakeLists.txt"] += 'target_compile_definitions(a PRIVATE WHERE="${CMAKE_BINARY_DIR}")\n'
     workspace = elsewhere({**bound, **plain("b", "a"), **plain("c")})
     said = workspace.build("--event-handlers", "console_direct+")
-    assert "forge: 'a' is built here: " in said
+    assert "forge: 'a' is built locally: " in said
     assert "the path of the build folder" in said
-    assert "forge: 'b' is built here: it needs 'a', which was" in said
+    assert "forge: 'b' is built locally: it needs 'a', which was" in said
     assert "1 package came from the cache" in said
     assert differences(look(workspace.home / "install"), workspace.clean()) == []
 
@@ -376,9 +376,9 @@ def test_workers_without_our_folders_need_a_cache_between(
     workspace = elsewhere(plain("a"))
     workspace.options = workspace.options[:4]
     said = workspace.build(code=2)
-    assert "error: the workers do not see the build folder\nhint: give '--remote-cache URL'" in said
+    assert "error: the workers cannot access the build folder\nhint: pass '--remote-cache URL'" in said
     said = workspace.build("--remote-cache", apart[1].url, "--symlink-install", "--force", code=2)
-    assert "can link to sources here" in said
+    assert "cannot link to sources on this machine" in said
     assert "'--force' has no effect" in said
 
 
@@ -392,7 +392,7 @@ def test_a_worker_with_other_programs_is_told_of(
     program.chmod(0o755)
     path = os.pathsep.join((str(program.parent), surroundings(workspace.home.parent)["PATH"]))
     said = workspace.build(code=2, env={"PATH": path})
-    assert said.count(f"is not asked: '{program}' is not there") == 2
+    assert said.count(f"is not used: '{program}' does not exist there") == 2
 
 
 def test_a_first_worker_is_waited_for(tmp_path: Path) -> None:
@@ -424,10 +424,10 @@ def test_a_scheduler_that_does_not_answer_is_said(tmp_path: Path) -> None:
     process = workspace.start(*workspace.options, env=hasty)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert said.startswith("error: no scheduler answers at 'tcp://127.0.0.1:9': ")
+    assert said.startswith("error: cannot connect to the scheduler at 'tcp://127.0.0.1:9': ")
     assert len(said.splitlines()) == 2, said
     said = Workspace(workspace.home, Loopback(tmp_path, address="what is this")).build(code=2, env=hasty)
-    assert said.startswith("error: no scheduler answers at 'what is this': ")
+    assert said.startswith("error: cannot connect to the scheduler at 'what is this': ")
 
 
 def test_without_dask_the_way_to_get_it_is_said(tmp_path: Path) -> None:

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.occupancy import LOCK
-from forge.started import VARIABLE
+from forge.execution.lock import LOCK
+from forge.execution.started import VARIABLE
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT
@@ -228,7 +228,7 @@ def test_who_is_told_to_ignore_a_closed_terminal_does(waiting: Path) -> None:
 
 
 REPEATS = """
-. build/b/handover/environment.sh || exit 9
+. build/b/.forge/environment.sh || exit 9
 exec 3<>"$1"
 sleep 60 >/dev/null &
 editor=$!
@@ -437,7 +437,9 @@ def test_a_folder_that_was_removed_under_us(tmp_path: Path) -> None:
         ["sh", "-c", words, "sh", *command()], env=environment(), capture_output=True, text=True, check=False
     )
     assert ran.returncode == 2
-    assert ran.stderr == "error: the folder that you are in was removed\nhint: go to one that exists: cd\n"
+    assert (
+        ran.stderr == "error: the current folder has been removed\nhint: change to an existing folder: cd\n"
+    )
 
 
 def test_a_workspace_that_is_removed_during_a_build(waiting: Path) -> None:
@@ -498,9 +500,7 @@ def test_a_second_build_waits_or_refuses_as_asked(waiting: Path) -> None:
         until(waiting / "ready")
         refused = run(waiting, "--no-wait")
         assert refused.returncode == 2
-        assert (
-            f"error: this is held by process {first.pid}, which builds in '{waiting}/build'" in refused.stderr
-        )
+        assert f"error: the build folder '{waiting}/build' is locked by process {first.pid}" in refused.stderr
         with start(waiting) as second:
             assert second.stderr is not None
             assert f"waiting for process {first.pid}" in second.stderr.readline()
@@ -546,7 +546,7 @@ def test_tests_and_builds_wait_for_each_other(waiting: Path) -> None:
         ran = subprocess.run(
             argv, cwd=waiting, env=environment(), capture_output=True, text=True, check=False
         )
-        assert (ran.returncode, f"held by process {first.pid}" in ran.stderr) == (2, True)
+        assert (ran.returncode, f"locked by process {first.pid}" in ran.stderr) == (2, True)
         (waiting / "wait").unlink()
         first.communicate(timeout=30)
 

@@ -108,7 +108,7 @@ def test_modules_on_the_path_and_in_the_folder_are_left_out(tree: Tree, foreign:
 
 
 def test_a_client_without_its_worker_starts_this_forge(tmp_path: Path, foreign: Path) -> None:
-    client = str(HOME / "forge/worker_client.py")
+    client = str(HOME / "forge/execution/worker_client.py")
     run(foreign, sys.executable, "-S", "-E", client, "--version", python_path=foreign)
     gone = str(tmp_path / "gone")
     said = run(

@@ -47,17 +47,17 @@ def broken(
     [
         pytest.param(
             broken("find_package(shapes REQUIRED)"),
-            "'shapes' is there, but not said to be needed: add <depend>shapes</depend> to src/broken/",
+            "dependency on 'shapes' is not declared: add <depend>shapes</depend> to src/broken/",
             id="a package of the workspace that the manifest does not name",
         ),
         pytest.param(
             broken("find_package(rclcpp REQUIRED)"),
-            "source a ROS installation that has 'rclcpp', or add its sources to the workspace",
+            "source a ROS installation that contains 'rclcpp', or add its sources to the workspace",
             id="a package of ROS",
         ),
         pytest.param(
             broken("find_package(Qt7Widgets REQUIRED)"),
-            "install the system package that has Qt7WidgetsConfig.cmake (Debian: apt-file search",
+            "install the system package that contains Qt7WidgetsConfig.cmake (Debian: apt-file search",
             id="a package of the system",
         ),
         pytest.param(
@@ -77,23 +77,23 @@ def broken(
         ),
         pytest.param(
             broken(MAIN, languages="CXX", main='#include "shapes/circle.hpp"'),
-            "'shapes/circle.hpp' belongs to the package 'shapes'; needed are <depend>shapes</depend> in "
+            "'shapes/circle.hpp' belongs to the package 'shapes'; add <depend>shapes</depend> in "
             "src/broken/package.xml, find_package(shapes REQUIRED) and ament_target_dependencies(",
             id="a header of another package",
         ),
         pytest.param(
             broken(MAIN, languages="CXX", main='#include "std_msgs/msg/string.hpp"'),
-            "'std_msgs/msg/string.hpp' belongs to the package 'std_msgs'; needed are",
+            "'std_msgs/msg/string.hpp' belongs to the package 'std_msgs'; add",
             id="a header of an interface that forge brings along",
         ),
         pytest.param(
             broken(MAIN, languages="CXX", main='#include "broken/own.hpp"'),
-            "if it is the package's own: target_include_directories(YOUR_TARGET PRIVATE include)",
+            "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE include)",
             id="a header of its own",
         ),
         pytest.param(
             broken(MAIN, languages="CXX", main="#include <zxing/qr.h>"),
-            "install the system package that has it (Debian: apt-file search zxing/qr.h)",
+            "install the system package that contains it (Debian: apt-file search zxing/qr.h)",
             id="a header of the system",
         ),
         pytest.param(
@@ -116,12 +116,12 @@ def broken(
         ),
         pytest.param(
             broken("install(DIRECTORY launch DESTINATION share/broken)"),
-            "the package has no 'launch': make it, or take it out of what names it",
+            "the package has no 'launch': create it, or remove the reference to it",
             id="a folder to install that is not there",
         ),
         pytest.param(
             broken(MAIN, languages="CXX", main="int go(int);\nint here = go(1);"),
-            "nothing that is linked has 'go(int)': name its source file in add_executable()",
+            "no linked object defines 'go(int)': add its source file to add_executable()",
             id="a source file that is not linked",
         ),
     ],
@@ -139,10 +139,11 @@ def test_a_package_without_its_cmakelists(forge: Forge, tree: Tree) -> None:
     """The manifest says CMake, the folder says Python: one of them was forgotten."""
     files = {"src/broken/package.xml": manifest_text("broken", build_type="cmake")}
     ran = forge("build", cwd=tree(files))
-    assert "  hint: it needs a CMakeLists.txt: 'forge pkg create' makes" in ran.err
+    assert "  hint: the package has no CMakeLists.txt: 'forge pkg create' creates" in ran.err
     ran = forge("build", cwd=tree({"src/broken/setup.py": ""}))
     assert (
-        "  hint: it has a setup.py: write <build_type>ament_python</build_type> into src/broken/" in ran.err
+        "  hint: the package has a setup.py: add <build_type>ament_python</build_type> to src/broken/"
+        in ran.err
     )
 
 
@@ -188,7 +189,7 @@ def test_a_definition_without_its_d(forge: Forge, tree: Tree) -> None:
     """CMake would warn of a path, once for each package."""
     ran = forge("build", "--cmake-args", "CMAKE_BUILD_TYPE=Debug", "-D", "A=1", cwd=tree(LIBRARY))
     assert ran.err.startswith(
-        "warning: --cmake-args has 'CMAKE_BUILD_TYPE=Debug', which CMake takes for a path\n"
+        "warning: --cmake-args contains 'CMAKE_BUILD_TYPE=Debug', which CMake treats as a path\n"
         "hint: write -DCMAKE_BUILD_TYPE=Debug\n"
     )
     assert ran.err.count("hint: write") == 1

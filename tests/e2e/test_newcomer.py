@@ -86,7 +86,9 @@ def test_a_manifest_that_is_no_utf_8_says_so(forge: Forge, tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a")})
     path = root / "src/a/package.xml"
     path.write_bytes(path.read_bytes().replace(b"Someone", b"J\xfcrgen"))
-    one_message(forge("build", cwd=root), "src/a/package.xml:6:", "hint: the file is no UTF-8: save it again")
+    one_message(
+        forge("build", cwd=root), "src/a/package.xml:6:", "hint: the file is not valid UTF-8: save it"
+    )
 
 
 def test_a_remark_pasted_behind_a_tag_does_no_harm(forge: Forge, tree: Tree) -> None:
@@ -189,7 +191,7 @@ def test_no_compiler(tree: Tree) -> None:
 
 def test_no_cmake_names_the_extra(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
-    one_message(_bare(root, without=("cmake", "ninja")), "CMake was not found", "ros-forge[cmake]")
+    one_message(_bare(root, without=("cmake", "ninja")), "CMake not found", "ros-forge[cmake]")
 
 
 def _bare(root: Path, without: tuple[str, ...]) -> Ran:

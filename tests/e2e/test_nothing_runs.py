@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli import COMMANDS
+from forge.cli.main import COMMANDS
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def test_commands_that_only_look_run_nothing_of_the_workspace(tree: Tree, tmp_pa
 def test_a_press_of_tab_runs_nothing_of_the_workspace(kind: str, tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "sprung"
     root = tree({f"ws/{path}": text for path, text in traps(sprung).items()}) / "ws"
-    program = Path(__file__).parents[2] / "forge" / "completion_words.py"
+    program = Path(__file__).parents[2] / "forge/cli/completion_words.py"
     variables = {"HOME": str(tmp_path), "AMENT_PREFIX_PATH": str(root / "install")}
     argv = [sys.executable, "-S", "-E", str(program), kind, "installed"]
     done = subprocess.run(argv, cwd=root, env=variables, capture_output=True, text=True, check=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.pictures.pages import write_timings
+from forge.output.charts.pages import write_timings
 from tests.browser import Keys
 from tests.packages import manifest_text
 
@@ -173,7 +173,7 @@ def test_a_click_lights_up_what_it_needs_and_what_needs_it(browser: Browser, gra
     assert browser.texts(".node.above text:first-of-type") == ["planner"]
     assert len(browser.all(".line.below")) == 2
     assert len(browser.all(".line.above")) == 1
-    assert browser.texts("#needs-title") == ["Needs 2 (1 directly)"]
+    assert browser.texts("#needs-title") == ["Dependencies: 2 (1 direct)"]
     assert browser.texts("#needs .direct") == ["msgs"]
     assert browser.texts("#layer") == ["3 of 4"]
     browser.click("#users button")
@@ -322,7 +322,7 @@ def test_with_json_the_page_is_told_of_on_stderr_and_the_machine_in_an_event(
     # The run of before keeps its own page, and this one knows how long the package took then.
     assert page in {path.read_text() for path in workspace.glob("log/build_*/timings.html")}
     assert json.loads(timings.with_name("trace.json").read_text())["traceEvents"]
-    assert "than when they were last built" in timings.read_text()
+    assert "than in their previous builds" in timings.read_text()
 
 
 def test_a_build_that_fails_has_a_page_too(forge: Forge, tmp_path: Path) -> None:
@@ -331,5 +331,5 @@ def test_a_build_that_fails_has_a_page_too(forge: Forge, tmp_path: Path) -> None
     ran = forge("build", "--timings", "--packages-up-to", "map", cwd=root)
     assert ran.code == 1
     text = (root / "log/latest_build/timings.html").read_text()
-    assert "1 built, 1 failed, 1 not begun." in text
+    assert "1 built, 1 failed, 1 not started." in text
     assert 'class="row failed' in text

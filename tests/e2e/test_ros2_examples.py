@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.manifest import parse_manifest
-from forge.model import BUILD_KINDS, RUN_KINDS
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS
 from tests.snippets import ROOT, shell
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from forge.model import Manifest
+    from forge.workspace.model import Manifest
     from tests.conftest import Forge
 
 EXAMPLES = ROOT / "examples_ws"

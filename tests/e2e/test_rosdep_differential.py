@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from forge.needs.rosdep import System, resolve
+from forge.doctor.system_deps.rosdep import System, resolve
 
 SYSTEMS = (
     System("ubuntu", "jammy", "apt"),

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.sourcing import (
+from forge.environment.sourcing import (
     build_environment,
     packages_in_order,
     sourced_environment,
@@ -24,7 +24,7 @@ from tests.strategies import graphs
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from forge.layout import Layout
+    from forge.base.layout import Layout
 
 SHELLS = {"sh": ("dash",), "bash": ("bash", "--norc"), "zsh": ("zsh", "-f"), "fish": ("fish", "--no-config")}
 ODD = 'wörk space\'s "$HOME" `id` %n !x #y \\ *;&'
@@ -267,9 +267,7 @@ def test_a_moved_tree_says_so_in_sh(tmp_path: Path) -> None:
         "sh", '. "$1"; echo $?; echo "${CMAKE_PREFIX_PATH-none}"', PLAIN, str(tmp_path / "new/setup.sh")
     )
     assert done.stdout == "1\nnone\n"
-    assert done.stderr == (
-        f"'{layout.install}' is not there any more; set COLCON_CURRENT_PREFIX to where it was moved\n"
-    )
+    assert done.stderr == (f"'{layout.install}' does not exist; set COLCON_CURRENT_PREFIX to its new path\n")
 
 
 @each_layout
@@ -328,7 +326,7 @@ def test_a_missing_underlay_is_one_line(shell: str, tmp_path: Path) -> None:
     assert done.returncode == 0
     assert done.stdout.startswith(str(layout.prefix("programs") / "bin"))
     path = below.install / f"local_setup.{shell}"
-    assert done.stderr == f"warning: '{path}' is not there any more and is left out\n"
+    assert done.stderr == f"warning: '{path}' does not exist and is skipped\n"
 
 
 @pytest.mark.needs("fish")
@@ -356,7 +354,7 @@ def test_fish_outlives_a_hook_that_ends_its_shell(tmp_path: Path) -> None:
     done = run("fish", f"{sourced('fish')}\necho $PATH[1]", PLAIN, setup(layout, "fish"))
     assert done.stdout == f"{layout.prefix('programs')}/bin\n"
     script = f"{layout.prefix('rude')}/share/rude/hook.sh"
-    assert done.stderr == f"warning: '{script}' ends the shell and is left out\n"
+    assert done.stderr == f"warning: '{script}' exits the shell and is skipped\n"
 
 
 @each_shell

@@ -120,7 +120,7 @@ def test_a_folder_that_only_such_a_file_would_make_a_package_is_left_out_and_tol
     make(root / "src/b" / name)
     code, said = run(root, "build")
     assert code == 0
-    assert f"src/b/{name}: warning: left out: {reason}" in said
+    assert f"src/b/{name}: warning: ignored: {reason}" in said
     assert "1 package finished" in said
 
 
@@ -182,7 +182,7 @@ def test_a_folder_that_may_not_be_read_is_told(root: Path) -> None:
     try:
         code, said = as_nobody(root, "list")
         assert code == 0
-        assert "src/secret: warning: left out, with all packages in it: permission denied" in said
+        assert "src/secret: warning: ignoring unreadable folder: permission denied" in said
         (root / "src/a/package.xml").chmod(0)
         code, said = as_nobody(root, "list")
         assert "src/a/package.xml" in said
@@ -198,7 +198,7 @@ def as_nobody(root: Path, *words: str) -> tuple[int, str]:
     """
     code = (
         "import os, sys\n"
-        "from forge.cli import main\n"
+        "from forge.cli.main import main\n"
         "main(sys.argv[1:])\n"
         "print('again', flush=True)\n"
         "os.geteuid() or os.seteuid(65534)\n"
@@ -225,7 +225,7 @@ def as_nobody(root: Path, *words: str) -> tuple[int, str]:
     [
         ("build/a", "the build folder '{root}/build/a' of 'a' is a file"),
         ("install/a", "the install folder '{root}/install/a' of 'a' is a file"),
-        ("install/a/share", "'{root}/install/a/share', in which 'a' installed files, is no folder now"),
+        ("install/a/share", "'{root}/install/a/share', where 'a' installed files, is no longer a folder"),
     ],
 )
 def test_a_file_in_the_place_of_a_folder_is_refused(root: Path, path: str, message: str) -> None:
@@ -251,7 +251,7 @@ def test_a_folder_in_the_place_of_an_installed_file_is_refused(root: Path, layou
     (path / "precious").touch()
     code, said = run(root, "build", *options)
     assert code == 2
-    assert f"'{path}', which 'a' installed as a file, is a folder now" in said
+    assert f"'{path}', installed as a file by 'a', is now a folder" in said
     assert [entry.name for entry in path.iterdir()] == ["precious"]
     shutil.rmtree(path)
     assert run(root, "build", *options)[0] == 0
@@ -361,7 +361,7 @@ def test_a_name_that_no_wheel_can_hold_is_refused(tree: Tree) -> None:
     (root / "src/p/p" / os.fsdecode(b"\xff.txt")).touch()
     code, said = run(root, "build")
     assert code == 1
-    assert r"src/p: error: the name of b'p/\xff.txt' is not UTF-8" in said
+    assert r"src/p: error: the file name b'p/\xff.txt' is not UTF-8" in said
 
 
 def test_a_name_that_no_list_of_a_wheel_can_hold_is_refused(tree: Tree) -> None:
@@ -369,7 +369,7 @@ def test_a_name_that_no_list_of_a_wheel_can_hold_is_refused(tree: Tree) -> None:
     (root / "src/p/p" / "e\u2028f.txt").touch()
     code, said = run(root, "build")
     assert code == 1
-    assert "src/p: error: the wheel that the package's build backend made is not valid" in said
+    assert "src/p: error: the package's build backend produced an invalid wheel" in said
 
 
 def test_what_a_package_removes_after_it_was_installed_is_not_missed(root: Path) -> None:

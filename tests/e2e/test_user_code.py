@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli import main
+from forge.cli.main import main
 from forge.interfaces.sources import Library
 from tests.snippets import shell
 

@@ -108,7 +108,7 @@ name = "other"
 _JOURNAL: Final = b"""{"forge_journal": 2}
 {"ended": false}
 {"externals": ["/usr/include/a.h", "/usr/include/b.h"]}
-{"package": "p", "parts": {"forge": "1", "options": ["a"], "tools": [["cmake", "1"]], \
+{"package": "p", "inputs": {"forge": "1", "options": ["a"], "tools": [["cmake", "1"]], \
 "environment": [], "sources": "s", "needs": [["q", "d"]]}, "complete": true, \
 "sources": {"stamp": "", "digest": "d", "names": "n", "linked": ""}, \
 "installed": {"stamp": "", "digest": "d", "names": "n", "linked": ""}, \

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from forge.frozen import frozen
+from forge.base.frozen import frozen
 
 
 @frozen

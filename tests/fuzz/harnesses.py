@@ -15,26 +15,36 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge import conditions, sourcing
-from forge.backends import _build_system
-from forge.build.build_dir import BuildInputs, Examination, prepare_build_dir
-from forge.build.build_notes import began, read_last
-from forge.build.input_manifest import read_manifest
-from forge.caching import action_result as action_results
-from forge.caching import keys
-from forge.caching.trees import index_of, tree_of
-from forge.cli import Parser
-from forge.compile_commands import merge_compile_commands
-from forge.completion_words import _load
-from forge.configuration import configured
-from forge.constraints import unmet_versions
-from forge.digests import FileTable
-from forge.discovery import ROS_DEFAULTS, discover
-from forge.environment import Installed
-from forge.errors import ForgeError, InterfaceError
-from forge.externals import external_inputs
-from forge.files import write_if_changed
-from forge.folders import ListedFiles
+from forge.base.errors import ForgeError, InterfaceError
+from forge.base.files import write_if_changed
+from forge.base.layout import Layout
+from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
+from forge.build.build_notes import read_last, start_time
+from forge.build.compile_commands import merge_compile_commands
+from forge.build.inputs.depfiles import external_inputs
+from forge.build.inputs.fingerprints import FileTable
+from forge.build.inputs.input_manifest import read_manifest
+from forge.build.installed_lists import ListedFiles
+from forge.build.journal import Journal
+from forge.build.recipes.initial_cache import manifest_variables
+from forge.build.snapshot import find_changed_externals
+from forge.build.wheels.backends import _build_system
+from forge.build.wheels.install_wheel import _install_scripts
+from forge.cache import action_result as action_results
+from forge.cache import keys
+from forge.cache.trees import decode_index, encode_index
+from forge.cli.completion_words import _load
+from forge.cli.config import configured
+from forge.cli.main import Parser
+from forge.cli.mixins import combined, read_mixins
+from forge.environment import sourcing
+from forge.environment.dsv import Installed
+from forge.environment.prefixes import installed_packages
+from forge.environment.recorded import recorded_python, recorded_underlays
+from forge.environment.scripts import local_setup, package_setup
+from forge.environment.shells import SHELLS
+from forge.execution.jobserver import join_pool
+from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes
 from forge.interfaces.idl_writing import idl_text
 from forge.interfaces.model import Source, TypeName
@@ -43,22 +53,13 @@ from forge.interfaces.records import read_records
 from forge.interfaces.resolution import resolve
 from forge.interfaces.schema import read_schema
 from forge.interfaces.sources import Library, read_source
-from forge.jobserver import joined_pool
-from forge.journal import Journal
-from forge.layout import Layout
-from forge.makeflags import read_make_flags
-from forge.manifest import parse_manifest
-from forge.mixins import combined, read_mixins
-from forge.model import Package
-from forge.overrides import read_overrides
-from forge.prefixes import installed_packages
-from forge.recipes.handover import manifest_variables
-from forge.results import recorded_python, recorded_underlays
-from forge.scripts import local_setup, package_setup
-from forge.shells import SHELLS
-from forge.snapshot import moved_externals
 from forge.testing.collecting import collect
-from forge.wheels import _install_scripts
+from forge.workspace import conditions
+from forge.workspace.discovery import ROS_DEFAULTS, discover
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Package
+from forge.workspace.overrides import read_overrides
+from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
     import argparse
@@ -67,8 +68,10 @@ if TYPE_CHECKING:
     Harness = Callable[[bytes], None]
 
 HARNESSES: dict[str, Harness] = {}
-_INPUTS = BuildInputs("base", "shape", {}, {})
-_NOTHING_KNOWN = Examination(lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda _: False)
+_INPUTS = BuildDirInputs("base", "shape", {}, {})
+_NOTHING_KNOWN = FileChecks(
+    lambda *_: None, lambda paths: dict.fromkeys(paths, ""), lambda _: False, lambda *_: False
+)
 """Each harness by the name of what it reads."""
 
 _XML = Path("package.xml")
@@ -171,7 +174,7 @@ def schema(data: bytes) -> None:
 
 @cache
 def _actions() -> Iterable[argparse.Action]:
-    from forge.commands import build  # noqa: PLC0415  (most harnesses need none)
+    from forge.cli.commands import build  # noqa: PLC0415  (most harnesses need none)
 
     parser = Parser(prog="forge build")
     build.register(parser)
@@ -274,9 +277,9 @@ def journal(data: bytes) -> None:
     folder = place("journal", "forge_journal.jsonl", data)
     found = Journal(folder / "forge_journal.jsonl")
     found.read(text_of(data))
-    moved_externals(found, FileTable(folder / "none.json"))
+    find_changed_externals(found, FileTable(folder / "none.json"))
     for name, record in sorted(found.records.items()):
-        found.remember(name, record)
+        found.set_record(name, record)
     found.close()
 
 
@@ -287,13 +290,13 @@ def tables(data: bytes) -> None:
     table = FileTable(build / "forge_files.json")
     table.digest(str(room() / "tables" / "forge_files.json"), (build / "forge_files.json").stat())
     for name in ("begun", "ended", "sources", "externals"):
-        place("tables", f"p/handover/{name}.json", data)
+        place("tables", f"p/.forge/{name}.json", data)
     place("tables", "p/forge_installed.json", data)
     place("tables", ".forge.json", data)
-    began(build / "p")
+    start_time(build / "p")
     read_last(build / "p")
-    read_manifest(build / "p" / "handover" / "sources.json")
-    prepare_build_dir(build / "p", _INPUTS, _NOTHING_KNOWN, keeps=True, reconfigure=False)
+    read_manifest(build / "p" / ".forge" / "sources.json")
+    prepare_build_dir(build / "p", _INPUTS, _NOTHING_KNOWN, can_reuse=True, reconfigure=False)
     with contextlib.suppress(ForgeError):
         recorded_underlays(build)
         recorded_python(build)
@@ -338,7 +341,7 @@ def build_logs(data: bytes) -> None:
     place("make", "p/install_manifest.txt", data)
     ListedFiles(replace(_LAYOUT, build=made)).get("p")
     place("make", "p/compile_commands.json", data)
-    merge_compile_commands(made, anew=True)
+    merge_compile_commands(made, force=True)
 
 
 @harness
@@ -358,7 +361,7 @@ def make_flags(data: bytes) -> None:
     flags = read_make_flags(text_of(data))
     flags.line(3, "fifo:/x")
     if flags.auth and "\0" not in flags.auth:
-        pool = joined_pool(flags.auth if "fifo" in flags.auth else f"1{flags.auth}")
+        pool = join_pool(flags.auth if "fifo" in flags.auth else f"1{flags.auth}")
         if pool:
             pool.close()
 
@@ -366,7 +369,7 @@ def make_flags(data: bytes) -> None:
 @harness
 def generator_arguments(data: bytes) -> None:
     """Read the @FILE with the words of `forge interface generate`."""
-    from forge.cli import main  # noqa: PLC0415  (all other harnesses stay below the command line)
+    from forge.cli.main import main  # noqa: PLC0415  (all other harnesses stay below the command line)
 
     folder = place("arguments", "generate.args", data)
     argv = ["interface", "generate", f"@{folder}/generate.args", "--output", str(room() / "generated")]
@@ -391,8 +394,8 @@ def action_result(data: bytes) -> None:
 def cached_tree(data: bytes) -> None:
     """Read the index of a package in a cache, which a stranger may have written; no path leads out."""
     with contextlib.suppress(ValueError):
-        tree = tree_of(data)
-        assert tree_of(index_of(tree)) == tree
+        tree = decode_index(data)
+        assert decode_index(encode_index(tree)) == tree
         for path in (*(leaf.path for leaf in tree.leaves), *dict(tree.folders)):
             assert not Path(path).is_absolute()
             assert ".." not in Path(path).parts
@@ -401,8 +404,8 @@ def cached_tree(data: bytes) -> None:
 @harness
 def cached_inputs(data: bytes) -> None:
     """Read the lists of files that a key in a cache leads to."""
-    found = keys.read(data)
-    assert keys.read(keys.written(found)) == tuple(dict.fromkeys(found))
+    found = keys.decode_lists(data)
+    assert keys.decode_lists(keys.encode_lists(found)) == tuple(dict.fromkeys(found))
 
 
 PLAIN = b"""<package format="3"><name>p</name><version>1.0.0</version><description>A</description>

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from forge.errors import WorkspaceError
-from forge.xml_tree import parse_xml
+from forge.base.errors import WorkspaceError
+from forge.base.xml import parse_xml
 
 LAUGHS = "".join(f'<!ENTITY a{n} "&a{n - 1};&a{n - 1};">' for n in range(1, 40))
 
@@ -44,5 +44,5 @@ def test_what_is_no_plain_xml_is_refused(content: bytes) -> None:
 
 def test_depth_has_a_bound() -> None:
     assert parse_xml(b"<a>" * 100 + b"</a>" * 100, Path("package.xml")).tag == "a"
-    with pytest.raises(WorkspaceError, match="nest more than 100 deep"):
+    with pytest.raises(WorkspaceError, match="nested more than 100 levels deep"):
         parse_xml(b"<a>" * 101 + b"</a>" * 101, Path("package.xml"))

@@ -15,10 +15,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from forge.creation import BUILD_TYPES, Blueprint, draw
-from forge.environment import Edit, Installed, apply, parse_dsv, settle
-from forge.errors import EnvironmentFault, ForgeError, WorkspaceError
-from forge.identification import identify
+from forge.base.errors import EnvironmentFault, ForgeError, WorkspaceError
+from forge.base.templating import render as render_template
+from forge.base.xml import parse_xml
+from forge.build.recipes.initial_cache import manifest_variables
+from forge.environment.dsv import Change, Edit, Installed, apply, parse_dsv, resolve_hooks
+from forge.environment.scripts import local_setup, package_setup, setup
 from forge.interfaces.model import (
     Array,
     Constant,
@@ -35,13 +37,11 @@ from forge.interfaces.rendering import render
 from forge.interfaces.resolution import resolve
 from forge.interfaces.sources import Library, read_source
 from forge.interfaces.writing import write_depfile
-from forge.manifest import parse_manifest
-from forge.model import Change, Dependency, Export, Kind, Manifest, Person
-from forge.overrides import Overrides
-from forge.recipes.handover import manifest_variables
-from forge.scripts import local_setup, package_setup, setup
-from forge.templating import render as render_template
-from forge.xml_tree import parse_xml
+from forge.workspace.creation import BUILD_TYPES, Blueprint, draw
+from forge.workspace.identification import identify
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Dependency, Export, Kind, Manifest, Person
+from forge.workspace.overrides import Overrides
 from tests.hostile import CANARY, FRAGMENTS, hostile
 from tests.packages import manifest_text
 
@@ -323,7 +323,7 @@ def test_a_package_cannot_be_called_so(name: str, where: str, tmp_path: Path) ->
     names = [path.name for path in tmp_path.iterdir()]
     found = identify(tmp_path, Path(), names, {}, Overrides())
     assert found.package is None
-    assert "cannot be the name of a package" in found.problems[0].message
+    assert "invalid package name" in found.problems[0].message
 
 
 @pytest.mark.parametrize("hook", ["../x.sh", "/x.sh", "a/../../x.sh", "a\nset;PATH;x", "", 5, {}])
@@ -439,7 +439,7 @@ def test_a_definition_cannot_lie_elsewhere(relative: str, tmp_path: Path) -> Non
     ],
 )
 def test_a_hook_file_with_such_a_line_is_refused(line: str) -> None:
-    with pytest.raises(WorkspaceError, match="no environment hook"):
+    with pytest.raises(WorkspaceError, match="invalid environment hook"):
         parse_dsv(f"{line}\n", "package.dsv")
 
 
@@ -448,7 +448,7 @@ def test_a_hook_file_with_such_a_line_is_refused(line: str) -> None:
 def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
     changes, sources = parse_dsv(f"set;VALUE;{text}\n", "package.dsv")
     assert (changes, sources) == ((Change("set", "VALUE", text),), ())
-    assert settle(changes, lambda _: False)
+    assert resolve_hooks(changes, lambda _: False)
 
 
 # --- The rest -----------------------------------------------------------------------------------------------
@@ -492,6 +492,6 @@ def test_the_result_of_tests_that_left_none_is_xml() -> None:
 
 def test_every_shell_is_tried_but_one() -> None:
     """PowerShell is not on the machines that test; what it is told is read by the rules of its manual."""
-    from forge.shells import SHELLS  # noqa: PLC0415
+    from forge.environment.shells import SHELLS  # noqa: PLC0415
 
     assert SHELLS.keys() == {*_SHELLS, "ps1"}

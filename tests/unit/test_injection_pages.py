@@ -12,14 +12,14 @@ from xml.etree import ElementTree as ET
 import pytest
 from hypothesis import example, given
 
+from forge.base.templating import render
 from forge.interfaces.html_site import About, site
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
-from forge.pictures.charts import Chart, mermaid, printable
-from forge.pictures.drawing import drawn, facts
-from forge.pictures.timing_views import STEP_KINDS, page, trace
-from forge.pictures.timing_views import facts as timing_facts
-from forge.pictures.timings import read_build
-from forge.templating import render
+from forge.output.charts.charts import Chart, mermaid, printable
+from forge.output.charts.drawing import drawn, facts
+from forge.output.charts.timing_views import STEP_KINDS, page, trace
+from forge.output.charts.timing_views import facts as timing_facts
+from forge.output.charts.timings import read_build
 from tests.hostile import FRAGMENTS, hostile
 from tests.packages import manifest_text, package
 from tests.sites import read_page

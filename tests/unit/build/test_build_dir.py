@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.layout import SCRATCH_DIR
 from forge.build import build_dir, build_notes
-from forge.build.build_dir import BuildInputs, Examination
+from forge.build.build_dir import BuildDirInputs, FileChecks
 from forge.build.build_notes import BegunBuild
-from forge.build.input_manifest import Changes
+from forge.build.inputs.fingerprints import FileTable, contents_of, file_manifest, tree_manifest
+from forge.build.inputs.input_manifest import Changes
 from forge.build.reuse import Reuse
-from forge.digests import FileTable, contents_of, file_manifest, tree_manifest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,7 +51,7 @@ class Probe:
     """A package, its build folder, and what its builds are told."""
 
     root: Path
-    inputs: BuildInputs
+    inputs: BuildDirInputs
     needed: Changes | None = None
     externals: tuple[str, ...] = ()
     begun: BegunBuild | None = None
@@ -69,26 +70,27 @@ class Probe:
         """Return a table that remembers nothing."""
         return FileTable(self.root / "table.json")
 
-    def begin(self, *, keeps: bool = True, reconfigure: bool = False) -> Reuse:
+    def begin(self, *, can_reuse: bool = True, reconfigure: bool = False) -> Reuse:
         """Prepare the folder for the steps of a build."""
         table = self.table()
         sources = tree_manifest(str(self.source), table)
         self.begun = BegunBuild(str(self.source), sources, build_notes.read_last(self.build))
-        examination = Examination(
-            needed=lambda _name, _then, _now: self.needed,
+        checks = FileChecks(
+            needed_changes=lambda _name, _then, _now: self.needed,
             contents=lambda paths: contents_of(paths, table),
             is_cmakes=lambda path: "/Modules/" in path,
+            links_alike=lambda _name, _then, _now: False,
         )
         inputs = replace(self.inputs, sources=sources)
         return build_dir.prepare_build_dir(
-            self.build, inputs, examination, keeps=keeps, reconfigure=reconfigure
+            self.build, inputs, checks, can_reuse=can_reuse, reconfigure=reconfigure
         )
 
     def configure(self) -> None:
         """Run CMake, unless the folder is configured, and what forge does after it."""
         if not (self.build / "build.ninja").is_file():
             run("cmake", "-G", "Ninja", "-S", str(self.source), "-B", str(self.build))
-            build_dir.bring_back_products(self.build)
+            build_dir.restore_products(self.build)
 
     def compile(self) -> set[str]:
         """Run ninja; return the names of the sources that it compiled."""
@@ -100,7 +102,7 @@ class Probe:
         assert self.begun is not None
         table = self.table()
         externals = file_manifest(self.externals, table)
-        saved = build_notes.saved_meanwhile(self.build, self.begun, externals, table)
+        saved = build_notes.saved_during_build(self.build, self.begun, externals, table)
         build_notes.finish_build_dir(self.build, externals, saved)
         return saved
 
@@ -132,7 +134,7 @@ def run(*argv: str) -> str:
 def probe(tmp_path: Path) -> Probe:
     """Return a package that is built."""
     (tmp_path / "build").mkdir()
-    found = Probe(tmp_path, BuildInputs("base", "shape", {}, {}))
+    found = Probe(tmp_path, BuildDirInputs("base", "shape", {}, {}))
     for name, text in _FILES.items():
         found.write(name, text)
     assert found.make() == (Reuse.NOTHING, OBJECTS)
@@ -141,7 +143,7 @@ def probe(tmp_path: Path) -> Probe:
 
 def note_of(probe: Probe, **values: object) -> None:
     """Change what a build noted as it began."""
-    path = probe.build / build_notes.RECORDS / "begun.json"
+    path = probe.build / SCRATCH_DIR / "begun.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **values}), encoding="utf-8")
 
 
@@ -165,7 +167,7 @@ def test_products_come_back_when_cmake_has_to_run(probe: Probe) -> None:
     (probe.build / "leftover.txt").touch()
     assert probe.make() == (Reuse.PRODUCTS, set())
     assert not (probe.build / "leftover.txt").exists()
-    assert not build_dir.set_aside(probe.build).exists()
+    assert not build_dir.set_aside_path(probe.build).exists()
 
 
 def test_what_the_new_rules_do_not_name_stays_away(probe: Probe) -> None:
@@ -212,8 +214,8 @@ def test_another_compiler_makes_everything_anew(probe: Probe) -> None:
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
-def test_a_build_type_that_keeps_nothing_begins_anew(probe: Probe) -> None:
-    assert probe.begin(keeps=False) is Reuse.NOTHING
+def test_a_build_type_that_can_reuse_nothing_begins_anew(probe: Probe) -> None:
+    assert probe.begin(can_reuse=False) is Reuse.NOTHING
     assert not (probe.build / "build.ninja").exists()
 
 
@@ -296,7 +298,7 @@ def test_a_file_that_was_changed_and_changed_back_around_a_killed_build_is_compi
 def test_a_folder_that_was_set_aside_while_forge_was_killed_comes_back(probe: Probe) -> None:
     probe.write("CMakeLists.txt", f"{_CMAKE}# a remark\n")
     probe.begin()
-    assert build_dir.set_aside(probe.build).is_dir()
+    assert build_dir.set_aside_path(probe.build).is_dir()
     assert probe.make() == (Reuse.PRODUCTS, set())
 
 
@@ -310,7 +312,7 @@ def test_a_clock_that_went_back_makes_everything_anew(probe: Probe) -> None:
 def test_records_that_were_lost_or_spoilt_never_reuse_what_changed(
     probe: Probe, name: str, text: str | None
 ) -> None:
-    path = probe.build / build_notes.RECORDS / name
+    path = probe.build / SCRATCH_DIR / name
     path.unlink()
     if text is not None:
         path.write_text(text, encoding="utf-8")
@@ -409,7 +411,7 @@ def test_a_link_in_the_place_of_a_build_folder_is_followed_by_nobody(tmp_path: P
     away = tmp_path / "away"
     away.mkdir()
     (away / "precious").touch()
-    probe = Probe(tmp_path, BuildInputs("base", "shape", {}, {}))
+    probe = Probe(tmp_path, BuildDirInputs("base", "shape", {}, {}))
     probe.write("CMakeLists.txt", "")
     (tmp_path / "build").mkdir()
     probe.build.symlink_to(away)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.build.input_manifest import Changes
-from forge.build.native_graph import Edge, NativeGraph
+from forge.build.inputs.input_manifest import Changes
+from forge.build.inputs.native_graph import Edge, NativeGraph
 from forge.build.reuse import Reuse, brought_back, decide, undeclared_readers
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces import c
 from forge.interfaces.c_text import declare, number, units
 from forge.interfaces.headers import detail_path

@@ -173,7 +173,7 @@ def test_interfaces_that_are_only_idl_count_like_others(forge: Forge, tree: Tree
     assert "    mine/idl/Wide" not in forge("interface", "list", env=env).out.splitlines()
     assert "mine/idl/Wide" in forge("interface", "package", "mine", env=env).out.splitlines()
     ran = forge("interface", "proto", "mine/msg/Wrong", env=env)
-    assert (ran.code, "defines another interface than 'mine/msg/Wrong'" in ran.err) == (2, True)
+    assert (ran.code, "does not define the interface 'mine/msg/Wrong'" in ran.err) == (2, True)
     hashed = forge("interface", "hash", "mine/idl/Wide", env=env)
     assert hashed.out.startswith("mine/idl/Wide RIHS01_")
 
@@ -206,7 +206,7 @@ def test_hash_prints_a_line_per_type(forge: Forge) -> None:
     ran = forge("interface", "hash", "std_srvs/srv/Empty_Event", "--json")
     assert list(json.loads(ran.out)) == ["std_srvs/srv/Empty_Event"]
     ran = forge("interface", "hash", "std_srvs/srv/Empty_Goal")
-    assert (ran.code, ran.err.splitlines()[0]) == (2, "error: there is no type 'std_srvs/srv/Empty_Goal'")
+    assert (ran.code, ran.err.splitlines()[0]) == (2, "error: unknown type 'std_srvs/srv/Empty_Goal'")
 
 
 def test_hash_of_a_folder_covers_derived_types(forge: Forge, tree: Tree) -> None:
@@ -230,9 +230,9 @@ def test_hash_as_json_is_one_object_and_names_with_underscores_are_found(forge: 
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ([], "there is nothing to hash"),
-        (["--package", "tour", "a", "b"], "a package has one folder of definitions"),
-        (["--file", "a:msg/A.msg", "std_msgs/msg/Empty"], "a file belongs to a package"),
+        ([], "missing names of types"),
+        (["--package", "tour", "a", "b"], "--package accepts only one folder of definitions"),
+        (["--file", "a:msg/A.msg", "std_msgs/msg/Empty"], "missing package name for --file"),
     ],
 )
 def test_hash_says_what_is_missing(forge: Forge, arguments: list[str], text: str) -> None:
@@ -339,13 +339,13 @@ def test_generate_for_a_build_takes_files_and_leaves_stamp_and_depfile(forge: Fo
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ([], "the definitions belong to no package"),
-        (["--package", "Tour", "."], "'Tour' is not the name of an interface package"),
-        (["--package", "tour"], "there is nothing to compile"),
+        ([], "missing package name"),
+        (["--package", "Tour", "."], "'Tour' is not a valid name of an interface package"),
+        (["--package", "tour"], "no interface definitions found"),
         (["--package", "tour", "."], "there is no interface in '.'"),
         (["--package", "tour", "--lang", "pyton", "src"], "forge generates no 'pyton'"),
-        (["--package", "tour", "--file", "x"], "argument --file: 'x' has no ':' between two parts"),
-        (["--package", "tour", "--include", "x="], "argument --include: 'x=' has no '=' between two parts"),
+        (["--package", "tour", "--file", "x"], "argument --file: 'x' is not of the form LEFT:RIGHT"),
+        (["--package", "tour", "--include", "x="], "argument --include: 'x=' is not of the form LEFT=RIGHT"),
     ],
 )
 def test_generate_says_what_is_missing(forge: Forge, tree: Tree, arguments: list[str], text: str) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from forge.interfaces import cpp
 from forge.interfaces.cpp_cdr import MembersView, MembersViews
 from forge.interfaces.model import TypeName

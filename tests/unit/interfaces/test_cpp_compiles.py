@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from forge.interfaces import cpp
 from forge.interfaces.model import (
     Array,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.errors import ForgeError
+from forge.base.errors import ForgeError
 from forge.interfaces import docs
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Text, TypeName
 from forge.interfaces.parsing import parse_all

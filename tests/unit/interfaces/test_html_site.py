@@ -135,7 +135,7 @@ def test_every_link_leads_somewhere(forge: Forge, tree: Tree) -> None:
     ran = forge(*DOCS, cwd=root)
     out = root / "build/forge_interface_docs"
     assert (ran.code, ran.err) == (0, "")
-    assert ran.out.endswith("files written, the first page is 'build/forge_interface_docs/index.html'\n")
+    assert ran.out.endswith("files written, start page: 'build/forge_interface_docs/index.html'\n")
     assert faults_of(out) == []
     assert (out / "builtin_interfaces/msg/Time.html").is_file()
     assert (out / "action_msgs/srv/CancelGoal.html").is_file()
@@ -146,7 +146,7 @@ def test_every_link_leads_somewhere(forge: Forge, tree: Tree) -> None:
     assert "1.2.3" in package
     assert "About a_msgs." in package
     assert "2 messages; from the workspace." in package
-    assert "only what others refer to" in (out / "builtin_interfaces/index.html").read_text()
+    assert "only referenced types" in (out / "builtin_interfaces/index.html").read_text()
 
 
 def test_all_that_forge_brings_along_has_pages(forge: Forge, tmp_path: Path) -> None:
@@ -228,10 +228,10 @@ def test_a_folder_that_cannot_be_written_to_is_named(forge: Forge, tree: Tree) -
     [
         (
             ("geometry_msg",),
-            "there is no package 'geometry_msg' with interfaces\nhint: did you mean 'geometry_msgs'?",
+            "unknown interface package 'geometry_msg'\nhint: did you mean 'geometry_msgs'?",
         ),
-        ((), "there are no interfaces to make pages of\nhint: go to a workspace"),
-        (("--include", "../up=."), "'../up' is not the name of an interface package"),
+        ((), "no interfaces to document\nhint: change to a workspace"),
+        (("--include", "../up=."), "'../up' is not a valid name of an interface package"),
     ],
 )
 def test_what_cannot_be_told_of_is_said(
@@ -250,7 +250,7 @@ def test_pages_do_not_hide_packages(forge: Forge, tree: Tree, out: str) -> None:
     ran = forge(*DOCS, "-o", out, cwd=root)
     assert ran.code == 2
     assert ran.err.startswith(
-        f"{out}: error: there are packages in this folder, which the pages would hide\n"
+        f"{out}: error: the output folder contains packages, which discovery would then ignore\n"
     )
     assert sorted(root.rglob("*")) == before
 
@@ -398,4 +398,4 @@ def test_an_interface_without_anything_has_a_page() -> None:
     catalog = catalog_of("p", {"msg/A.msg": ""})
     files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}
     assert "No fields." in files["p/msg/A.html"]
-    assert "Always 1 byte, after the header" in files["p/msg/A.html"]
+    assert "Always 1 byte, without the header" in files["p/msg/A.html"]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces.idl_reading import read_idl
 from forge.interfaces.idl_writing import idl_text
 from forge.interfaces.model import (

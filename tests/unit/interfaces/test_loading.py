@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import forge
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces import Types, load
 from forge.interfaces.sources import EMBEDDED
 

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
+from forge.base.names import snake_case
 from forge.interfaces import load
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Service, Source, Text, TypeName
 from forge.interfaces.parsing import parse, parse_all
 from forge.interfaces.resolution import resolve
 from forge.interfaces.sources import EMBEDDED, Library, read_folder
-from forge.names import snake_case
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Interface

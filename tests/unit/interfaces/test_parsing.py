@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces.comments import read_comments
 from forge.interfaces.declarations import PRIMITIVES
 from forge.interfaces.model import (

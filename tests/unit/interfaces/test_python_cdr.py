@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from forge.files import write_if_changed
+from forge.base.files import write_if_changed
 from forge.interfaces import python_cdr, python_package
 from forge.interfaces.loading import load
 from forge.interfaces.model import Catalog

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces.model import Source, TypeName
 from forge.interfaces.parsing import Parsed, parse, parse_all, type_name
 from forge.interfaces.resolution import messages_below, referred, resolve

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
 from forge.interfaces.parsing import parse_all
@@ -58,7 +58,7 @@ def test_a_schema_in_idl_names_every_type_in_full(forge: Forge, tree: Tree) -> N
 def test_a_schema_of_what_is_not_there_is_an_error(forge: Forge, tree: Tree) -> None:
     ran = forge("interface", "schema", "std_msgs/msg/Strin")
     assert ran.err.splitlines() == [
-        "error: there is no type 'std_msgs/msg/Strin'",
+        "error: unknown type 'std_msgs/msg/Strin'",
         "hint: did you mean 'std_msgs/msg/String'?",
     ]
     root = tree({"msg/A.msg": "gone_msgs/B b"})

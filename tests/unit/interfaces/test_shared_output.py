@@ -86,7 +86,7 @@ def test_definitions_that_are_gone_are_told_with_the_run_that_needs_them(
     assert (ran.code, ran.err.splitlines()) == (
         2,
         [
-            "error: 'shapes/msg/Square', which 'a' needs, is not there any more",
-            "hint: generate 'a' again, or 'out' from nothing",
+            "error: cannot find 'shapes/msg/Square', which 'a' needs",
+            "hint: generate 'a' again, or remove 'out'",
         ],
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.errors import InterfaceError
+from forge.base.errors import InterfaceError
 from forge.interfaces.model import TypeName
 from forge.interfaces.sources import EMBEDDED, Library, names_in, read_folder, read_runtime, read_source
 

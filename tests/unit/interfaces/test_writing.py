@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.errors import EnvironmentFault
+from forge.base.errors import EnvironmentFault
 from forge.interfaces.model import File, TypeName
 from forge.interfaces.records import Record, read_records
 from forge.interfaces.rendering import Part

@@ -3,7 +3,7 @@ import pytest
 linter = pytest.importorskip('ament_copyright.main', reason='ament_copyright comes with ROS')
 
 
-@pytest.mark.skip(reason='the source files of this package do not name their licence yet')
+@pytest.mark.skip(reason='the source files of this package have no licence headers yet')
 @pytest.mark.copyright
 @pytest.mark.linter
 def test_copyright():

@@ -1,8 +1,8 @@
 #ifndef WALKER__VISIBILITY_CONTROL_H_
 #define WALKER__VISIBILITY_CONTROL_H_
 
-// WALKER_PUBLIC marks what other packages may use, WALKER_LOCAL what they must not see.
-// https://gcc.gnu.org/wiki/Visibility explains both.
+// Mark the public API with WALKER_PUBLIC and internal symbols with WALKER_LOCAL.
+// See https://gcc.gnu.org/wiki/Visibility.
 
 #if defined(_WIN32) || defined(__CYGWIN__)
 #  ifdef __GNUC__

@@ -16,11 +16,11 @@
 #include "rosidl_runtime_c/string_functions.h"
 #include "unique_identifier_msgs/msg/detail/uuid__functions.h"
 
-// What is initialized, or all zero, may be finished, even twice, and copied to. Where there is no memory,
-// or a NULL that must not be, the answer is false or NULL: init() has then left nothing behind, and copy() a
-// message that is whole, though not equal to its input. Nobody checks bounds.
+// fini() and copy() accept initialized or zeroed messages; fini() may be called twice. If memory runs out or an
+// argument is NULL, functions return false or NULL: init() then leaks nothing, and copy() leaves a valid
+// message that differs from its input. Bounds are not checked.
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_Goal__fini(robot__action__Fetch_Goal * message)
 {
   if (!message) {
@@ -29,7 +29,7 @@ static inline void robot__action__Fetch_Goal__fini(robot__action__Fetch_Goal * m
   rosidl_runtime_c__String__fini(&message->item);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_Goal__init(robot__action__Fetch_Goal * message)
 {
   if (!message) {
@@ -43,7 +43,7 @@ static inline bool robot__action__Fetch_Goal__init(robot__action__Fetch_Goal * m
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_Goal * robot__action__Fetch_Goal__create(void)
 {
   robot__action__Fetch_Goal * message = (robot__action__Fetch_Goal *)malloc(sizeof(*message));
@@ -54,14 +54,14 @@ static inline robot__action__Fetch_Goal * robot__action__Fetch_Goal__create(void
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_Goal__destroy(robot__action__Fetch_Goal * message)
 {
   robot__action__Fetch_Goal__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_Goal__are_equal(
   const robot__action__Fetch_Goal * lhs, const robot__action__Fetch_Goal * rhs)
 {
@@ -72,7 +72,7 @@ static inline bool robot__action__Fetch_Goal__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_Goal__copy(
   const robot__action__Fetch_Goal * input, robot__action__Fetch_Goal * output)
 {
@@ -88,7 +88,7 @@ static inline bool robot__action__Fetch_Goal__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_Goal)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_Result__fini(robot__action__Fetch_Result * message)
 {
   if (!message) {
@@ -97,7 +97,7 @@ static inline void robot__action__Fetch_Result__fini(robot__action__Fetch_Result
   robot__msg__RobotStatus__fini(&message->status);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_Result__init(robot__action__Fetch_Result * message)
 {
   if (!message) {
@@ -111,7 +111,7 @@ static inline bool robot__action__Fetch_Result__init(robot__action__Fetch_Result
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_Result * robot__action__Fetch_Result__create(void)
 {
   robot__action__Fetch_Result * message = (robot__action__Fetch_Result *)malloc(sizeof(*message));
@@ -122,14 +122,14 @@ static inline robot__action__Fetch_Result * robot__action__Fetch_Result__create(
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_Result__destroy(robot__action__Fetch_Result * message)
 {
   robot__action__Fetch_Result__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_Result__are_equal(
   const robot__action__Fetch_Result * lhs, const robot__action__Fetch_Result * rhs)
 {
@@ -140,7 +140,7 @@ static inline bool robot__action__Fetch_Result__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_Result__copy(
   const robot__action__Fetch_Result * input, robot__action__Fetch_Result * output)
 {
@@ -156,13 +156,13 @@ static inline bool robot__action__Fetch_Result__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_Result)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_Feedback__fini(robot__action__Fetch_Feedback * message)
 {
   (void)message;
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_Feedback__init(robot__action__Fetch_Feedback * message)
 {
   if (!message) {
@@ -173,7 +173,7 @@ static inline bool robot__action__Fetch_Feedback__init(robot__action__Fetch_Feed
   return true;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_Feedback * robot__action__Fetch_Feedback__create(void)
 {
   robot__action__Fetch_Feedback * message = (robot__action__Fetch_Feedback *)malloc(sizeof(*message));
@@ -184,14 +184,14 @@ static inline robot__action__Fetch_Feedback * robot__action__Fetch_Feedback__cre
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_Feedback__destroy(robot__action__Fetch_Feedback * message)
 {
   robot__action__Fetch_Feedback__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_Feedback__are_equal(
   const robot__action__Fetch_Feedback * lhs, const robot__action__Fetch_Feedback * rhs)
 {
@@ -202,7 +202,7 @@ static inline bool robot__action__Fetch_Feedback__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_Feedback__copy(
   const robot__action__Fetch_Feedback * input, robot__action__Fetch_Feedback * output)
 {
@@ -218,7 +218,7 @@ static inline bool robot__action__Fetch_Feedback__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_Feedback)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_SendGoal_Request__fini(robot__action__Fetch_SendGoal_Request * message)
 {
   if (!message) {
@@ -228,7 +228,7 @@ static inline void robot__action__Fetch_SendGoal_Request__fini(robot__action__Fe
   robot__action__Fetch_Goal__fini(&message->goal);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_SendGoal_Request__init(robot__action__Fetch_SendGoal_Request * message)
 {
   if (!message) {
@@ -243,7 +243,7 @@ static inline bool robot__action__Fetch_SendGoal_Request__init(robot__action__Fe
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_SendGoal_Request * robot__action__Fetch_SendGoal_Request__create(void)
 {
   robot__action__Fetch_SendGoal_Request * message = (robot__action__Fetch_SendGoal_Request *)malloc(sizeof(*message));
@@ -254,14 +254,14 @@ static inline robot__action__Fetch_SendGoal_Request * robot__action__Fetch_SendG
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_SendGoal_Request__destroy(robot__action__Fetch_SendGoal_Request * message)
 {
   robot__action__Fetch_SendGoal_Request__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_SendGoal_Request__are_equal(
   const robot__action__Fetch_SendGoal_Request * lhs, const robot__action__Fetch_SendGoal_Request * rhs)
 {
@@ -273,7 +273,7 @@ static inline bool robot__action__Fetch_SendGoal_Request__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_SendGoal_Request__copy(
   const robot__action__Fetch_SendGoal_Request * input, robot__action__Fetch_SendGoal_Request * output)
 {
@@ -290,7 +290,7 @@ static inline bool robot__action__Fetch_SendGoal_Request__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_SendGoal_Request)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_SendGoal_Response__fini(robot__action__Fetch_SendGoal_Response * message)
 {
   if (!message) {
@@ -299,7 +299,7 @@ static inline void robot__action__Fetch_SendGoal_Response__fini(robot__action__F
   builtin_interfaces__msg__Time__fini(&message->stamp);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_SendGoal_Response__init(robot__action__Fetch_SendGoal_Response * message)
 {
   if (!message) {
@@ -313,7 +313,7 @@ static inline bool robot__action__Fetch_SendGoal_Response__init(robot__action__F
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_SendGoal_Response * robot__action__Fetch_SendGoal_Response__create(void)
 {
   robot__action__Fetch_SendGoal_Response * message = (robot__action__Fetch_SendGoal_Response *)malloc(sizeof(*message));
@@ -324,14 +324,14 @@ static inline robot__action__Fetch_SendGoal_Response * robot__action__Fetch_Send
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_SendGoal_Response__destroy(robot__action__Fetch_SendGoal_Response * message)
 {
   robot__action__Fetch_SendGoal_Response__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_SendGoal_Response__are_equal(
   const robot__action__Fetch_SendGoal_Response * lhs, const robot__action__Fetch_SendGoal_Response * rhs)
 {
@@ -343,7 +343,7 @@ static inline bool robot__action__Fetch_SendGoal_Response__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_SendGoal_Response__copy(
   const robot__action__Fetch_SendGoal_Response * input, robot__action__Fetch_SendGoal_Response * output)
 {
@@ -360,7 +360,7 @@ static inline bool robot__action__Fetch_SendGoal_Response__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_SendGoal_Response)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_GetResult_Request__fini(robot__action__Fetch_GetResult_Request * message)
 {
   if (!message) {
@@ -369,7 +369,7 @@ static inline void robot__action__Fetch_GetResult_Request__fini(robot__action__F
   unique_identifier_msgs__msg__UUID__fini(&message->goal_id);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_GetResult_Request__init(robot__action__Fetch_GetResult_Request * message)
 {
   if (!message) {
@@ -383,7 +383,7 @@ static inline bool robot__action__Fetch_GetResult_Request__init(robot__action__F
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_GetResult_Request * robot__action__Fetch_GetResult_Request__create(void)
 {
   robot__action__Fetch_GetResult_Request * message = (robot__action__Fetch_GetResult_Request *)malloc(sizeof(*message));
@@ -394,14 +394,14 @@ static inline robot__action__Fetch_GetResult_Request * robot__action__Fetch_GetR
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_GetResult_Request__destroy(robot__action__Fetch_GetResult_Request * message)
 {
   robot__action__Fetch_GetResult_Request__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_GetResult_Request__are_equal(
   const robot__action__Fetch_GetResult_Request * lhs, const robot__action__Fetch_GetResult_Request * rhs)
 {
@@ -412,7 +412,7 @@ static inline bool robot__action__Fetch_GetResult_Request__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_GetResult_Request__copy(
   const robot__action__Fetch_GetResult_Request * input, robot__action__Fetch_GetResult_Request * output)
 {
@@ -428,7 +428,7 @@ static inline bool robot__action__Fetch_GetResult_Request__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_GetResult_Request)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_GetResult_Response__fini(robot__action__Fetch_GetResult_Response * message)
 {
   if (!message) {
@@ -437,7 +437,7 @@ static inline void robot__action__Fetch_GetResult_Response__fini(robot__action__
   robot__action__Fetch_Result__fini(&message->result);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_GetResult_Response__init(robot__action__Fetch_GetResult_Response * message)
 {
   if (!message) {
@@ -451,7 +451,7 @@ static inline bool robot__action__Fetch_GetResult_Response__init(robot__action__
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_GetResult_Response * robot__action__Fetch_GetResult_Response__create(void)
 {
   robot__action__Fetch_GetResult_Response * message = (robot__action__Fetch_GetResult_Response *)malloc(sizeof(*message));
@@ -462,14 +462,14 @@ static inline robot__action__Fetch_GetResult_Response * robot__action__Fetch_Get
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_GetResult_Response__destroy(robot__action__Fetch_GetResult_Response * message)
 {
   robot__action__Fetch_GetResult_Response__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_GetResult_Response__are_equal(
   const robot__action__Fetch_GetResult_Response * lhs, const robot__action__Fetch_GetResult_Response * rhs)
 {
@@ -481,7 +481,7 @@ static inline bool robot__action__Fetch_GetResult_Response__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_GetResult_Response__copy(
   const robot__action__Fetch_GetResult_Response * input, robot__action__Fetch_GetResult_Response * output)
 {
@@ -498,7 +498,7 @@ static inline bool robot__action__Fetch_GetResult_Response__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__action__Fetch_GetResult_Response)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__action__Fetch_FeedbackMessage__fini(robot__action__Fetch_FeedbackMessage * message)
 {
   if (!message) {
@@ -508,7 +508,7 @@ static inline void robot__action__Fetch_FeedbackMessage__fini(robot__action__Fet
   robot__action__Fetch_Feedback__fini(&message->feedback);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__action__Fetch_FeedbackMessage__init(robot__action__Fetch_FeedbackMessage * message)
 {
   if (!message) {
@@ -523,7 +523,7 @@ static inline bool robot__action__Fetch_FeedbackMessage__init(robot__action__Fet
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__action__Fetch_FeedbackMessage * robot__action__Fetch_FeedbackMessage__create(void)
 {
   robot__action__Fetch_FeedbackMessage * message = (robot__action__Fetch_FeedbackMessage *)malloc(sizeof(*message));
@@ -534,14 +534,14 @@ static inline robot__action__Fetch_FeedbackMessage * robot__action__Fetch_Feedba
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__action__Fetch_FeedbackMessage__destroy(robot__action__Fetch_FeedbackMessage * message)
 {
   robot__action__Fetch_FeedbackMessage__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__action__Fetch_FeedbackMessage__are_equal(
   const robot__action__Fetch_FeedbackMessage * lhs, const robot__action__Fetch_FeedbackMessage * rhs)
 {
@@ -553,7 +553,7 @@ static inline bool robot__action__Fetch_FeedbackMessage__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__action__Fetch_FeedbackMessage__copy(
   const robot__action__Fetch_FeedbackMessage * input, robot__action__Fetch_FeedbackMessage * output)
 {

@@ -17,7 +17,7 @@ typedef struct robot__action__Fetch_Goal
   rosidl_runtime_c__String item;
 } robot__action__Fetch_Goal;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_Goal__Sequence
 {
   robot__action__Fetch_Goal * data;
@@ -30,7 +30,7 @@ typedef struct robot__action__Fetch_Result
   robot__msg__RobotStatus status;
 } robot__action__Fetch_Result;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_Result__Sequence
 {
   robot__action__Fetch_Result * data;
@@ -43,7 +43,7 @@ typedef struct robot__action__Fetch_Feedback
   float progress;
 } robot__action__Fetch_Feedback;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_Feedback__Sequence
 {
   robot__action__Fetch_Feedback * data;
@@ -57,7 +57,7 @@ typedef struct robot__action__Fetch_SendGoal_Request
   robot__action__Fetch_Goal goal;
 } robot__action__Fetch_SendGoal_Request;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_SendGoal_Request__Sequence
 {
   robot__action__Fetch_SendGoal_Request * data;
@@ -71,7 +71,7 @@ typedef struct robot__action__Fetch_SendGoal_Response
   builtin_interfaces__msg__Time stamp;
 } robot__action__Fetch_SendGoal_Response;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_SendGoal_Response__Sequence
 {
   robot__action__Fetch_SendGoal_Response * data;
@@ -84,7 +84,7 @@ typedef struct robot__action__Fetch_GetResult_Request
   unique_identifier_msgs__msg__UUID goal_id;
 } robot__action__Fetch_GetResult_Request;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_GetResult_Request__Sequence
 {
   robot__action__Fetch_GetResult_Request * data;
@@ -98,7 +98,7 @@ typedef struct robot__action__Fetch_GetResult_Response
   robot__action__Fetch_Result result;
 } robot__action__Fetch_GetResult_Response;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_GetResult_Response__Sequence
 {
   robot__action__Fetch_GetResult_Response * data;
@@ -112,7 +112,7 @@ typedef struct robot__action__Fetch_FeedbackMessage
   robot__action__Fetch_Feedback feedback;
 } robot__action__Fetch_FeedbackMessage;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__action__Fetch_FeedbackMessage__Sequence
 {
   robot__action__Fetch_FeedbackMessage * data;

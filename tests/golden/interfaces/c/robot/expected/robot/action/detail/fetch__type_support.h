@@ -14,7 +14,7 @@ extern "C"
 #endif
 
 #ifdef FORGE_C_MESSAGE_TYPE_SUPPORT
-// There is no library: the functions are defined here.
+// Header-only: the functions are defined here.
 FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Goal)
 FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Result)
 FORGE_C_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Feedback)

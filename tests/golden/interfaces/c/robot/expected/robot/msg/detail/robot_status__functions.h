@@ -17,11 +17,11 @@
 #include "rosidl_runtime_c/string_functions.h"
 #include "rosidl_runtime_c/u16string_functions.h"
 
-// What is initialized, or all zero, may be finished, even twice, and copied to. Where there is no memory,
-// or a NULL that must not be, the answer is false or NULL: init() has then left nothing behind, and copy() a
-// message that is whole, though not equal to its input. Nobody checks bounds.
+// fini() and copy() accept initialized or zeroed messages; fini() may be called twice. If memory runs out or an
+// argument is NULL, functions return false or NULL: init() then leaks nothing, and copy() leaves a valid
+// message that differs from its input. Bounds are not checked.
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__msg__RobotStatus__fini(robot__msg__RobotStatus * message)
 {
   if (!message) {
@@ -42,7 +42,7 @@ static inline void robot__msg__RobotStatus__fini(robot__msg__RobotStatus * messa
   rosidl_runtime_c__boolean__Sequence__fini(&message->flags);
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__msg__RobotStatus__init(robot__msg__RobotStatus * message)
 {
   static const uint_least16_t default_label[] = {'g', 'r', 0x00f6, 0x00df, 'e', 'r', 0};
@@ -71,7 +71,7 @@ static inline bool robot__msg__RobotStatus__init(robot__msg__RobotStatus * messa
   return done;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__msg__RobotStatus * robot__msg__RobotStatus__create(void)
 {
   robot__msg__RobotStatus * message = (robot__msg__RobotStatus *)malloc(sizeof(*message));
@@ -82,14 +82,14 @@ static inline robot__msg__RobotStatus * robot__msg__RobotStatus__create(void)
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__msg__RobotStatus__destroy(robot__msg__RobotStatus * message)
 {
   robot__msg__RobotStatus__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__msg__RobotStatus__are_equal(
   const robot__msg__RobotStatus * lhs, const robot__msg__RobotStatus * rhs)
 {
@@ -119,7 +119,7 @@ static inline bool robot__msg__RobotStatus__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__msg__RobotStatus__copy(
   const robot__msg__RobotStatus * input, robot__msg__RobotStatus * output)
 {

@@ -25,7 +25,7 @@ static const double robot__msg__RobotStatus__NOWHERE = NAN;
 static const char * const robot__msg__RobotStatus__GREETING = "hi\tthere";
 static const uint_least16_t robot__msg__RobotStatus__FAREWELL[] = {'g', 'r', 0x00fc, 0x00df, ' ', 'd', 'i', 'c', 'h', 0};
 
-// The most that members may hold.
+// Upper bounds of members.
 enum { robot__msg__RobotStatus__label__MAX_STRING_SIZE = 12 };
 enum { robot__msg__RobotStatus__path__MAX_SIZE = 8 };
 enum { robot__msg__RobotStatus__wheels__MAX_STRING_SIZE = 9 };
@@ -51,7 +51,7 @@ typedef struct robot__msg__RobotStatus
   uint8_t address[4];
 } robot__msg__RobotStatus;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__msg__RobotStatus__Sequence
 {
   robot__msg__RobotStatus * data;

@@ -12,7 +12,7 @@ extern "C"
 #endif
 
 #ifdef FORGE_C_MESSAGE_TYPE_SUPPORT
-// There is no library: the functions are defined here.
+// Header-only: the functions are defined here.
 FORGE_C_MESSAGE_TYPE_SUPPORT(robot, msg, RobotStatus)
 #else
 ROSIDL_GENERATOR_C_PUBLIC_robot

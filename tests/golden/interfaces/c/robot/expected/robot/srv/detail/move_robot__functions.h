@@ -12,17 +12,17 @@
 #include "robot/srv/detail/move_robot__struct.h"
 #include "rosidl_runtime_c/sequence_functions.h"
 
-// What is initialized, or all zero, may be finished, even twice, and copied to. Where there is no memory,
-// or a NULL that must not be, the answer is false or NULL: init() has then left nothing behind, and copy() a
-// message that is whole, though not equal to its input. Nobody checks bounds.
+// fini() and copy() accept initialized or zeroed messages; fini() may be called twice. If memory runs out or an
+// argument is NULL, functions return false or NULL: init() then leaks nothing, and copy() leaves a valid
+// message that differs from its input. Bounds are not checked.
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__srv__MoveRobot_Request__fini(robot__srv__MoveRobot_Request * message)
 {
   (void)message;
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__srv__MoveRobot_Request__init(robot__srv__MoveRobot_Request * message)
 {
   if (!message) {
@@ -32,7 +32,7 @@ static inline bool robot__srv__MoveRobot_Request__init(robot__srv__MoveRobot_Req
   return true;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__srv__MoveRobot_Request * robot__srv__MoveRobot_Request__create(void)
 {
   robot__srv__MoveRobot_Request * message = (robot__srv__MoveRobot_Request *)malloc(sizeof(*message));
@@ -43,14 +43,14 @@ static inline robot__srv__MoveRobot_Request * robot__srv__MoveRobot_Request__cre
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__srv__MoveRobot_Request__destroy(robot__srv__MoveRobot_Request * message)
 {
   robot__srv__MoveRobot_Request__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__srv__MoveRobot_Request__are_equal(
   const robot__srv__MoveRobot_Request * lhs, const robot__srv__MoveRobot_Request * rhs)
 {
@@ -61,7 +61,7 @@ static inline bool robot__srv__MoveRobot_Request__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__srv__MoveRobot_Request__copy(
   const robot__srv__MoveRobot_Request * input, robot__srv__MoveRobot_Request * output)
 {
@@ -77,13 +77,13 @@ static inline bool robot__srv__MoveRobot_Request__copy(
 
 ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(robot__srv__MoveRobot_Request)
 
-/// Give back the memory that the members hold.
+/// Free the memory of the members.
 static inline void robot__srv__MoveRobot_Response__fini(robot__srv__MoveRobot_Response * message)
 {
   (void)message;
 }
 
-/// Give each member its default, or zero.
+/// Initialize each member with its default value, or zero.
 static inline bool robot__srv__MoveRobot_Response__init(robot__srv__MoveRobot_Response * message)
 {
   if (!message) {
@@ -93,7 +93,7 @@ static inline bool robot__srv__MoveRobot_Response__init(robot__srv__MoveRobot_Re
   return true;
 }
 
-/// Make an initialized message on the heap, for destroy() to take back.
+/// Allocate an initialized message; free it with destroy().
 static inline robot__srv__MoveRobot_Response * robot__srv__MoveRobot_Response__create(void)
 {
   robot__srv__MoveRobot_Response * message = (robot__srv__MoveRobot_Response *)malloc(sizeof(*message));
@@ -104,14 +104,14 @@ static inline robot__srv__MoveRobot_Response * robot__srv__MoveRobot_Response__c
   return message;
 }
 
-/// Take back what create() made, or NULL.
+/// Free a message allocated with create(); NULL is ignored.
 static inline void robot__srv__MoveRobot_Response__destroy(robot__srv__MoveRobot_Response * message)
 {
   robot__srv__MoveRobot_Response__fini(message);
   free(message);
 }
 
-/// Compare member by member; numbers as == does.
+/// Compare all members; numbers with ==.
 static inline bool robot__srv__MoveRobot_Response__are_equal(
   const robot__srv__MoveRobot_Response * lhs, const robot__srv__MoveRobot_Response * rhs)
 {
@@ -122,7 +122,7 @@ static inline bool robot__srv__MoveRobot_Response__are_equal(
   return equal;
 }
 
-/// Copy all members, into the memory that the output has if that is enough.
+/// Copy all members and reuse the memory of the output if possible.
 static inline bool robot__srv__MoveRobot_Response__copy(
   const robot__srv__MoveRobot_Response * input, robot__srv__MoveRobot_Response * output)
 {

@@ -13,7 +13,7 @@ typedef struct robot__srv__MoveRobot_Request
   float distance;
 } robot__srv__MoveRobot_Request;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__srv__MoveRobot_Request__Sequence
 {
   robot__srv__MoveRobot_Request * data;
@@ -26,7 +26,7 @@ typedef struct robot__srv__MoveRobot_Response
   uint8_t structure_needs_at_least_one_member;
 } robot__srv__MoveRobot_Response;
 
-/// `size` messages, in memory for `capacity`, of which every one is initialized.
+/// A sequence of `size` messages; all `capacity` elements are initialized.
 typedef struct robot__srv__MoveRobot_Response__Sequence
 {
   robot__srv__MoveRobot_Response * data;

@@ -13,7 +13,7 @@ extern "C"
 #endif
 
 #ifdef FORGE_C_MESSAGE_TYPE_SUPPORT
-// There is no library: the functions are defined here.
+// Header-only: the functions are defined here.
 FORGE_C_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Request)
 FORGE_C_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Response)
 FORGE_C_SERVICE_TYPE_SUPPORT(robot, srv, MoveRobot)

@@ -615,14 +615,14 @@ struct Fetch_GetResult
 
 struct Fetch
 {
-  /// What a client asks for.
+  /// The request of a client.
   using Goal = ::robot::action::Fetch_Goal;
-  /// What the server answers in the end.
+  /// The final result.
   using Result = ::robot::action::Fetch_Result;
-  /// What the server tells on the way.
+  /// Progress reported by the server.
   using Feedback = ::robot::action::Fetch_Feedback;
 
-  /// The services and topics that carry the above.
+  /// The services and topics of the action.
   struct Impl
   {
     using SendGoalService = ::robot::action::Fetch_SendGoal;

@@ -13,7 +13,7 @@ extern "C"
 {
 
 #ifdef FORGE_CPP_MESSAGE_TYPE_SUPPORT
-// There is no library: the functions are defined here.
+// Header-only: the functions are defined here.
 FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Goal)
 FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Result)
 FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, action, Fetch_Feedback)

@@ -11,7 +11,7 @@ extern "C"
 {
 
 #ifdef FORGE_CPP_MESSAGE_TYPE_SUPPORT
-// There is no library: the functions are defined here.
+// Header-only: the functions are defined here.
 FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, msg, RobotStatus)
 #else
 ROSIDL_GENERATOR_CPP_PUBLIC_robot

@@ -10,7 +10,7 @@
 namespace forge_cdr
 {
 
-// What this is for stands in forge_cdr/members.hpp, which nobody needs who sends nothing.
+// See forge_cdr/members.hpp. This header does not include it, so that only programs that serialize compile it.
 template<typename Message>
 struct Members;
 

@@ -12,7 +12,7 @@ extern "C"
 {
 
 #ifdef FORGE_CPP_MESSAGE_TYPE_SUPPORT
-// There is no library: the functions are defined here.
+// Header-only: the functions are defined here.
 FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Request)
 FORGE_CPP_MESSAGE_TYPE_SUPPORT(robot, srv, MoveRobot_Response)
 FORGE_CPP_SERVICE_TYPE_SUPPORT(robot, srv, MoveRobot)

@@ -1,0 +1,61 @@
+"""Environment variables that configure forge: FORGE_* and colcon's COLCON_*."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_SECRET = frozenset({"FORGE_CACHE_TOKEN", "FORGE_REMOTE_CACHE"})
+"""Variables that may contain credentials, which only forge needs."""
+
+_USER = re.compile(r"(?<=://)[^/\s]*@")
+
+
+def setting(name: str, variables: Mapping[str, str]) -> str | None:
+    """Return the value of FORGE_`name`, else of COLCON_`name`, else None."""
+    return variables.get(f"FORGE_{name}") or variables.get(f"COLCON_{name}") or None
+
+
+def home(variables: Mapping[str, str]) -> Path:
+    """Return the folder of the user's settings, shared with colcon."""
+    return Path(setting("HOME", variables) or "~/.colcon").expanduser()
+
+
+def cache_home(variables: Mapping[str, str]) -> Path:
+    """Return the cache folder, whose contents may be removed at any time."""
+    named = variables.get("FORGE_CACHE_DIR")
+    if named:
+        return Path(named).expanduser().absolute()
+    return Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "forge"
+
+
+def own_cache(variables: Mapping[str, str]) -> Path | None:
+    """Return the user's private cache folder, None without a home folder.
+
+    Its contents are executed and trusted, so it is never in FORGE_CACHE_DIR, which several users may share.
+    """
+    try:
+        cache = Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    except RuntimeError:
+        return None
+    return cache / "forge" if cache.is_absolute() else None
+
+
+def compiled_templates(variables: Mapping[str, str], other: Path) -> tuple[Path, ...]:
+    """Return the folders for compiled templates: the user's cache, else the folder `other` of one build."""
+    own = own_cache(variables)
+    return (own / "templates", other) if own else (other,)
+
+
+def without_secrets(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment for code of packages, without credentials."""
+    return {name: value for name, value in variables.items() if name not in _SECRET}
+
+
+def without_passwords(word: str) -> str:
+    """Return a command-line argument without the user information of URLs."""
+    return _USER.sub("...@", word)

@@ -1,0 +1,130 @@
+"""Errors that users can fix, with position, message and hint.
+
+    ForgeError            everything below; the command line shows its problems and exits with 2
+      WorkspaceError      the workspace, a manifest or an existing install does not allow the command
+      SelectionError      the command line names packages that cannot be selected
+      InterfaceError      an interface definition is wrong
+      EnvironmentFault    the machine lacks something: a compiler, CMake, numpy, a writable folder
+
+Any other exception is a bug in forge and is reported as such.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+_UNSEEN = {
+    code: "\N{REPLACEMENT CHARACTER}"
+    for codes in ((0, 9), (11, 32), (127, 160), (0x200E, 0x2010), (0x202A, 0x202F), (0x2066, 0x206A))
+    for code in range(*codes)
+}
+"""Control characters and bidirectional marks, which quoted files may contain."""
+
+_WIDEST = 200
+"""Maximum number of characters of a quoted line."""
+
+EXIT_INTERRUPTED = 130
+"""The exit code after Ctrl-C; forge.cli.main defines the others."""
+
+
+@frozen
+class Place:
+    """A position in a file. Lines and columns count from 1; `source` is the complete line."""
+
+    path: Path | str
+    line: int | None = None
+    column: int | None = None
+    source: str | None = None
+
+    def __str__(self) -> str:
+        parts = [str(self.path)]
+        if self.line is not None:
+            parts.append(str(self.line))
+            if self.column is not None:
+                parts.append(str(self.column))
+        return ":".join(parts)
+
+
+@frozen
+class Problem:
+    """A problem the user can fix: lower case, no full stop, names in single quotes."""
+
+    message: str
+    place: Place | None = None
+    hint: str | None = None
+
+    def render(self, severity: str = "error") -> str:
+        """Return the text for users: position, message, source line with caret, hint."""
+        where = f"{self.place}: " if self.place else ""
+        lines = [f"{where}{severity}: {self.message}"]
+        if self.place and self.place.source is not None:
+            source, column = _window(self.place.source, self.place.column)
+            lines.append(f"    {source}")
+            if column is not None:
+                lines.append("    " + _caret_indent(source, column) + "^")
+        if self.hint:
+            lines.append(f"hint: {self.hint}")
+        return "\n".join(lines).translate(_UNSEEN)
+
+
+class ForgeError(Exception):
+    """Problems the user can fix; a stage raises all problems it found, not only the first."""
+
+    def __init__(self, *problems: Problem) -> None:
+        """Store at least one problem."""
+        super().__init__("\n".join(problem.render() for problem in problems))
+        self.problems = problems
+
+
+class WorkspaceError(ForgeError):
+    """The workspace, a manifest or an existing install does not allow the command."""
+
+
+class SelectionError(ForgeError):
+    """The command line names packages that cannot be selected."""
+
+
+class InterfaceError(ForgeError):
+    """An interface definition is wrong."""
+
+
+class EnvironmentFault(ForgeError):  # noqa: N818  (EnvironmentError is a builtin's name)
+    """The machine lacks something the command needs."""
+
+
+def share_hints(problems: Iterable[Problem]) -> list[Problem]:
+    """Return the problems; consecutive ones with the same hint show it only after the last."""
+    found = list(problems)
+    return [
+        replace(problem, hint=None) if problem.hint == following.hint else problem
+        for problem, following in pairwise(found)
+    ] + found[-1:]
+
+
+def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeError) -> None:
+    """Raise `error` with the problems if there are any."""
+    found = tuple(problems)
+    if found:
+        raise error(*found)
+
+
+def _window(source: str, column: int | None) -> tuple[str, int | None]:
+    """Return the relevant part of a long line, and the column in it."""
+    if len(source) <= _WIDEST:
+        return source, column
+    start = max(0, (column or 1) - _WIDEST // 2)
+    shown = f"{'...' if start else ''}{source[start : start + _WIDEST]}..."
+    return shown, None if column is None else column - start + (3 if start else 0)
+
+
+def _caret_indent(source: str, column: int) -> str:
+    """Return the indentation of the caret below `column`; tabs are kept for alignment."""
+    return "".join("\t" if character == "\t" else " " for character in source[: column - 1])

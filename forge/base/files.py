@@ -1,0 +1,253 @@
+"""Reads regular files safely, and writes files atomically."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+import stat
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from io import FileIO
+    from pathlib import Path
+
+
+BYTECODE = "__pycache__"
+_DRAFT = ".forge-draft"
+
+LARGEST = 16 << 20
+"""Maximum size in bytes of hand-written files."""
+
+_MOST_PARTS = 8
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+class UnfitFileError(OSError):
+    """A file that is not a regular file, or too large."""
+
+    def __init__(self, path: str, reason: str) -> None:
+        """`reason` completes the sentence that starts with the file name."""
+        super().__init__(None, reason, path)
+
+
+def read_file(path: str | Path, most: int = LARGEST) -> bytes:
+    """Return the bytes of a regular file.
+
+    Never blocks, for example on a named pipe, and limits memory use. The null device reads as an empty file.
+    Raises UnfitFileError for other files that are not regular or larger than `most` bytes, OSError as the
+    system does.
+    """
+    with open(path, "rb", buffering=0, opener=open_regular) as stream:
+        content = _read_up_to(stream, most + 1)
+    if len(content) > most:
+        raise UnfitFileError(str(path), f"it is larger than {most >> 20} MiB")
+    return content
+
+
+def open_regular(path: str, flags: int) -> int:
+    """Return a descriptor of a regular file, for open(); raises UnfitFileError for other files."""
+    # Check before opening, because opening some devices has side effects.
+    _refuse_unfit(path, os.stat(path))  # noqa: PTH116
+    descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        _refuse_unfit(path, os.fstat(descriptor))
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _refuse_unfit(path: str, status: os.stat_result) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    problem = unfit(path, status)
+    if problem:
+        raise UnfitFileError(str(path), problem)
+
+
+def read_text(path: str | Path, most: int = LARGEST) -> str:
+    """Return the text of a regular file, as by `read_file`, with universal newlines.
+
+    Invalid UTF-8 is replaced.
+    """
+    text = read_file(path, most).decode(errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def text_or_nothing(path: str | Path, most: int = LARGEST) -> str:
+    """Like read_text, but return an empty string if the file cannot be read."""
+    try:
+        return read_text(path, most)
+    except OSError:
+        return ""
+
+
+def listed_paths(path: str | Path) -> Iterator[str]:
+    """Yield the absolute paths in a list of installed files, one per line; none if there is no list.
+
+    Names with a line break or, from CMake, a semicolon span several lines, which are joined if the result
+    exists.
+    """
+    try:
+        lines = read_file(path, 1 << 30).decode(errors="surrogateescape").split("\n")
+    except OSError:
+        return
+    starts = [at for at, line in enumerate(lines) if line.startswith("/")]
+    for start, end in pairwise((*starts, len(lines))):
+        yield os.path.normpath(_joined(lines[start:end]))
+
+
+def _joined(parts: list[str]) -> str:
+    """Return the longest existing file name that the first parts form when joined."""
+    names = [parts[0]]
+    found = parts[0]
+    for part in parts[1:_MOST_PARTS]:
+        names = [f"{name}{sign}{part}" for name in names for sign in "\n;"]
+        found = next(filter(os.path.lexists, names), found)
+    return found
+
+
+def unfit(path: str | Path, status: os.stat_result) -> str:
+    """Return why a file with this stat cannot be read as text; '' if it can."""
+    kind = stat.S_IFMT(status.st_mode)
+    if kind == stat.S_IFREG or (kind == stat.S_IFCHR and os.path.realpath(path) == os.devnull):
+        return ""
+    return f"it is {_KINDS.get(kind, 'of an unknown kind')}, not a regular file"
+
+
+def _read_up_to(stream: FileIO, most: int) -> bytes:
+    blocks = []
+    while most > 0 and (block := stream.read(min(most, 1 << 16))):
+        blocks.append(block)
+        most -= len(block)
+    return b"".join(blocks)
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Add the path to OSErrors that have none, as for files that are already open."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+
+
+def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None:
+    """Write `content` to `path` atomically: readers see either the old or the new bytes.
+
+    Creates folders as needed. A symbolic link at `path` is replaced, not followed. Raises OSError as the
+    system does.
+    """
+    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}{_DRAFT}")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+    try:
+        descriptor = os.open(temporary, flags, 0o666)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(temporary, flags, 0o666)
+    try:
+        with naming(path), os.fdopen(descriptor, "wb") as stream:
+            stream.write(content)
+            if mode is not None:
+                os.fchmod(descriptor, mode)
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
+    """Return the files and links below a folder with their stats, and the empty folders.
+
+    Bytecode caches of Python are left out. A missing folder has no files.
+    """
+    files: list[tuple[str, os.stat_result]] = []
+    empty: list[str] = []
+    waiting = [root]
+    while waiting:
+        folder = waiting.pop()
+        count = len(files) + len(waiting)
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    if not entry.is_dir(follow_symlinks=False):
+                        files.append((entry.path, entry.stat(follow_symlinks=False)))
+                    elif entry.name != BYTECODE:
+                        waiting.append(entry.path)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        if len(files) + len(waiting) == count and folder != root:
+            empty.append(folder)
+    return files, empty
+
+
+def remove_tree(path: str) -> None:
+    """Remove a file, link or folder recursively, ignoring errors."""
+    try:
+        os.unlink(path)  # noqa: PTH108
+    except FileNotFoundError:
+        return
+    except OSError:
+        with contextlib.suppress(OSError):  # already empty
+            os.rmdir(path)  # noqa: PTH106
+            return
+        shutil.rmtree(path, ignore_errors=True)
+        if os.path.isdir(path):  # noqa: PTH112
+            _make_writable(path)
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _make_writable(root: str) -> None:
+    """Add write permission to a folder tree, so that it can be removed."""
+    with contextlib.suppress(OSError):
+        os.chmod(root, stat.S_IRWXU)  # noqa: PTH101
+    for folder, names, _ in os.walk(root):
+        for path in (f"{folder}/{name}" for name in names):
+            if not os.path.islink(path):  # noqa: PTH114
+                with contextlib.suppress(OSError):
+                    os.chmod(path, stat.S_IRWXU)  # noqa: PTH101
+
+
+def remove_drafts(root: Path) -> None:
+    """Remove temporary files of an interrupted `replace_file` below `root`."""
+    for folder, _, names in os.walk(root):
+        for name in names:
+            if name.startswith(".") and name.endswith(_DRAFT):
+                with contextlib.suppress(OSError):
+                    os.unlink(os.path.join(folder, name))  # noqa: PTH108, PTH118  (as os.walk says it)
+
+
+def says(path: Path, text: str) -> bool:
+    """Tell whether a regular file has exactly this text."""
+    try:
+        return not path.is_symlink() and path.read_bytes() == text.encode(errors="surrogateescape")
+    except OSError:
+        return False
+
+
+def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
+    """Write UTF-8 `text` unless the file already has it; return whether it was written.
+
+    Surrogate escapes in file names are converted back to their original bytes.
+    """
+    content = text.encode(errors="surrogateescape")
+    try:
+        same = not path.is_symlink() and path.read_bytes() == content
+        if same and (mode is None or path.stat().st_mode & 0o777 == mode):
+            return False
+    except OSError:
+        pass
+    replace_file(path, content, mode=mode)
+    return True

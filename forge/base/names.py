@@ -1,0 +1,51 @@
+"""Rules for names: valid package names, snake case, suggestions."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_PACKAGE = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]*")
+_WORD = re.compile(r"\w[\w.+-]{0,199}")
+_EMAIL = re.compile(r"[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{2,}")
+_LOWER_THEN_WORD = re.compile(r"(.)([A-Z][a-z]+)")
+_LOWER_THEN_UPPER = re.compile(r"([a-z0-9])([A-Z])")
+
+
+def is_package_name(text: str) -> bool:
+    """Tell whether a text is a valid package name (REP 127, 140, 149)."""
+    return _PACKAGE.fullmatch(text) is not None
+
+
+def is_word(text: str) -> bool:
+    """Tell whether a name is safe in paths, scripts and CMake.
+
+    All valid names of packages are, and most names of Python projects and folders.
+    """
+    return _WORD.fullmatch(text) is not None
+
+
+def is_below(path: str) -> bool:
+    """Tell whether a relative path stays in its folder, judging by its text, and has no line break."""
+    return bool(path) and path.isprintable() and not path.startswith("/") and ".." not in path.split("/")
+
+
+def is_email(text: str) -> bool:
+    """Tell whether a manifest accepts a text as an email address."""
+    return _EMAIL.fullmatch(text) is not None
+
+
+def snake_case(name: str) -> str:
+    """Return rosidl's file name for an interface: 'UInt8' gives 'u_int8', 'ColorRGBA' 'color_rgba'."""
+    return _LOWER_THEN_UPPER.sub(r"\1_\2", _LOWER_THEN_WORD.sub(r"\1_\2", name)).lower()
+
+
+def did_you_mean(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
+    """Return a hint with the most similar known name, or None; `nearness` is between 0 and 1."""
+    import difflib  # noqa: PLC0415  (takes 6 ms, rarely needed)
+
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=nearness)
+    return f"did you mean '{near[0]}'?" if near else None

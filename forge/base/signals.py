@@ -1,0 +1,119 @@
+"""Handles Ctrl-C, kill, closed terminals and closed pipes."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import io
+import os
+import signal
+import sys
+import threading
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+_NOBODY_LISTENS = frozenset({errno.EPIPE, errno.EIO, errno.ENXIO, errno.EBADF})
+
+
+@contextmanager
+def handle_signals(handle: Callable[[int], object]) -> Iterator[None]:
+    """Call `handle` with the signal number, in the main thread.
+
+    Ignored signals stay ignored, as with nohup or in background jobs.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def take(number: int, _frame: object) -> None:
+        if number == signal.SIGHUP:
+            _leave_closed_terminals()
+        handle(number)
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    heard = [number for number in SIGNALS if before[number] is not signal.SIG_IGN]
+    for number in heard:
+        signal.signal(number, take)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, before[number])
+
+
+def interrupt(_number: int) -> NoReturn:
+    """Raise KeyboardInterrupt for all handled signals."""
+    raise KeyboardInterrupt
+
+
+def open_standard_streams() -> None:
+    """Open the null device for each closed standard stream.
+
+    Otherwise the next opened file would get its descriptor, and child processes would write to it.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            # File names may not be valid UTF-8, and a stream may support only ASCII.
+            utf8 = stream.encoding.lower() == "utf-8"
+            stream.reconfigure(errors="surrogateescape" if utf8 else "backslashreplace")
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if not _is_open(number):
+            # The lowest free number, which is this one.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # noqa: FBT003  (positional only)
+        if getattr(sys, name) is None:
+            stream = open(number, mode, encoding="utf-8", errors="replace", closefd=False)  # noqa: SIM115  (until the process ends)
+            setattr(sys, name, stream)
+
+
+def is_writable(descriptor: int) -> bool:
+    """Tell whether a descriptor is open for writing."""
+    return bool(fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE)
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def ignore_closed_output(descriptor: int) -> Iterator[None]:
+    """Write output; if its reader is gone, continue as with a closed terminal.
+
+    Later output to that stream is discarded without errors.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _NOBODY_LISTENS or signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+            raise
+        _leave(descriptor)
+        signal.raise_signal(signal.SIGHUP)
+
+
+def _leave_closed_terminals() -> None:
+    for descriptor in filter(_is_closed, (1, 2)):
+        _leave(descriptor)
+
+
+def _is_closed(descriptor: int) -> bool:
+    try:
+        # An empty write fails for a closed terminal and has no effect on other files.
+        os.write(descriptor, b"")
+    except OSError as error:
+        return error.errno in _NOBODY_LISTENS
+    return False
+
+
+def _leave(descriptor: int) -> None:
+    with suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, descriptor)
+        os.close(nowhere)

@@ -1,0 +1,76 @@
+"""Formats durations and lists of names, and shortens long output."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_MOST = 1_000_000
+"""Bytes kept of the beginning, with the first error, and of the end of output."""
+
+_LEFT_OUT = b"[... the log has what stood here ...]\n"
+
+_NAMES_SHOWN = 3
+
+
+def duration(seconds: float) -> str:
+    """Format seconds like colcon: 0.15s, 12.3s, 1min 5s, 1h 2min 3s."""
+    if seconds < 9.995:  # noqa: PLR2004  (two decimals would round to 10.00)
+        return f"{seconds:.2f}s"
+    if seconds < 59.95:  # noqa: PLR2004
+        return f"{seconds:.1f}s"
+    whole = round(seconds)
+    hours, rest = divmod(whole, 3600)
+    minutes, rest = divmod(rest, 60)
+    return f"{hours}h {minutes}min {rest}s" if hours else f"{minutes}min {rest}s"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the first few names and the number of others."""
+    shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
+    return f"{shown} and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else shown
+
+
+def split_lines(output: bytes) -> list[bytes]:
+    """Split output into lines with their line endings; a carriage return does not end a line."""
+    return [line for line in re.split(rb"(?<=\n)", output) if line]
+
+
+class Excerpt:
+    """Output of stdout and stderr in order, without the middle if it is long."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._first: list[tuple[bytes, bool]] = []
+        self._last: deque[tuple[bytes, bool]] = deque()
+        self._room = _MOST
+        self._kept = 0
+        self._whole = True
+
+    def add(self, lines: bytes, *, stderr: bool) -> None:
+        """Append output."""
+        if self._room > 0:
+            self._first.append((lines, stderr))
+            self._room -= len(lines)
+            return
+        self._last.append((lines, stderr))
+        self._kept += len(lines)
+        while self._kept > _MOST and len(self._last) > 1:
+            self._kept -= len(self._last.popleft()[0])
+            self._whole = False
+
+    @property
+    def everything(self) -> bytes:
+        """The kept output of both streams."""
+        middle = () if self._whole else (_LEFT_OUT,)
+        first, last = (b for b, _ in self._first), (b for b, _ in self._last)
+        return b"".join((*first, *middle, *last))
+
+    @property
+    def errors(self) -> bytes:
+        """The kept output of stderr."""
+        return b"".join(lines for lines, stderr in (*self._first, *self._last) if stderr)

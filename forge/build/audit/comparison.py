@@ -1,0 +1,214 @@
+"""Compare the files that a package's build read with the tracked inputs of the package; pure."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from posixpath import basename, dirname
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.build.audit.accesses import Access, Kind
+from forge.build.audit.untracked import COMPILER, LITTER, untracked
+from forge.build.tasks import CONFIGURE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
+
+    from forge.build.audit.accesses import Accesses
+    from forge.build.audit.untracked import Machine
+
+_MAX_LISTED = 3
+"""The number of files of one folder that are listed; of more, only the count is reported."""
+
+
+@frozen
+class Tracked:
+    """The tracked inputs of a package, as absolute paths.
+
+    `folders` maps folders that are tracked completely, names and contents, to their descriptions. In
+    `prefixes`, new names are tracked, and contents of `files` only. In the folders in `names`, names are
+    tracked. `parents` are the parent folders of all these. `owners` maps a file to the package that installed
+    it.
+    """
+
+    folders: Mapping[str, str]
+    files: Container[str]
+    names: frozenset[str]
+    prefixes: Mapping[str, str]
+    parents: frozenset[str]
+    owners: Mapping[str, str]
+    is_source: Callable[[str, str], bool]
+    """Returns True if a path (second) below a source folder (first) is a source."""
+
+
+@frozen
+class Disk:
+    """Queries to the file system: the resolved path, the first missing parent, whether it is a folder."""
+
+    real: Callable[[str], str]
+    first_missing: Callable[[str], str]
+    is_folder: Callable[[str], bool]
+
+
+@frozen
+class Finding:
+    """An access to an untracked path."""
+
+    package: str
+    step: str
+    path: str
+    kind: Kind
+    program: str
+    owner: str = ""
+
+
+SOURCES = "sources"
+
+
+def findings(
+    package: str, step: str, accesses: Accesses, tracked: Tracked, environment: tuple[Machine, Disk]
+) -> tuple[Finding, ...]:
+    """Return the accesses of a step that forge neither tracks nor ignores on purpose, sorted by path."""
+    found: dict[str, Finding] = {}
+    for (path, kind), program in accesses.found.items():
+        access = Access(path, _effective_kind(kind, program, step), program)
+        if _is_made(path, accesses.made) or explain(access, tracked, *environment):
+            continue
+        # Report each path once, with the most significant kind.
+        if path not in found or _WEIGHT[access.kind] < _WEIGHT[found[path].kind]:
+            found[path] = Finding(package, step, path, access.kind, program, tracked.owners.get(path, ""))
+    return tuple(found[path] for path in sorted(found))
+
+
+_WEIGHT = {kind: weight for weight, kind in enumerate(Kind)}
+
+
+def _effective_kind(kind: Kind, program: str, step: str) -> Kind:
+    """Return the effective kind of an access.
+
+    A compiler reports all headers that it used; it opens others only for __has_include, which depends on
+    names. This does not apply to CMake's compile checks, whose headers are not reported.
+    """
+    if kind is Kind.READ and step != CONFIGURE and COMPILER.match(program):
+        return Kind.SEEN
+    return kind
+
+
+def explain(access: Access, tracked: Tracked, machine: Machine, disk: Disk) -> str:
+    """Return why an access is not a finding, or '' if it is one."""
+    path, kind = access.path, access.kind
+    if kind is Kind.SEEN and disk.is_folder(path):
+        access = Access(path, Kind.FOLDER, access.program)
+    reason = _explain(access, tracked, machine)
+    if not reason and kind is Kind.MISSED:
+        missing = disk.first_missing(path)
+        if not missing or dirname(missing) in tracked.names:
+            return NAMES
+        reason = _explain(Access(missing, kind, access.program), tracked, machine)
+    if not reason:
+        real = disk.real(path)
+        reason = _explain(Access(real, access.kind, access.program), tracked, machine) if real != path else ""
+    return reason
+
+
+NAMES = "names in a folder"
+
+
+def _explain(access: Access, tracked: Tracked, machine: Machine) -> str:
+    path, kind = access.path, access.kind
+    if path in tracked.files:
+        return "recorded"
+    reason = _by_folder(access, tracked)
+    if reason:
+        return reason
+    if kind is not Kind.READ and path in tracked.parents:
+        return NAMES
+    if kind in _ABOUT_NAMES and (path in tracked.names or dirname(path) in tracked.names):
+        return NAMES
+    row = untracked(access, machine)
+    if row is not None:
+        return row.what
+    return LITTER.what if _BYTECODE.search(path) or _source_folder(path, tracked) else ""
+
+
+_BYTECODE = re.compile(r"/__pycache__(/|$)|\.pyc$")
+
+
+def _by_folder(access: Access, tracked: Tracked) -> str:
+    """Return the description of a parent folder whose contents or names are tracked, or ''."""
+    for folder in _upwards(access.path):
+        if folder in tracked.folders:
+            what = tracked.folders[folder]
+            return what if what != SOURCES or tracked.is_source(folder, access.path) else ""
+        if folder in tracked.prefixes and access.kind in _ABOUT_NAMES:
+            return tracked.prefixes[folder]
+    return ""
+
+
+def _source_folder(path: str, tracked: Tracked) -> bool:
+    """Return True if a path is in the package, whether or not it is a source."""
+    return any(tracked.folders.get(folder) == SOURCES for folder in _upwards(path))
+
+
+_ABOUT_NAMES = frozenset({Kind.MISSED, Kind.LISTED, Kind.FOLDER})
+
+
+def _upwards(path: str) -> Iterator[str]:
+    while True:
+        yield path
+        if path == "/":
+            return
+        path = dirname(path)
+
+
+def _is_made(path: str, made: Collection[str]) -> bool:
+    return any(folder in made for folder in _upwards(path))
+
+
+def report(found: Iterable[Finding], packages: int) -> tuple[str, ...]:
+    """Return the lines of a report: findings by package, step and folder with hints, and a summary."""
+    groups: dict[tuple[Finding, str], list[str]] = {}
+    for finding in found:
+        groups.setdefault((replace(finding, path=""), dirname(finding.path)), []).append(finding.path)
+    lines = [line for (finding, folder), paths in groups.items() for line in _group(finding, folder, paths)]
+    number = sum(map(len, groups.values()))
+    affected = len({finding.package for finding, _ in groups})
+    if not number:
+        lines.append(f"audit: {_plural(packages, 'package')}, nothing unexplained")
+    else:
+        uses = "uses" if affected == 1 else "use"
+        of_them = f"of {_plural(packages, 'package')}, {affected} {uses} {_plural(number, 'path')}"
+        lines.append(f"audit: {of_them} that forge does not track")
+    return tuple(lines)
+
+
+def _group(finding: Finding, folder: str, paths: list[str]) -> Iterator[str]:
+    """Yield the lines for the paths of one folder."""
+    by = f"{finding.step} step, by {finding.program}" if finding.program else f"{finding.step} step"
+    if len(paths) > _MAX_LISTED:
+        paths = [f"{len(paths)} names in {folder}, such as {basename(paths[0])}"]
+    yield from (f"{finding.package}: {finding.kind.value} {path} ({by})" for path in paths)
+    yield f"  hint: {_advice(finding.step, finding.kind, finding.owner)}"
+
+
+def _plural(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _advice(step: str, kind: Kind, owner: str) -> str:
+    """Return a hint for the author of the package."""
+    if owner:
+        return f"add <depend>{owner}</depend> to package.xml"
+    if kind in _ABOUT_NAMES:
+        return "forge does not notice when something appears there; build with --force then"
+    if kind is Kind.RAN:
+        return "find the program with find_program(), and forge notices when it changes"
+    return _ADVICE.get(step, "keep the file in the package, or build with --force when it changes")
+
+
+_ADVICE = {
+    "cmake": "set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS FILE) lets forge track it",
+    "build": "add_custom_command(... DEPENDS FILE) lets forge track it",
+    "install": "install(FILES FILE ...) lets forge track it",
+}

@@ -1,0 +1,110 @@
+"""Detect packages that install the same file of a merged tree with different contents.
+
+The tree contains only the last version. Therefore each package's build folder records digests of its files.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.base.files import write_if_changed
+from forge.build.inputs.fingerprints import contents_of
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.model import BuildRecord
+    from forge.build.tasks import BuildPlan
+
+NOTE = "forge_installed.json"
+
+
+def record_contents(build: Path, files: Iterable[str], table: FileTable) -> None:
+    """Record the contents of a package's installed files before another package may overwrite them."""
+    # Only the content digest, without mode and link target.
+    data = {path: content.rpartition(" ")[2] for path, content in contents_of(files, table).items()}
+    write_if_changed(build / NOTE, json.dumps(data))
+
+
+def conflicts(
+    layout: Layout, records: Mapping[str, BuildRecord], names: Collection[str]
+) -> tuple[Problem, ...]:
+    """Return a problem for each file that one of `names` and another package install differently."""
+    return tuple(
+        _problem(path, owners, layout) for path, owners in conflicting_files(layout, records, names).items()
+    )
+
+
+def conflicting_files(
+    layout: Layout, records: Mapping[str, BuildRecord], names: Collection[str]
+) -> Mapping[str, list[str]]:
+    """Return, by path, the packages that install a file differently, one of `names` among them."""
+    if not layout.merged:
+        return {}
+    owners: dict[str, list[str]] = {}
+    for name in sorted(records):
+        if records[name].complete:
+            for path in records[name].files:
+                owners.setdefault(path, []).append(name)
+    shared = {
+        path: owners
+        for path, owners in sorted(owners.items())
+        if len(owners) > 1 and not frozenset(names).isdisjoint(owners)
+    }
+    notes = {
+        name: _note(layout.build_dir(name)) for name in {n for owners in shared.values() for n in owners}
+    }
+    return {
+        path: owners
+        for path, owners in shared.items()
+        if len({notes[name].get(path, "") for name in owners}) > 1
+    }
+
+
+def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, BuildRecord]) -> frozenset[str]:
+    """Return those of a package's paths that other packages have installed, too."""
+    others = (record for other, record in list(records.items()) if other != name)
+    return frozenset[str]().union(*(paths.intersection(record.files) for record in others))
+
+
+def packages_to_reinstall(
+    plan: BuildPlan, layout: Layout, records: Mapping[str, BuildRecord]
+) -> frozenset[str]:
+    """Return the up-to-date packages of a plan that install a file differently from one that is built.
+
+    They must be installed again in order, so that the result is that of a clean build.
+    """
+    found = conflicting_files(layout, records, plan.tasks)
+    return frozenset(name for owners in found.values() for name in owners).intersection(plan.fresh)
+
+
+def overwritten(plan: BuildPlan, layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
+    """Return the packages of which a file may have been overwritten by a plan, as in a clean build."""
+    found: set[str] = set()
+    for owners in conflicting_files(layout, records, plan.tasks).values():
+        built = [plan.tasks[name] for name in owners if name in plan.tasks]
+        found.update(
+            name for name in owners if name in plan.tasks or any(name in task.needs for task in built)
+        )
+    return frozenset(found)
+
+
+def _note(build: Path) -> Mapping[str, str]:
+    """Return the recorded contents of a package's files; {} if there are none."""
+    try:
+        data = json.loads((build / NOTE).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _problem(path: str, owners: list[str], layout: Layout) -> Problem:
+    packages = f"{', '.join(map(repr, owners[:-1]))} and {owners[-1]!r}"
+    relative = path.removeprefix(f"{layout.install}/")
+    hint = "the last one wins; rename the file in one of them, or build without '--merge-install'"
+    return Problem(f"{packages} install '{relative}' with different contents", hint=hint)

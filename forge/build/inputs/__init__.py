@@ -1,0 +1,1 @@
+"""What a build reads: sources, headers, programs and variables, as stats and digests that can be compared."""

@@ -1,0 +1,384 @@
+"""Fingerprints of files: cheap stamps of their stats, and digests of their contents.
+
+A stamp is a digest of sizes, times, modes and inodes: equal stamps mean that no file was written. Contents
+are read only if stamps differ, and only of files whose own stat differs from the recorded one. A file that
+changed within the clock's last tick may change again without a change of its times, so its stat is not
+trusted the next time (git calls such entries racy).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+import time
+from typing import TYPE_CHECKING
+
+from forge.base.files import replace_file
+from forge.build.inputs.input_manifest import FileState, InputManifest
+from forge.build.model import Fingerprint
+from forge.workspace.source_names import is_source, is_source_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    Stats = Mapping[str, os.stat_result]
+    """Stats of files by path."""
+
+VERSION = 2
+RACY_NANOSECONDS = 20_000_000
+"""Two ticks of the slowest kernel clock, the resolution of file times."""
+_COARSE_NANOSECONDS = 2_000_000_000
+"""The resolution of file times on file systems with whole seconds: FAT, old NFS servers and ext3."""
+
+NAMES_IN = "/."
+"""The suffix of a path that represents the file names in a folder, regardless of the files' contents."""
+
+_BLOCK = 1 << 20
+"""Bytes to read at a time; a file may be larger than the memory."""
+
+_NO_STATS: Stats = {}
+
+_RESULTS = frozenset({".built_by", ".colcon_install_layout", "latest_build"})
+"""Beside COLCON_IGNORE, these mark build, install and log folders, which may lie within a package."""
+
+
+class FileTable:
+    """A cache of content digests by file and stat; it may be deleted at any time."""
+
+    def __init__(self, path: Path) -> None:
+        """Store the path of the table; the file is read at the first access."""
+        self._path = path
+        self._known: dict[str, tuple[str, str]] | None = None
+        self._changed = False
+        self._own_files: set[str] = set()
+        """Files that forge has just written. Their digests are known, but their stats are not saved."""
+        self.changed_files: dict[str, str | None] = {}
+        """Files with a new content digest, with their previous digest or None if it was unknown."""
+
+    def digest(self, path: str, status: os.stat_result) -> str:
+        """Return the content digest of a file with the stat `status`; raises OSError like open()."""
+        known = self._load()
+        stat_text = _stat_text(status)
+        entry = known.get(path)
+        if entry is not None and entry[0] == stat_text:
+            return entry[1]
+        found = content_digest(path)
+        known[path] = ("" if _racy(status) else stat_text, found)
+        self._own_files.discard(path)
+        self._changed = True
+        before = entry[1] if entry is not None else None
+        if before != found:
+            self.changed_files.setdefault(path, before)
+        return found
+
+    def learn(self, path: str, status: os.stat_result, digest: str) -> None:
+        """Record the digest of a file that was just written, so that this process need not read it."""
+        self._load()[path] = (_stat_text(status), digest)
+        self._own_files.add(path)
+        self._changed = True
+
+    def known(self, path: str, status: os.stat_result) -> str:
+        """Return the recorded content digest of a file with this stat, or ''."""
+        stat_text, digest = self._load().get(path, ("", ""))
+        return digest if stat_text == _stat_text(status) else ""
+
+    def forget_others(self, paths: Collection[str]) -> None:
+        """Remove all entries except `paths`, so that a table shared by many builds does not grow."""
+        known = self._load()
+        for path in known.keys() - paths:
+            del known[path]
+            self._changed = True
+
+    def save(self) -> None:
+        """Write the table if it has changed."""
+        if self._changed and self._known is not None:
+            own = {path: ("", self._known[path][1]) for path in self._own_files}
+            data = {"version": VERSION, "files": {**self._known, **own}}
+            replace_file(self._path, json.dumps(data).encode())
+            self._changed = False
+
+    def _load(self) -> dict[str, tuple[str, str]]:
+        if self._known is None:
+            try:
+                data = json.loads(self._path.read_bytes())
+                valid = data["version"] == VERSION
+                self._known = {p: (s, d) for p, (s, d) in data["files"].items()} if valid else {}
+            except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+                self._known = {}
+        return self._known
+
+
+def fingerprint_tree(root: str, table: FileTable, known: Fingerprint | None = None) -> Fingerprint:
+    """Return the fingerprint of the source tree at `root`; contents are read only if the stamp differs."""
+    return _fingerprint_of(list(_walk(root, (root,))), len(root) + 1, table, known, trusting=False)
+
+
+def fingerprint_files(
+    paths: Iterable[str], table: FileTable, known: Fingerprint | None = None, stats: Stats = _NO_STATS
+) -> Fingerprint:
+    """Return the fingerprint of `paths` in this order; missing files are part of it.
+
+    `stats` may provide stats of some files that were just taken.
+    """
+    entries = [(path, stats.get(path) or _status(path), False) for path in paths]
+    return _fingerprint_of(entries, 0, table, known, trusting=True)
+
+
+def tree_manifest(root: str, table: FileTable) -> InputManifest:
+    """Return the state of each source below `root`; paths of folders end with '/'."""
+    return {
+        path: FileState(_stats(path, status), _content(path, status, table))
+        for path, status, _ in _walk(root, (root,))
+    }
+
+
+def tree_stats(root: str) -> dict[str, str]:
+    """Return the stat text of each source below `root` without reading files."""
+    return {path: _stats(path, status) for path, status, _ in _walk(root, (root,))}
+
+
+def file_manifest(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> InputManifest:
+    """Return the state of each of `paths`; `stats` may provide stats that were just taken."""
+    found = {}
+    for path in paths:
+        status = stats.get(path) or _status(path)
+        found[path] = FileState(_stats(path, status), _content(path, status, table))
+    return found
+
+
+def stamp_files(paths: Iterable[str]) -> str:
+    """Return a stamp of the stats of `paths` and of link targets without reading files."""
+    stamp = hashlib.blake2b(digest_size=16)
+    for path in paths:
+        stamp.update(f"{path}\0{_stats(path, _status(path))}\n".encode(errors="surrogateescape"))
+    return stamp.hexdigest()
+
+
+def content_digest(path: str) -> str:
+    """Return the digest of a file's content; raises OSError like open()."""
+    digest = hashlib.blake2b(digest_size=16)
+    with open(path, "rb", buffering=0) as stream:  # noqa: PTH123  (thousands of files: no Path for each)
+        while block := stream.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def contents_of(paths: Iterable[str], table: FileTable, stats: Stats = _NO_STATS) -> dict[str, str]:
+    """Return mode and content digest of each file as text; `stats` may provide stats that were just taken."""
+    return {path: _content(path, stats.get(path) or _status(path), table) for path in paths}
+
+
+def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
+    """Return one digest of `paths` and their `contents`, as returned by `contents_of`."""
+    text = "\n".join(f"{path}\0{contents[path]}" for path in paths)
+    return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=16).hexdigest()
+
+
+def digest_strings(*strings: str) -> str:
+    """Return one digest of the strings in this order."""
+    return _digest("\0".join(strings).encode(errors="surrogateescape"))
+
+
+def source_files(root: str, excluded: str | None = None) -> Iterator[str]:
+    """Yield the paths of the files that count as sources, sorted folder by folder.
+
+    Folders named `excluded` are skipped.
+    """
+    return (path for path, _, _ in _walk(root, (root,), excluded) if not path.endswith("/"))
+
+
+def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
+    """Yield the regular source files below `root`, links not followed, with their stats."""
+    for path, status, linked in _walk(root, (root,)):
+        if not linked and stat.S_ISREG(status.st_mode):
+            yield path, status
+
+
+def source_folders(root: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield each folder that `source_files` looks into, with the files elsewhere that links in it lead to."""
+    waiting: list[tuple[str, tuple[str, ...]]] = [(root, (root,))]
+    while waiting:
+        folder, ancestors = waiting.pop()
+        entries = _entries(folder, ancestors[0])
+        if entries is None:
+            continue
+        targets = []
+        names = {entry.name for entry in entries}
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                if is_source_folder(entry.name, names.__contains__):
+                    waiting.append((entry.path, ancestors))
+            elif entry.is_symlink() and is_source(entry.name, names.__contains__):
+                target = os.path.realpath(entry.path)
+                if not _links_to_dir(entry):
+                    targets.append(target)
+                elif not _is_cycle(target, ancestors):
+                    waiting.append((entry.path, (*ancestors, target)))
+        yield folder, tuple(targets)
+
+
+def _links_to_dir(link: os.DirEntry[str]) -> bool:
+    """Return True if a link points to a folder; a link to itself does not."""
+    try:
+        return link.is_dir()
+    except OSError:
+        return False
+
+
+def _is_cycle(target: str, ancestors: tuple[str, ...]) -> bool:
+    """Return True if the resolved folder `target` contains one of its `ancestors`."""
+    return any(f"{os.path.realpath(folder)}/".startswith(f"{target}/") for folder in ancestors)
+
+
+def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
+    """Return the sorted entries of a folder, or None if it is not part of the sources below `root`.
+
+    Not part of the sources are build, install and log folders, virtual environments, build folders of IDEs,
+    and folders that have just vanished. Raises other OSErrors.
+    """
+    try:
+        with os.scandir(folder) as found:
+            entries = sorted(found, key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    names = {entry.name for entry in entries}
+    if "COLCON_IGNORE" in names and names & _RESULTS:
+        return None
+    by_ide = "CMakeCache.txt" in names and os.path.basename(folder).startswith("cmake-build-")  # noqa: PTH119
+    return None if folder != root and (by_ide or "pyvenv.cfg" in names) else entries
+
+
+def _walk(
+    folder: str,
+    ancestors: tuple[str, ...],
+    excluded: str | None = None,
+    itself: os.stat_result | None = None,
+) -> Iterator[tuple[str, os.stat_result, bool]]:
+    """Yield each file and folder below `folder` with its stat, and True if a link to a folder led there.
+
+    Paths of folders end with '/'; `folder` itself is included if its stat is passed as `itself`. `ancestors`
+    are the root and the link targets above, which are not entered again.
+    """
+    entries = _entries(folder, ancestors[0])
+    if entries is None:
+        return
+    names = {entry.name for entry in entries}
+    if itself is not None:
+        yield f"{folder}/", itself, len(ancestors) > 1
+    for entry in entries:
+        name = entry.name
+        is_folder = entry.is_dir(follow_symlinks=False)
+        counts = is_source_folder if is_folder else is_source
+        if (is_folder and name == excluded) or not counts(name, names.__contains__):
+            continue
+        try:
+            status = entry.stat(follow_symlinks=False)
+        except FileNotFoundError:
+            # A temporary file, such as an editor's, that was removed meanwhile.
+            continue
+        if is_folder:
+            yield from _walk(entry.path, ancestors, excluded, status)
+            continue
+        yield entry.path, status, len(ancestors) > 1
+        if entry.is_symlink() and _links_to_dir(entry):
+            target = os.path.realpath(entry.path)
+            if not _is_cycle(target, ancestors):
+                yield from _walk(entry.path, (*ancestors, target), excluded)
+
+
+def _fingerprint_of(
+    entries: list[tuple[str, os.stat_result | None, bool]],
+    cut: int,
+    table: FileTable,
+    known: Fingerprint | None,
+    *,
+    trusting: bool,
+) -> Fingerprint:
+    """Return the fingerprint of the entries; contents are read unless the stamp equals that of `known`."""
+    stamp = hashlib.blake2b(digest_size=16)
+    racy = False
+    for path, status, _ in entries:
+        racy = racy or not (trusting or _is_stable(path, status))
+        stamp.update(f"{path[cut:]}\0{_stats(path, status)}\n".encode(errors="surrogateescape"))
+    stamp_text = "" if racy else stamp.hexdigest()
+    if known is not None and stamp_text and known.stamp == stamp_text:
+        return known
+    digest = hashlib.blake2b(digest_size=16)
+    linked = b""
+    for path, status, via_link in entries:
+        line = f"{path[cut:]}\0{_content(path, status, table)}\n".encode(errors="surrogateescape")
+        digest.update(line)
+        if via_link or (status is not None and stat.S_ISLNK(status.st_mode)):
+            linked += line
+    return Fingerprint(stamp_text, digest.hexdigest(), _digest(linked) if linked else "")
+
+
+def _stats(path: str, status: os.stat_result | None) -> str:
+    """Return the stat of an entry as text, for a link also that of its target."""
+    if status is None:
+        return ""
+    if path.endswith("/"):
+        # Times are omitted: they also change with files in the folder that are not sources.
+        return f"{status.st_ino} {status.st_mode:o}"
+    if not stat.S_ISLNK(status.st_mode):
+        return _stat_text(status)
+    target = _status(path, follow=True)
+    return f"{_stat_text(status)} {_stat_text(target) if target else ''}"
+
+
+def _is_stable(path: str, status: os.stat_result | None) -> bool:
+    """Return True if any later change of the entry will change its stat."""
+    if status is None or path.endswith("/"):
+        return True
+    target = _status(path, follow=True) if stat.S_ISLNK(status.st_mode) else None
+    return not _racy(status) and (target is None or not _racy(target))
+
+
+def _digest(text: bytes) -> str:
+    return hashlib.blake2b(text, digest_size=16).hexdigest()
+
+
+def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
+    """Return the mode and content digest of a file as text, for a link also its target."""
+    if status is None:
+        return "missing"
+    try:
+        if path.endswith("/"):
+            return f"folder {stat.S_IMODE(status.st_mode):o}"
+        if path.endswith(NAMES_IN):
+            return f"names {_digest(os.fsencode(chr(0).join(sorted(os.listdir(path)))))}"  # noqa: PTH208
+        if stat.S_ISREG(status.st_mode):
+            return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"
+        return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
+    except OSError:
+        return "unreadable"
+
+
+def _target(path: str, table: FileTable) -> str:
+    """Return the target of a link, with mode and content digest of a regular file."""
+    target = os.readlink(path)  # noqa: PTH115
+    real = _status(path, follow=True)
+    if real is None or not stat.S_ISREG(real.st_mode):
+        return f"link {target}"
+    return f"link {target} {stat.S_IMODE(real.st_mode):o} {table.digest(path, real)}"
+
+
+def _status(path: str, *, follow: bool = False) -> os.stat_result | None:
+    try:
+        return os.stat(path, follow_symlinks=follow)  # noqa: PTH116
+    except OSError:
+        return None
+
+
+def _stat_text(status: os.stat_result) -> str:
+    return f"{status.st_mtime_ns} {status.st_ctime_ns} {status.st_size} {status.st_ino} {status.st_mode:o}"
+
+
+def _racy(status: os.stat_result) -> bool:
+    """Return True if the file may be written again without a change of its times."""
+    newest = max(status.st_mtime_ns, status.st_ctime_ns)
+    whole_seconds = not (status.st_mtime_ns % 1_000_000_000 or status.st_ctime_ns % 1_000_000_000)
+    return newest > time.time_ns() - (_COARSE_NANOSECONDS if whole_seconds else RACY_NANOSECONDS)

@@ -1,0 +1,178 @@
+"""Write the generated files of prefixes: package hooks and indexes, and the workspace's scripts."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import INDEX
+from forge.base.files import read_file, replace_file, tree_below, write_if_changed
+from forge.build.installed_lists import listed_files
+from forge.environment import scripts
+from forge.environment.dsv import Installed
+from forge.environment.hooks import package_hooks
+from forge.environment.prefixes import PACKAGES
+from forge.environment.recorded import STATE, recorded_underlays
+from forge.environment.shells import SHELLS
+from forge.environment.sourcing import own_edits, package_edits, packages_in_order
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.toolchain.interpreter import Interpreter
+    from forge.workspace.model import Package
+
+_SETUP_EXTENSIONS = ("bash", "dsv", "sh", "zsh")
+
+
+def install_package(
+    package: Package,
+    layout: Layout,
+    run_dependencies: tuple[str, ...],
+    python: Interpreter,
+    installed: frozenset[Path] | None = None,
+) -> None:
+    """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
+
+    `installed` are the package's files relative to the prefix; by default they are determined from disk.
+    """
+    prefix = layout.prefix(package.name)
+    files = frozenset(_own_files(package.name, layout) if installed is None else map(str, installed))
+    if package.build_type == "ament_python":
+        _write_implicit(package, prefix, symlink=layout.symlink)
+    share = prefix / "share" / package.name
+    hooks = package_hooks(package.name, package.build_type, files, python.site_packages)
+    _remove_stale_hooks(share / "hook", {f"{name}.dsv" for name in hooks})
+    for name, line in hooks.items():
+        write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
+    sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
+    setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
+    sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
+    # Always write a new file: its stamp indicates that some of the package's hooks may have changed.
+    replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
+    edits = own_edits(package.name, prefix, files) if layout.merged else package_edits(package.name, prefix)
+    for shell in SHELLS:
+        text = scripts.package_setup(shell, prefix, Installed(package.name, "", edits))
+        write_if_changed(share / f"package.{shell}", text)
+    write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
+
+
+def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the sorted absolute paths of all files that a build has just installed, and of empty folders.
+
+    Paths of folders end with '/'. An isolated prefix was empty before the build, so all its files count;
+    install manifests add files elsewhere. In a merged prefix only install manifests are available, which list
+    no folders.
+    """
+    prefix = layout.prefix(package.name)
+    found = set(listed_files(layout.build_dir(package.name)))
+    if not layout.merged:
+        files, folders = tree_below(str(prefix))
+        elsewhere = (path for path in found if not path.startswith(f"{prefix}/") and os.path.lexists(path))
+        return tuple(sorted((*(path for path, _ in files), *elsewhere))), tuple(
+            sorted(f"{path}/" for path in folders)
+        )
+    share = prefix / "share" / package.name
+    files_of_package = [share / f"package.{extension}" for extension in ("dsv", *SHELLS)]
+    files_of_package += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
+    if package.build_type == "ament_python":
+        files_of_package += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
+    found.update(map(str, files_of_package))
+    # A listed file may be missing: the package's own code can remove files that CMake installed.
+    return tuple(sorted(path for path in found if os.path.lexists(path))), ()
+
+
+def markers(name: str, layout: Layout) -> tuple[str, ...]:
+    """Return the files that mark a package as installed; the one that is read first comes first."""
+    prefix = layout.prefix(name)
+    scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
+    return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
+
+
+def uninstall_markers(name: str, layout: Layout) -> None:
+    """Remove the files that mark a package as installed."""
+    for path in markers(name, layout):
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)  # noqa: PTH108  (seven of each package: no Path for each)
+
+
+def finish_workspace(
+    layout: Layout, underlays: tuple[Path, ...], python: Path, *, unchanged: bool = False
+) -> tuple[Path, ...]:
+    """Write the scripts of the install root; return the underlays that they source, lowest first.
+
+    Underlays of earlier builds are kept even if they are not sourced this time. If `unchanged`, no package
+    has changed its contribution to the scripts, and they are kept unless underlays or interpreter changed.
+    Raises WorkspaceError for an invalid dsv file of a package.
+    """
+    root = layout.install
+    chain = _joined_chain(recorded_underlays(root), underlays)
+    state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
+    state_changed = write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
+    if unchanged and not state_changed:
+        return chain
+    packages = packages_in_order(root)
+    for shell in SHELLS:
+        write_if_changed(root / f"local_setup.{shell}", scripts.local_setup(shell, root, packages))
+        below = [_entry_script(underlay, shell) for underlay in chain]
+        write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, below))
+    return chain
+
+
+def _own_files(name: str, layout: Layout) -> Iterator[str]:
+    """Yield the files of a package relative to its prefix; duplicates are possible.
+
+    An isolated prefix contains nothing else. For a merged one, the install manifests of CMake, ament and
+    forge are used.
+    """
+    prefix = layout.prefix(name)
+    if not layout.merged:
+        skip = len(f"{prefix}/")
+        yield from (path[skip:] for path, _ in tree_below(str(prefix))[0])
+        return
+    listed = listed_files(layout.build_dir(name))
+    yield from (path.removeprefix(f"{prefix}/") for path in listed if path.startswith(f"{prefix}/"))
+
+
+def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
+    """Write the index marker and package.xml of an ament_python package unless its setup.py installs them."""
+    marker = prefix / INDEX / "packages" / package.name
+    if not marker.exists():
+        replace_file(marker, b"")
+    manifest = prefix / "share" / package.name / "package.xml"
+    if manifest.exists():
+        return
+    if symlink:
+        manifest.parent.mkdir(parents=True, exist_ok=True)
+        manifest.unlink(missing_ok=True)
+        manifest.symlink_to(package.manifest.path.absolute())
+    else:
+        replace_file(manifest, read_file(package.manifest.path))
+
+
+def _remove_stale_hooks(folder: Path, names: set[str]) -> None:
+    """Remove hooks of earlier builds that are no longer needed."""
+    if folder.is_dir():
+        for entry in folder.iterdir():
+            if entry.name not in names and entry.suffix in {
+                ".dsv",
+                *(f".{shell}" for shell in SHELLS),
+            }:
+                entry.unlink()
+
+
+def _entry_script(underlay: Path, shell: str) -> Path:
+    """Return the script that sources an underlay: the one for `shell`, or local_setup.sh if it is missing."""
+    files_of_package, plain = underlay / f"local_setup.{shell}", underlay / "local_setup.sh"
+    return plain if plain.exists() and not files_of_package.exists() else files_of_package
+
+
+def _joined_chain(recorded: tuple[Path, ...], sourced: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Return the sourced underlays on top of the recorded ones, lowest first."""
+    if set(recorded) <= set(sourced):
+        return sourced
+    return (*recorded, *(path for path in sourced if path not in recorded))

@@ -1,0 +1,268 @@
+"""Make the build plan from packages, selection and snapshot; pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache, partial
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
+from forge.base.lazy import Deferred
+from forge.base.names import did_you_mean
+from forge.build.model import BuildInputs, Fingerprint
+from forge.build.recipes import RECIPES
+from forge.build.tasks import BuildPlan, Task
+from forge.build.up_to_date import (
+    CONFIGURING,
+    FOR_COMPILERS,
+    DependencyHashes,
+    ExtraInputs,
+    changed_input_reason,
+    unconditional_reason,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+
+    from forge.base.frozen import Pairs
+    from forge.build.model import BuildRecord, Snapshot
+    from forge.build.recipes.context import BuildContext
+    from forge.build.tasks import Step
+    from forge.workspace.model import Package, Selection
+    from forge.workspace.resolve import DependencyResolution
+
+
+def names_to_build(
+    selection: Selection, resolution: DependencyResolution, needs: Mapping[str, frozenset[str]]
+) -> tuple[str, ...]:
+    """Return the selected packages and the embedded packages that they need, in topological order."""
+    ordered = ordered_names(needs)
+    selected = frozenset(selection.names)
+    reached = closure(needs, selected)
+    return tuple(
+        name
+        for name in ordered
+        if name in reached and (name in selected or resolution.packages[name].embedded)
+    )
+
+
+def make_plan(
+    names: Sequence[str],
+    resolution: DependencyResolution,
+    snapshot: Snapshot,
+    context: BuildContext,
+    global_inputs: GlobalInputs,
+) -> tuple[BuildPlan, DependencyHashes]:
+    """Return the tasks for `names`, which are in topological order, and the dependency hashes.
+
+    A package of `names` without a task is up to date. Raises WorkspaceError for unknown build types and for
+    dependencies that are not installed.
+    """
+    ordered = ordered_names(resolution.needs)
+    read_from = _read_from(resolution, snapshot)
+    if read_from:
+        observed = {
+            name: needs | read_from.get(name, frozenset()) for name, needs in resolution.needs.items()
+        }
+        wanted = frozenset(names)
+        names = tuple(name for name in ordered_names(observed) if name in wanted)
+    closed = closures(resolution.needs, ordered)
+    raise_if_any(
+        (*_unknown_types(names, resolution), *_not_installed(names, resolution, closed, snapshot)),
+        WorkspaceError,
+    )
+    hashes = DependencyHashes(
+        resolution.needs, {name: fingerprint.digest for name, fingerprint in snapshot.installed.items()}
+    )
+    tasks: dict[str, Task] = {}
+    for name in names:
+        needs = closed.below(name)
+        package = resolution.packages[name]
+        need_hashes = hashes.needs_of(name, needs)
+        inputs = _inputs(package, need_hashes or (), snapshot, context, global_inputs)
+        reason = _reason(inputs, need_hashes, snapshot, forced=global_inputs.forced(name), name=name)
+        after = read_from.get(name, frozenset()) & tasks.keys()
+        if reason is not None or need_hashes is None or after:
+            hashes.expect(name)
+            from_empty = global_inputs.forced(name) == "--force"
+            task = replace(
+                _task(package, needs, inputs, snapshot, context), after=after, from_empty=from_empty
+            )
+            tasks[name] = task if reason is None else replace(task, reason=reason, conditional=False)
+    return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), hashes
+
+
+def _read_from(resolution: DependencyResolution, snapshot: Snapshot) -> dict[str, frozenset[str]]:
+    """Return the undeclared dependencies of each package: those whose files its last build read.
+
+    They are built first where possible. In a cycle, declared dependencies take precedence.
+    """
+    found = {
+        name: frozenset(record.read_from) & resolution.needs.keys() - {name}
+        for name, record in snapshot.records.items()
+        if record.read_from and name in resolution.needs
+    }
+    if not found:
+        return {}
+    undeclared = {name: found.get(name, frozenset()) for name in resolution.needs}
+    both = {name: needs | undeclared[name] for name, needs in resolution.needs.items()}
+    cycles = weak_edges_on_cycles(both, undeclared)
+    return {name: others - cycles.get(name, frozenset()) for name, others in found.items()}
+
+
+@frozen
+class GlobalInputs:
+    """The build inputs shared by all packages, and the option that forces a rebuild.
+
+    `underlays` is a digest of the package names available in the underlays.
+    """
+
+    forge: str
+    tools: Pairs
+    environment: Pairs
+    underlays: str = ""
+    force: str = ""
+    selected: frozenset[str] = frozenset()
+    named: Callable[[Package, Snapshot], ExtraInputs] = lambda *_: ExtraInputs()
+    """Returns further inputs of one package: those that its sources or an option name."""
+
+    def tools_of(self, package: Package) -> Pairs:
+        """Return the tools that a package is built with; embedded packages need no compilers."""
+        return tuple(pair for pair in self.tools if not package.embedded or pair[0] in CONFIGURING)
+
+    def environment_of(self, package: Package) -> Pairs:
+        """Return the variables that affect a package."""
+        return tuple(pair for pair in self.environment if not (package.embedded and pair[0] in FOR_COMPILERS))
+
+    def forced(self, name: str) -> str:
+        """Return the option that forces a rebuild of the package even if it is up to date, or ''."""
+        return self.force if name in self.selected else ""
+
+
+def decided_task(
+    task: Task, hashes: DependencyHashes, record: BuildRecord | None, *, reads_other: bool = False
+) -> Task | None:
+    """Return the task with the hashes of its dependencies, or None if it is up to date.
+
+    All dependencies must have finished. `reads_other` is True if the content of an external file that its
+    last build read has changed.
+    """
+    need_hashes = hashes.needs_of(task.name, task.needs)
+    task = replace(task, inputs=replace(task.inputs, needs=need_hashes or ()))
+    if reads_other:
+        return task
+    if task.conditional and record is not None and changed_input_reason(task.inputs, record.inputs) is None:
+        return None
+    return task
+
+
+def make_whole_plan(  # noqa: PLR0913, PLR0917  (the parameters of make_plan and one more)
+    names: Sequence[str],
+    resolution: DependencyResolution,
+    snapshot: Snapshot,
+    context: BuildContext,
+    global_inputs: GlobalInputs,
+    overwritten: Callable[[BuildPlan], frozenset[str]],
+) -> tuple[BuildPlan, DependencyHashes]:
+    """Return the plan of make_plan(), extended by packages that must be reinstalled because of it.
+
+    `overwritten(plan)` returns up-to-date packages whose installed files a task of the plan will overwrite.
+    They are installed again after it.
+    """
+    plan, hashes = make_plan(names, resolution, snapshot, context, global_inputs)
+    while found := overwritten(plan):
+        snapshot = replace(snapshot, installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())})
+        plan, hashes = make_plan(names, resolution, snapshot, context, global_inputs)
+    return plan, hashes
+
+
+def _inputs(
+    package: Package, needs: Pairs, snapshot: Snapshot, context: BuildContext, global_inputs: GlobalInputs
+) -> BuildInputs:
+    more = global_inputs.named(package, snapshot)
+    return BuildInputs(
+        forge=global_inputs.forge,
+        options=(*RECIPES[package.build_type].options(package, context.of(package)), *more.options),
+        tools=(*global_inputs.tools_of(package), *more.tools),
+        environment=(*global_inputs.environment_of(package), *more.environment),
+        sources=snapshot.sources[package.name].digest,
+        needs=needs,
+        underlays=global_inputs.underlays,
+    )
+
+
+def _reason(
+    inputs: BuildInputs, need_hashes: Pairs | None, snapshot: Snapshot, *, forced: str, name: str
+) -> str | None:
+    """Return why the package must be built; None if it need not be or that depends on pending packages."""
+    record = snapshot.records.get(name)
+    reason = unconditional_reason(name, record, snapshot)
+    if reason is not None or record is None:
+        return reason
+    if need_hashes is None:
+        inputs = replace(inputs, needs=record.inputs.needs)
+    different = changed_input_reason(inputs, record.inputs, snapshot.changed_files.get(name, ()))
+    return different or (f"requested by {forced}" if forced else None)
+
+
+def _task(
+    package: Package,
+    needs: Collection[str],
+    inputs: BuildInputs,
+    snapshot: Snapshot,
+    context: BuildContext,
+) -> Task:
+    """Return the task as conditional on its dependencies: to be run only if one of them changes."""
+    name = package.name
+    record = snapshot.records.get(name)
+    recipe = cache(partial(RECIPES[package.build_type].recipe, package, context.of(package)))
+    earlier = tuple(sorted({*(record.files if record else ()), *snapshot.listed.get(name, ())}))
+    return Task(
+        name=name,
+        package=package,
+        prefix=context.layout.prefix(name),
+        build_dir=context.layout.build_dir(name),
+        needs=needs,
+        steps=Deferred(lambda: _replacing(earlier, recipe().steps)),
+        reason="one of its dependencies is being rebuilt and may change",
+        inputs=inputs,
+        sources=snapshot.sources[name],
+        files=Deferred(lambda: recipe().files),
+        conditional=True,
+        earlier=earlier,
+        reconfigure=context.force_configure or context.clean_cache,
+    )
+
+
+def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Return the steps with the earlier installed files added to the last one, the installation."""
+    return (*steps[:-1], replace(steps[-1], replaces=earlier))
+
+
+def _unknown_types(names: Iterable[str], resolution: DependencyResolution) -> Iterable[Problem]:
+    for name in names:
+        package = resolution.packages[name]
+        if package.build_type not in RECIPES:
+            hint = did_you_mean(package.build_type, RECIPES)
+            message = f"unsupported build type '{package.build_type}' of package '{name}'"
+            supported = f"supported build types: {', '.join(sorted(RECIPES))}"
+            yield Problem(message, Place(package.manifest.path), hint or supported)
+
+
+def _not_installed(
+    names: Sequence[str],
+    resolution: DependencyResolution,
+    below: Mapping[str, frozenset[str]],
+    snapshot: Snapshot,
+) -> Iterable[Problem]:
+    """Yield a problem for each selected package with a dependency that is neither installed nor planned."""
+    available = snapshot.present | frozenset(names)
+    for name in names:
+        absent = sorted(need for need in below[name] if need not in available and need in resolution.packages)
+        if absent:
+            quoted = ", ".join(f"'{need}'" for need in absent)
+            verb = "is" if len(absent) == 1 else "are"
+            message = f"'{name}' needs {quoted}, which {verb} not built yet"
+            yield Problem(message, hint=f"build them too: forge build --packages-up-to {name}")

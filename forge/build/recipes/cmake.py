@@ -1,0 +1,190 @@
+"""Recipes for CMake packages, with and without ament: configure if needed, build, install; pure."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.base.layout import SCRATCH_DIR
+from forge.build.recipes.context import Recipe, common_options
+from forge.build.tasks import CONFIGURE, Step
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.build.recipes.context import BuildContext
+    from forge.workspace.model import Package
+
+RECORD = "configured"
+"""The file in the scratch folder with a digest of the last configure command."""
+
+
+def plain_recipe(package: Package, context: BuildContext) -> Recipe:
+    """Return the steps for a plain CMake package."""
+    return _recipe(package, context, context.cmake_args)
+
+
+def plain_options(package: Package, context: BuildContext) -> tuple[str, ...]:
+    """Return the options that require a configure run when they change."""
+    # Not the maps themselves: they follow from the paths among the common options.
+    mapped = ("path maps",) if context.path_maps else ()
+    return (*common_options(package, context), *context.cmake_args, *mapped)
+
+
+def ament_recipe(package: Package, context: BuildContext) -> Recipe:
+    """Return the steps for an ament_cmake package; AMENT_CMAKE_SYMLINK_INSTALL selects symlinks."""
+    links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0")
+    arguments = (*context.cmake_args, *context.ament_cmake_args)
+    return _recipe(package, context, arguments, (links, *_test_results(context)))
+
+
+def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
+    """Return the options that require a configure run when they change."""
+    test_results = (value for _, value in _test_results(context))
+    return (*plain_options(package, context), *test_results, *context.ament_cmake_args)
+
+
+def common_arguments(context: BuildContext) -> tuple[str, ...]:
+    """Return the CMake arguments for every new build folder."""
+    return (*_generator(context, context.cmake_args), *context.cmake_args)
+
+
+def scratch_folder(build_dir: Path) -> Path:
+    """Return the folder for the files that forge passes to CMake."""
+    return build_dir / SCRATCH_DIR
+
+
+def _recipe(package: Package, context: BuildContext, arguments: tuple[str, ...], ament: Pairs = ()) -> Recipe:
+    build = context.layout.build_dir(package.name)
+    from forge.build.recipes import initial_cache  # noqa: PLC0415  (an up-to-date package needs no templates)
+
+    folder = scratch_folder(build)
+    manifest = folder / "manifest.cmake"
+    files = (
+        (folder / "initial_cache.cmake", initial_cache.initial_cache(context, manifest, ament)),
+        (manifest, initial_cache.manifest_variables(package.manifest)),
+    )
+    configure = _configure(package, context, arguments, files[0][1])
+    cmake = str(context.cmake)
+    first = ("--clean-first",) if context.clean_first else ()
+    build_step = Step("build", (cmake, "--build", str(build), *first, *_jobs(context)), build)
+    install_step = Step("install", (cmake, "--install", str(build)), build, _how_to_install(package, context))
+    return Recipe((configure, *_target(build, context), build_step, install_step), files)
+
+
+def _target(build: Path, context: BuildContext) -> tuple[Step, ...]:
+    """Return the step that builds the target requested with `--cmake-target`, if any."""
+    if not context.target:
+        return ()
+    argv = (str(context.cmake), "--build", str(build), "--target", context.target, *_jobs(context))
+    if context.skip_target:
+        argv = ("sh", "-c", _IF_TARGET_EXISTS, context.target, *argv)
+    return (Step(f"build target '{context.target}'", argv, build),)
+
+
+_IF_TARGET_EXISTS = r"""targets=$("$1" --build "$3" --target help) || exit
+printf '%s\n' "$targets" | sed -n 's/^\.\.\. \([^ ]*\).*/\1/p; s/: .*//p' | grep -qxF -- "$0" || exit 0
+exec "$@"
+"""
+"""Builds one target if ninja's or make's list of targets contains it."""
+
+
+def _configure(package: Package, context: BuildContext, arguments: tuple[str, ...], cache_text: str) -> Step:
+    """Return the configure step, which is skipped if the last configure run had the same arguments."""
+    build = context.layout.build_dir(package.name)
+    arguments, env = _with_path_maps(arguments, context)
+    argv = (
+        str(context.cmake),
+        # With -S and -B, since CMake takes a source folder with a CMakeCache.txt for a build folder.
+        *("-S", str(context.root / package.path), "-B", str(build)),
+        "-C",
+        str(scratch_folder(build) / "initial_cache.cmake"),
+        *_generator(context, arguments, only_make=package.name in context.only_make),
+        *arguments,
+        f"-DCMAKE_INSTALL_PREFIX={context.layout.prefix(package.name)}",
+    )
+    parts = (*argv, *(flags for _, flags in env), cache_text)
+    digest = hashlib.sha256("\0".join(parts).encode(errors="surrogateescape")).hexdigest()
+    return Step(CONFIGURE, argv, build, env, record=(scratch_folder(build) / RECORD, digest))
+
+
+def _with_path_maps(arguments: tuple[str, ...], context: BuildContext) -> tuple[tuple[str, ...], Pairs]:
+    """Return the arguments and the environment variables that pass the path maps to compilers.
+
+    CMake takes the initial flags of a language from the environment, unless an argument sets them.
+    """
+    found, env = list(arguments), []
+    for language, maps in context.path_maps:
+        setting = re.compile(rf"-DCMAKE_{language}_FLAGS(:\w+)?=")
+        set_by = [index for index, argument in enumerate(found) if setting.match(argument)]
+        if set_by:
+            found[set_by[-1]] += f" {maps}"
+        else:
+            variable = FLAGS[language]
+            flags = dict(context.flags).get(language, "")
+            env.append((variable, f"{flags} {maps}".strip()))
+    return tuple(found), tuple(env)
+
+
+FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}
+"""The variable from which CMake takes the initial flags of a language."""
+
+
+def unfit_generator(package: Package, context: BuildContext) -> Problem | None:
+    """Return a problem if the package cannot be built with the generator chosen by the user, or None."""
+    context = context.of(package)
+    arguments = context.cmake_args
+    if package.build_type == "ament_cmake":
+        arguments += context.ament_cmake_args
+    name = context.environment_generator or ""
+    for argument, following in zip(arguments, (*arguments, "")[1:], strict=True):
+        if argument.startswith("-G"):
+            name = (argument[2:] or following).strip()
+    if name not in _MULTI_CONFIG_GENERATORS:
+        return None
+    message = f"'{package.name}' cannot be built with '{name}': multi-config generators are not supported"
+    return Problem(message, hint="use '-G Ninja' and choose one, for example '-DCMAKE_BUILD_TYPE=Release'")
+
+
+_MULTI_CONFIG_GENERATORS = frozenset({"Ninja Multi-Config", "Xcode"})
+"""Generators that select the build type (Debug, Release, ...) at build time instead of configure time."""
+
+
+def _generator(
+    context: BuildContext, arguments: tuple[str, ...], *, only_make: bool = False
+) -> tuple[str, ...]:
+    """Return the arguments that select Ninja, unless the user chose a generator."""
+    if any(argument.startswith("-G") for argument in arguments):
+        return ()
+    if context.environment_generator or context.ninja is None:
+        return ()
+    if only_make and context.make:
+        return ("-G", "Unix Makefiles")
+    return ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={context.ninja}")
+
+
+def _jobs(context: BuildContext) -> tuple[str, ...]:
+    """Return the load limit for the build tool; the runner sets the number of jobs."""
+    return () if context.load_limit is None else ("--", f"-l{context.load_limit:g}")
+
+
+def _how_to_install(package: Package, context: BuildContext) -> tuple[tuple[str, str], ...]:
+    """Return the environment variables for `cmake --install`.
+
+    CMAKE_INSTALL_ALWAYS is needed because CMake skips a file whose time differs by less than a second from
+    the installed one, even if its content differs: a second build within a second would not be installed.
+    """
+    always = (("CMAKE_INSTALL_ALWAYS", "1"),)
+    return (*always, ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY")) if _links(package, context) else always
+
+
+def _test_results(context: BuildContext) -> Pairs:
+    return (("AMENT_TEST_RESULTS_DIR", str(context.test_results)),) if context.test_results else ()
+
+
+def _links(package: Package, context: BuildContext) -> bool:
+    """Return True if files are symlinked into the prefix; not for embedded packages, which upgrades move."""
+    return context.layout.symlink and not package.embedded

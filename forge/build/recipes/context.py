@@ -1,0 +1,155 @@
+"""The parameters and results of recipes."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.build.up_to_date import MANIFEST
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.base.layout import Layout
+    from forge.build.tasks import Step
+    from forge.workspace.model import Kind, Package
+
+
+@frozen
+class BuildContext:
+    """The tools and options that all packages of one build share.
+
+    `python` is the workspace's interpreter, `site_packages` its module folder relative to a prefix. `wheels`
+    is the argv prefix that builds a Python package, `generator` the one that CMake runs for each interface
+    package, `tools` are the identities of the tools by name.
+    """
+
+    root: Path
+    layout: Layout
+    python: Path
+    site_packages: str
+    wheels: tuple[str, ...]
+    generator: tuple[str, ...]
+    tools: Pairs = ()
+    cmake: Path | None = None
+    ninja: Path | None = None
+    make: Path | None = None
+    only_make: frozenset[str] = frozenset()
+    """Packages that Ninja cannot build."""
+    load_limit: float | None = None
+    cmake_args: tuple[str, ...] = ()
+    ament_cmake_args: tuple[str, ...] = ()
+    launcher: Path | None = None
+    """The compiler launcher, for example ccache."""
+    test_results: Path | None = None
+    """The folder for the results of ament tests, instead of the build folders."""
+    force_configure: bool = False
+    clean_cache: bool = False
+    clean_first: bool = False
+    target: str | None = None
+    skip_target: bool = False
+    """Skip the target in packages that do not have it."""
+    environment_generator: str | None = None
+    path_maps: Pairs = ()
+    """For each CMake language, the flags that keep workspace paths out of compiled files."""
+    flags: Pairs = ()
+    """For each of these languages, the flags set by the environment."""
+
+    def of(self, package: Package) -> BuildContext:
+        """Return the context extended by the package's own settings.
+
+        Embedded packages compile nothing, so options that only affect compilation are removed for them.
+        """
+        if package.embedded:
+            return replace(
+                self,
+                cmake_args=tuple(_without_compiling(self.cmake_args)),
+                ament_cmake_args=(),
+                test_results=None,
+                path_maps=(),
+            )
+        if not package.settings:
+            return self
+        return replace(
+            self,
+            cmake_args=(*self.cmake_args, *package.words("cmake-args")),
+            ament_cmake_args=(*self.ament_cmake_args, *package.words("ament-cmake-args")),
+            target=self.target or next(iter(package.words("cmake-target")), None),
+            skip_target=self.skip_target or bool(package.settings.get("cmake-target-skip-unavailable")),
+        )
+
+
+@frozen
+class Recipe:
+    """The steps of one package, and the files that forge writes before the first step."""
+
+    steps: tuple[Step, ...]
+    files: tuple[tuple[Path, str], ...] = ()
+
+
+@frozen
+class BuildType:
+    """The functions of one build type.
+
+    `options` returns the options that affect the result. An up-to-date package needs only these, not a
+    recipe.
+    """
+
+    recipe: Callable[[Package, BuildContext], Recipe]
+    options: Callable[[Package, BuildContext], tuple[str, ...]]
+
+
+COMPILING = (
+    r"CMAKE_(BUILD_TYPE|EXPORT_COMPILE_COMMANDS|VERBOSE_MAKEFILE|COLOR_(DIAGNOSTICS|MAKEFILE)"
+    r"|(C|CXX|CUDA|Fortran)_(COMPILER|COMPILER_LAUNCHER|FLAGS|FLAGS_[A-Z]+|STANDARD|STANDARD_REQUIRED|EXTENSIONS)"
+    r"|(EXE|SHARED|MODULE|STATIC)_LINKER_FLAGS(_[A-Z]+)?|POSITION_INDEPENDENT_CODE|INTERPROCEDURAL_OPTIMIZATION"
+    r"|UNITY_BUILD|LINKER_TYPE|BUILD_RPATH|INSTALL_RPATH|INSTALL_RPATH_USE_LINK_PATH)"
+)
+"""CMake variables that only affect compiling, linking, or the output meanwhile."""
+
+
+def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:
+    """Yield the CMake arguments without definitions that only affect compilation."""
+    remaining = iter(arguments)
+    for argument in remaining:
+        option = (argument, next(remaining, "")) if argument == "-D" else (argument,)
+        name, separator, _ = "".join(option).removeprefix("-D").partition("=")
+        if not (argument.startswith("-D") and separator and re.fullmatch(COMPILING, name.partition(":")[0])):
+            yield from option
+
+
+def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
+    """Return the options shared by all build types.
+
+    These are the source, build and install paths, the install layout, the Python and the evaluated manifest.
+    """
+    layout = context.layout
+    return (
+        str(context.root / package.path),
+        str(layout.build_dir(package.name)),
+        str(layout.prefix(package.name)),
+        f"{layout.word}{' links' if layout.symlink and not package.embedded else ''}",
+        str(context.python),
+        context.site_packages,
+        *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),
+    )
+
+
+def _manifest(package: Package) -> str:
+    """Return a digest of the manifest after evaluating conditions, groups and external settings."""
+    manifest = package.manifest
+    parts = [package.type, *package.hooks, "", *manifest.groups, "", *manifest.group_dependencies, ""]
+    for dependency in manifest.dependencies:
+        parts += (dependency.name, _kinds(dependency.kinds), *map("".join, dependency.versions))
+    return hashlib.blake2b("\0".join(parts).encode(errors="surrogateescape"), digest_size=8).hexdigest()
+
+
+@cache
+def _kinds(kinds: frozenset[Kind]) -> str:
+    return " ".join(sorted(kind.value for kind in kinds))

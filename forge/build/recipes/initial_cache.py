@@ -1,0 +1,135 @@
+"""CMake's initial cache (-C): the workspace's Python, forge's own argv, and the manifest as variables."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge import __version__
+from forge.base.frozen import frozen
+from forge.base.names import is_word
+from forge.base.templating import render
+from forge.toolchain.compiler_launchers.choice import launcher_variables
+from forge.workspace.model import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.build.recipes.context import BuildContext
+    from forge.workspace.model import Export, Manifest
+
+_LISTS = {
+    "BUILD_DEPENDS": Kind.BUILD,
+    "BUILDTOOL_DEPENDS": Kind.BUILDTOOL,
+    "BUILD_EXPORT_DEPENDS": Kind.BUILD_EXPORT,
+    "BUILDTOOL_EXPORT_DEPENDS": Kind.BUILDTOOL_EXPORT,
+    "EXEC_DEPENDS": Kind.EXEC,
+    "TEST_DEPENDS": Kind.TEST,
+}
+_PYTHON_VERSION = re.compile(r"python(\d+\.\d+)")
+
+
+@frozen
+class _Entry:
+    """A cache entry for the template; `value` and `doc` are quoted CMake arguments."""
+
+    name: str
+    value: str
+    type: str
+    doc: str
+
+
+@frozen
+class _Variable:
+    """A variable with its elements as quoted CMake arguments."""
+
+    name: str
+    arguments: str
+
+
+def initial_cache(context: BuildContext, manifest: Path, ament: Pairs = ()) -> str:
+    """Return the cache entries for CMake's -C option; `manifest` is the file with manifest_variables().
+
+    All packages may use them, whether they know forge or not. `ament` are further entries for that build
+    type; as -D arguments, CMake would warn about unused variables in a package that does not find ament. The
+    text depends on nothing else, so it changes exactly when a package must be configured again.
+    """
+    python = quoted(str(context.python))
+    version = _PYTHON_VERSION.search(context.site_packages)
+    launchers = launcher_variables(context.launcher)
+    entries = (
+        ("Python3_EXECUTABLE", python, "FILEPATH", "The workspace's Python interpreter"),
+        ("PYTHON_EXECUTABLE", python, "FILEPATH", "The same, for older packages"),
+        ("PYTHON_INSTALL_DIR", quoted(context.site_packages), "STRING", "Where Python modules are installed"),
+        (
+            "FORGE_PYTHON_VERSION",
+            quoted(version[1] if version else ""),
+            "STRING",
+            "The version of that Python",
+        ),
+        ("FORGE_COMMAND", quoted(*context.generator), "STRING", "The command that runs forge"),
+        ("FORGE_VERSION", quoted(__version__), "STRING", "A new version regenerates interfaces"),
+        ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
+        *((name, quoted(value), "STRING", "An ament option") for name, value in ament),
+        *((name, quoted(value), "STRING", "The compiler launcher") for name, value in launchers if value),
+    )
+    return render(
+        "cmake/initial_cache.cmake.j2",
+        entries=[_Entry(name, value, type_, quoted(doc)) for name, value, type_, doc in entries],
+        gone=[name for name, value in launchers if not value],
+    )
+
+
+def manifest_variables(manifest: Manifest) -> str:
+    """Return the CMake variables that ament_package_xml() publishes for the manifest.
+
+    The first line sets the package name, by which the embedded ament checks that the file is its own.
+    """
+    variables = [_Variable("_AMENT_PACKAGE_NAME", quoted(manifest.name))]
+    for name, elements in _values(manifest):
+        # Set an empty list to an empty string, so that no older value remains visible.
+        arguments = " ".join(map(quoted, elements)) or '""'
+        variables.append(_Variable(f"{manifest.name}_{name}", arguments))
+    return render("cmake/manifest.cmake.j2", package=manifest.name, variables=variables)
+
+
+def quoted(*elements: str) -> str:
+    """Return a quoted CMake argument: the list of the elements, which may contain any character."""
+    escaped = (re.sub(r'([\\"$])', r"\\\1", element).replace(";", r"\;") for element in elements)
+    return '"' + ";".join(escaped) + '"'
+
+
+def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield each variable's name, without the package prefix, and its elements."""
+    people = (f"{p.name} <{p.email}>" if p.email else p.name for p in manifest.maintainers)
+    yield "VERSION", (manifest.version,)
+    yield "MAINTAINER", (", ".join(people),)
+    yield "DEPRECATED", (_deprecation(manifest.exports),)
+    for name, kind in _LISTS.items():
+        yield name, manifest.names(frozenset({kind}))
+    yield "GROUP_DEPENDS", manifest.group_dependencies
+    yield "MEMBER_OF_GROUPS", manifest.groups
+    yield "EXPORT_TAGS", tuple(_xml(export).replace("${prefix}/", "") for export in manifest.exports)
+    for name, kind in _LISTS.items():
+        for dependency in manifest.dependencies:
+            if kind in dependency.kinds and is_word(dependency.name):
+                for comparison, version in dependency.versions:
+                    yield f"{name}_{dependency.name}_VERSION_{comparison.upper()}", (version,)
+
+
+def _deprecation(exports: tuple[Export, ...]) -> str:
+    """Return the deprecation text, TRUE if it is empty, or '' if the package is not deprecated."""
+    return next((export.content or "TRUE" for export in exports if export.tag == "deprecated"), "")
+
+
+def _xml(export: Export) -> str:
+    attributes = "".join(f' {name}="{_escaped(value)}"' for name, value in export.attributes)
+    if not export.content:
+        return f"<{export.tag}{attributes}/>"
+    return f"<{export.tag}{attributes}>{export.content}</{export.tag}>"
+
+
+def _escaped(value: str) -> str:
+    return value.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")

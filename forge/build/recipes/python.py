@@ -1,0 +1,44 @@
+"""Recipes for Python packages: build a wheel with the package's backend and install it; pure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.build.recipes.context import Recipe
+from forge.build.tasks import Step
+
+if TYPE_CHECKING:
+    from forge.build.recipes.context import BuildContext
+    from forge.workspace.model import Package
+
+
+def recipe(package: Package, context: BuildContext) -> Recipe:
+    """Return the one step; without a setup.py, scripts go to lib/<package>, where `ros2 run` finds them."""
+    return _recipe(package, context)
+
+
+def plain_recipe(package: Package, context: BuildContext) -> Recipe:
+    """Return the one step for a plain Python package: its scripts go to bin, which is on the PATH."""
+    return _recipe(package, context, "--scripts", "bin")
+
+
+def _recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
+    """Return the step that runs `python -m forge.cli.install_wheel`."""
+    build = context.layout.build_dir(package.name)
+    argv = (
+        *context.wheels,
+        str(context.root / package.path),
+        "--package",
+        package.name,
+        "--build",
+        str(build),
+        "--prefix",
+        str(context.layout.prefix(package.name)),
+        "--python",
+        str(context.python),
+        "--site-packages",
+        context.site_packages,
+        *more,
+        *(("--link",) if context.layout.symlink and not package.embedded else ()),
+    )
+    return Recipe((Step("install", argv, build),))

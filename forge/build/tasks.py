@@ -1,0 +1,92 @@
+"""Build tasks and their steps, as data."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.layout import SCRATCH_DIR
+from forge.build.model import BuildInputs, Fingerprint
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.workspace.model import Package
+
+
+CONFIGURE = "cmake"
+"""The label of the step that configures a package."""
+
+TEST_FAILURES = "test failures"
+"""A possible meaning of an exit code. colcon writes the same text to a package's test result file."""
+
+SUCCESS, FAILURE = "success", "failure"
+
+
+@frozen
+class Step:
+    """One program to run. It is printed, hashed, logged and repeated by hand exactly as stored here."""
+
+    label: str
+    argv: tuple[str, ...]
+    cwd: Path
+    env: Pairs = ()
+    """Variables set for this step only, in addition to the environment of its task."""
+    record: tuple[Path, str] | None = None
+    """A stamp file and its content. If the file has this content, the step is skipped."""
+    replaces: tuple[str, ...] = ()
+    """Files that its last run created. Symbolic links among them are removed before it starts."""
+    meanings: tuple[tuple[int, str], ...] = ()
+    """Nonzero exit codes that do not fail the task, and their meanings."""
+    after: str = ""
+    """Empty: always run. FAILURE or SUCCESS: run only if the previous step had TEST_FAILURES or had none."""
+
+    def meaning(self, code: int) -> str | None:
+        """Return the meaning of an exit code, or None if it is 0 or fails the task."""
+        return dict(self.meanings).get(code)
+
+
+@frozen
+class Task:
+    """The work on one package. `needs` are its transitive dependencies in topological order."""
+
+    name: str
+    package: Package
+    prefix: Path
+    build_dir: Path
+    needs: Collection[str]
+    steps: Sequence[Step]
+    reason: str
+    inputs: BuildInputs = BuildInputs()  # without `needs` while the task is conditional
+    sources: Fingerprint = Fingerprint()
+    files: Sequence[tuple[Path, str]] = ()
+    """Generated files for the steps; forge writes those that changed before the first step."""
+    conditional: bool = False
+    """Run only if the installed files of a dependency change in this build."""
+    clean: tuple[Path, ...] = ()
+    """Files and folders to remove before the first step."""
+    reconfigure: bool = False
+    """Run CMake's configure step even if it is up to date."""
+    from_empty: bool = False
+    """Start in an empty build folder."""
+    after: frozenset[str] = frozenset()
+    """Other tasks to run first: undeclared dependencies whose files the last build read."""
+    earlier: tuple[str, ...] = ()
+    """Files that earlier builds installed, successful or not, as absolute paths."""
+    scratch_dir: str = SCRATCH_DIR
+    """The folder below `build_dir` for the steps' environment and the command that repeats the last step."""
+
+    @property
+    def embedded(self) -> bool:
+        """Return True if the package is embedded in forge."""
+        return self.package.embedded
+
+
+@frozen
+class BuildPlan:
+    """Tasks in topological order, and the packages that are up to date."""
+
+    tasks: Mapping[str, Task]
+    fresh: tuple[str, ...] = ()

@@ -1,0 +1,282 @@
+"""Build a package's wheel with its build backend (PEP 517), and record the files that the backend read."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import warnings
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyproject_hooks
+
+from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
+from forge.base.files import read_file, replace_file
+from forge.base.formats import read_toml
+from forge.base.layout import SCRATCH_DIR
+from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
+from forge.build.inputs.fingerprints import source_files
+from forge.build.wheels.backend_inputs import external_files, parse_list, parse_make_rules, parse_trace
+from forge.toolchain.bundled_setuptools import setuptools_path
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+_SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
+_OURS = "setuptools.build_meta"
+_NOT_UTF8 = "surrogates not allowed"
+"""The text of Python's error for a name that is not UTF-8."""
+_START = """\
+import sys
+if sys.path[:1] == [""]:
+    del sys.path[0]
+from importlib.util import module_from_spec, spec_from_file_location
+spec = spec_from_file_location("backend_tracer", {tracer!r})
+tracer = module_from_spec(spec)
+spec.loader.exec_module(tracer)
+tracer.main(sys.argv)
+"""
+"""Imports the tracer as a module, which is compiled only once, and nothing from the package's folder."""
+
+_SITECUSTOMIZE = """\
+# Traces Python programs started by a build backend.
+import os, sys
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec, spec_from_file_location
+
+def _run(spec):
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+_folder = os.path.dirname(os.path.abspath(__file__))
+sys.path[:] = [entry for entry in sys.path if os.path.abspath(entry) != _folder]
+try:
+    _run(spec_from_file_location("backend_tracer", {tracer!r})).trace({log!r})
+except Exception:
+    pass  # as with a Python that is too old
+_next = PathFinder.find_spec("sitecustomize", sys.path)
+if _next is not None and _next.loader is not None:
+    _run(_next)
+"""
+"""Python imports this at its start; the original sitecustomize module is run as well."""
+
+
+def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[Path, str]:
+    """Build the wheel without writing into the source folder; return its path and the backend's output."""
+    system = _build_system(source)
+    backend, *_ = system["build-backend"].split(":")
+    _remove_leftovers(build)
+    out = build / "wheel"
+    out.mkdir(parents=True)
+    settings = build / "distutils.cfg"
+    settings.write_text(f"[egg_info]\negg_base = {build}\n[build]\nbuild_base = {build / 'build'}\n", "utf-8")
+    os.environ["DIST_EXTRA_CONFIG"] = str(settings)
+    trace = _Trace(source, build, prefix)
+    caller = pyproject_hooks.BuildBackendHookCaller(
+        str(source),
+        system["build-backend"],
+        backend_path=system.get("backend-path"),
+        runner=partial(_run_backend, trace=trace, environment=_backend_environment(system, python, trace)),
+        python_executable=python,
+    )
+    try:
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            wheel = caller.build_wheel(str(out))
+    except pyproject_hooks.BackendUnavailable:
+        hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
+        message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
+        raise EnvironmentFault(Problem(message, hint=hint)) from None
+    except subprocess.CalledProcessError:
+        remedy = f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools"
+        message = f"the package's build backend '{backend}' failed; see its output above"
+        raise EnvironmentFault(Problem(message, hint=remedy if backend == _OURS else None)) from None
+    for warning in warned:
+        # Warnings of pyproject_hooks about the backend.
+        print(f"{warning.category.__name__}: {warning.message}")
+    read, written = trace.result()
+    _write_list(build / SCRATCH_DIR / READ_BY_BACKEND, read)
+    _write_list(build / SCRATCH_DIR / WRITTEN_BY_BACKEND, written)
+    shutil.rmtree(trace.folder)
+    return out / wheel, trace.output
+
+
+class _Trace:
+    """A folder for the logs of a backend and the programs that it starts."""
+
+    def __init__(self, source: Path, build: Path, prefix: Path) -> None:
+        """Create the folder; files in these three folders are not inputs."""
+        self.folder = build / SCRATCH_DIR / "backend"
+        self.folder.mkdir(parents=True)
+        self._source = source
+        self._products = build / "build"
+        inside = (source, build, prefix)
+        self._inside = {*map(str, inside), *map(os.path.realpath, inside)}
+        self._bundled: Path | None = None
+        self.output = ""
+        """The backend's output."""
+
+    def provide_setuptools(self, python: str) -> Path | None:
+        """Return a folder with the bundled setuptools if the interpreter lacks one."""
+        self._bundled = setuptools_path(python, self.folder / "lent")
+        return self._bundled
+
+    def argv(self, command: Sequence[str]) -> tuple[str, ...]:
+        """Return the traced version of a Python command whose last argument is its folder."""
+        python, script, *words = command
+        self._inside |= {str(Path(script).parent), words[-1]}
+        tracer = str(Path(__file__).with_name("backend_tracer.py"))
+        children = self.folder / "children"
+        children.mkdir(exist_ok=True)
+        text = _SITECUSTOMIZE.format(tracer=tracer, log=str(self._log))
+        (children / "sitecustomize.py").write_text(text, encoding="utf-8")
+        return (python, "-c", _START.format(tracer=tracer), str(self.folder), script, *words)
+
+    def variables(self) -> Mapping[str, str]:
+        """Return the variables that make compilers log headers: one for gcc, two for clang.
+
+        SKBUILD_BUILD_DIR is set since scikit-build-core would remove its build folder with CMake's dependency
+        logs.
+        """
+        return {
+            "SKBUILD_BUILD_DIR": str(self._products / "cmake"),
+            "SUNPRO_DEPENDENCIES": str(self.folder / "rules"),
+            "CC_PRINT_HEADERS": "1",
+            "CC_PRINT_HEADERS_FILE": str(self.folder / "headers"),
+        }
+
+    def result(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the external inputs that were read, and the package's own files that were written."""
+        source = str(self._source)
+        rules, headers = (_text(self.folder / name) for name in ("rules", "headers"))
+        files = {*parse_make_rules(rules, source), *parse_list(headers, source)}
+        for cache in self._products.rglob("CMakeCache.txt"):
+            files.update(external_inputs(cache.parent, self._source, ()))
+        traced = parse_trace(_text(self._log))
+        if self._bundled:
+            # The bundled setuptools is used until these modules are installed.
+            traced.missing.update(setuptools=True, wheel=True)
+            files.update(map(os.path.realpath, self._bundled.glob("*.dist-info/RECORD")))
+        real = os.path.realpath(source)
+        written = {
+            f"{source}{path[len(home) :]}"
+            for home in (source, real)
+            for path in traced.written
+            if path.startswith(f"{home}{os.sep}")
+        }
+        return external_files(traced, files, tuple(self._inside)), tuple(sorted(written))
+
+    @property
+    def _log(self) -> Path:
+        return self.folder / "log"
+
+
+def _text(path: Path) -> str:
+    with suppress(OSError), path.open(encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
+        return stream.read()
+    return ""
+
+
+def _remove_leftovers(build: Path) -> None:
+    """Remove files of an earlier build, whose modules and list of sources would end up in the wheel."""
+    for name in (
+        "wheel",
+        "build",
+        f"{SCRATCH_DIR}/backend",
+        f"{SCRATCH_DIR}/{READ_BY_BACKEND}",
+        f"{SCRATCH_DIR}/{WRITTEN_BY_BACKEND}",
+    ):
+        _remove(build / name)
+    for path in build.glob("*.egg-info"):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _write_list(path: Path, paths: Iterable[str]) -> None:
+    """Write one path per line."""
+    replace_file(path, "".join(_lines(paths)).encode("utf-8", "surrogateescape"))
+
+
+def _lines(paths: Iterable[str]) -> Iterator[str]:
+    for path in paths:
+        fits = "\n" not in path and "\r" not in path
+        yield f"{path}\n" if fits else f"# omitted because of a line break in its name: {path!a}\n"
+
+
+def _backend_environment(system: Mapping[str, Any], python: str, trace: _Trace) -> Mapping[str, str]:
+    """Return the environment of the backend, with the bundled setuptools if needed."""
+    variables = {**os.environ, **trace.variables()}
+    if system["build-backend"].startswith("setuptools.") or "backend-path" in system:
+        bundled = trace.provide_setuptools(python)
+        if bundled is not None:
+            path = os.pathsep.join(filter(None, (str(bundled), os.environ.get("PYTHONPATH"))))
+            variables["PYTHONPATH"] = path
+    return variables
+
+
+def _run_backend(
+    cmd: Sequence[str],
+    cwd: str | None = None,
+    extra_environ: Mapping[str, str] | None = None,
+    *,
+    trace: _Trace,
+    environment: Mapping[str, str],
+) -> None:
+    """Run the backend with its output on stdout, since backends also write to stderr on success.
+
+    Raises CalledProcessError after printing the output to stderr.
+    """
+    done = subprocess.run(
+        trace.argv(cmd),
+        cwd=cwd,
+        env={**environment, **(extra_environ or {})},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    trace.output += done.stdout
+    if done.returncode and _NOT_UTF8 in done.stdout:
+        raise_if_any(_non_utf8_names(Path(cwd or ".")), WorkspaceError)
+    print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
+    done.check_returncode()
+
+
+def _non_utf8_names(source: Path) -> Iterator[Problem]:
+    """Yield a problem for each file whose name is not UTF-8, which a wheel cannot contain."""
+    for path in source_files(str(source)):
+        name = os.path.relpath(path, source)
+        if not name.isascii() and name != name.encode(errors="replace").decode():
+            hint = "rename it, or remove it from 'package_data' and 'data_files'"
+            yield Problem(
+                f"the file name {os.fsencode(name)!r} is not UTF-8, as wheels require",
+                Place(source),
+                hint,
+            )
+
+
+def _build_system(source: Path) -> dict[str, Any]:
+    """Return the build-system table of pyproject.toml, or the setuptools default."""
+    path = source / "pyproject.toml"
+    if not path.is_file():
+        return dict(_SETUPTOOLS)
+    table = read_toml(read_file(path), path).get("build-system", {})
+    system = {**_SETUPTOOLS, **(table if isinstance(table, dict) else {"build-backend": None})}
+    folders = system.get("backend-path", [])
+    if not isinstance(system["build-backend"], str) or not isinstance(folders, list):
+        hint = "'build-backend' must be a string, and 'backend-path' a list"
+        raise WorkspaceError(Problem("invalid 'build-system' table", Place(path), hint))
+    return system

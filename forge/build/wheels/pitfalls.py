@@ -1,0 +1,149 @@
+"""Detect mistakes in Python packages that build backends do not report and that fail at run time."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+import sys
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.files import read_file, text_or_nothing
+from forge.base.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+_VERSION = re.compile(r"python3\.(\d+)")
+_POINT = re.compile(r"([\w.]+)\s*:\s*(\w+)")
+
+
+def refuse_what_no_backend_reads(source: Path) -> None:
+    """Raise WorkspaceError for a folder without build configuration, or an invalid setup.py."""
+    setup = source / "setup.py"
+    if setup.is_file():
+        problem = _syntax_problem(setup, setup)
+        raise_if_any((problem,) if problem else (), WorkspaceError)
+    elif not (source / "pyproject.toml").is_file() and not _is_named(source / "setup.cfg"):
+        hint = "'forge pkg create --build-type ament_python NAME' creates a complete package"
+        raise WorkspaceError(Problem("there is neither a setup.py nor a pyproject.toml", Place(source), hint))
+
+
+def _is_named(path: Path) -> bool:
+    from forge.workspace.python_metadata import read_setup_cfg  # noqa: PLC0415  (few packages have a setup.cfg alone)
+
+    return bool(read_setup_cfg(text_or_nothing(path)).name)
+
+
+def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Iterator[Problem]:
+    """Yield problems that occur when modules are imported or scripts started; `site` is site-packages."""
+    modules = {_module(path.relative_to(site)): path for path in installed if _is_module(path, site)}
+    broken = set()
+    if _same_version(site):
+        for name, path in sorted(modules.items()):
+            problem = _syntax_problem(path, _origin(source, site, path))
+            if problem:
+                broken.add(name)
+                yield problem
+    points = next((path for path in installed if path.name == "entry_points.txt"), None)
+    for script, module, function in _entry_points(points):
+        if module in modules and module not in broken:
+            yield from _missing_function(source, script, module, function, modules[module])
+        elif module not in modules:
+            yield from _missing_module(source, script, module, modules)
+
+
+def _missing_module(source: Path, script: str, module: str, modules: dict[str, Path]) -> Iterator[Problem]:
+    """Yield a problem if a script's module belongs to the package but is not installed."""
+    top = module.partition(".")[0]
+    folder = source / top
+    if top not in modules and not folder.is_dir():
+        return
+    missing_init = folder.is_dir() and not (folder / "__init__.py").exists()
+    hint = f"add an empty {folder}/__init__.py" if missing_init else did_you_mean(module, modules)
+    message = f"the script '{script}' starts '{module}', which the package does not install"
+    yield Problem(message, Place(_defining_file(source)), hint)
+
+
+def _missing_function(source: Path, script: str, module: str, function: str, path: Path) -> Iterator[Problem]:
+    """Yield a problem if a script's module does not define the function that it calls."""
+    if path.suffix != ".py":
+        return
+    names, complete = _defined(ast.parse(text_or_nothing(path)))
+    if not complete or function in names:
+        return
+    message = f"'{script}' calls '{function}', which '{module}' does not define"
+    yield Problem(message, Place(_defining_file(source)), did_you_mean(function, names))
+
+
+def _defined(tree: ast.Module) -> tuple[set[str], bool]:
+    """Return the names that a module binds, and True if there can be no others."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                names.add(name)
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                names.update((alias.asname or alias.name).partition(".")[0] for alias in aliases)
+            case ast.Name(id=name, ctx=ast.Store()):
+                names.add(name)
+    return names, names.isdisjoint({"*", "__getattr__"})
+
+
+def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
+    """Yield script, module and function of each entry point."""
+    parser = configparser.RawConfigParser(delimiters=("=",))
+    parser.optionxform = str  # type: ignore[assignment, method-assign]  # (names have upper case, too)
+    try:
+        parser.read_string(text_or_nothing(path) if path else "")
+    except configparser.Error:
+        return
+    for section in ("console_scripts", "gui_scripts"):
+        for script, target in parser[section].items() if parser.has_section(section) else ():
+            match = _POINT.match(target)
+            if match:
+                yield script, match[1], match[2]
+
+
+def _syntax_problem(path: Path, shown: Path) -> Problem | None:
+    """Return a problem for a syntax error in a file, with the path `shown`, or None."""
+    try:
+        compile(read_file(path), str(shown), "exec", ast.PyCF_ONLY_AST)
+    except SyntaxError as error:
+        line = (error.text or "").rstrip("\r\n")
+        place = Place(shown, error.lineno, error.offset or None, line or None)
+        return Problem(error.msg or "invalid syntax", place)
+    except ValueError as error:
+        return Problem(str(error), Place(shown))
+    return None
+
+
+def _is_module(path: Path, site: Path) -> bool:
+    return path.is_relative_to(site) and path.suffix in {".py", ".so"}
+
+
+def _module(path: Path) -> str:
+    parts = [*path.parts[:-1], path.name.partition(".")[0]]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _origin(source: Path, site: Path, path: Path) -> Path:
+    """Return the source file of a module if it has the same relative path, else the module itself."""
+    name = path.relative_to(site)
+    return next((at / name for at in (source, source / "src") if (at / name).is_file()), path)
+
+
+def _defining_file(source: Path) -> Path:
+    """Return the file that defines the entry points."""
+    names = ("setup.py", "pyproject.toml", "setup.cfg")
+    return next(
+        (source / name for name in names if "_scripts" in text_or_nothing(source / name)), source / names[0]
+    )
+
+
+def _same_version(site: Path) -> bool:
+    """Return True if `site` is for the Python version that runs forge; others may have another syntax."""
+    match = _VERSION.search(str(site))
+    return match is None or int(match[1]) == sys.version_info.minor

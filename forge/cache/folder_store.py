@@ -1,0 +1,225 @@
+"""A folder of results and blobs with the layout of Bazel's disk cache: ac/ab/KEY and cas/ab/SHA-256.
+
+Concurrent builds may read and write it: each file appears atomically. The modification time of a result is
+the time of its last use; pruning removes the least recently used results first.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+import stat
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.files import replace_file
+from forge.cache.action_result import decode, encode
+from forge.cache.model import Digest, StoreFault
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.cache.model import ActionResult
+
+_CHUNK = 1 << 20
+_CLONE = 0x40049409
+"""The Linux ioctl FICLONE: a new file shares the blocks of another if the file system supports it."""
+
+
+PRIVATE = 0o700
+"""The permissions of private folders."""
+_SHARED = stat.S_ISGID | stat.S_IRWXG
+"""The permissions set by `chmod g+rwxs`: new files in the folder belong to its group."""
+
+
+class FolderStore:
+    """A store in a folder of this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        """Store the folder; it is created when something is stored."""
+        self.folder = folder
+        self.name = str(folder)
+        self._checked: set[Path] = set()
+        """Existing folders whose permissions have been checked."""
+
+    def result(self, key: str) -> ActionResult | None:
+        """Return the result stored for a key, or None; an invalid result counts as missing."""
+        path = self._path("ac", key)
+        try:
+            with open(path, "rb", buffering=0) as stream:  # noqa: PTH123  (two of each package)
+                content = stream.read()
+            with contextlib.suppress(OSError):  # a read-only folder
+                os.utime(path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise _fault(error) from None
+        try:
+            return decode(content)
+        except ValueError:
+            return None
+
+    def put_result(self, key: str, result: ActionResult) -> None:
+        """Store a result."""
+        with _store_faults():
+            path = self.result_path(key)
+            self._make(self.folder / "ac")
+            self._make(path.parent)
+            replace_file(path, encode(result), mode=self.rights & 0o666)
+
+    def fetch(self, digest: Digest, target: Path) -> bool:
+        """Copy a verified blob to `target`, sharing its blocks if the file system supports it."""
+        source = self.blob_path(digest.hash)
+        try:
+            with source.open("rb") as stream:
+                if not _matches(digest, stream.fileno()):
+                    self.discard(digest.hash)
+                    return False
+                with _store_faults(), target.open("xb") as copy:
+                    copy_bytes(stream.fileno(), copy.fileno(), digest.size)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def put(self, digest: Digest, source: Path) -> None:
+        """Store the bytes of `source`."""
+        path = self.blob_path(digest.hash)
+        if path.is_file():
+            return
+        with _store_faults():
+            draft = self.draft()
+            try:
+                with source.open("rb") as stream, draft.open("xb") as copy:
+                    copy_bytes(stream.fileno(), copy.fileno(), digest.size)
+                self.adopt(draft, digest)
+            finally:
+                draft.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Do nothing: no connection is open."""
+
+    def open(self, digest: Digest) -> int | None:
+        """Return a descriptor of a blob that was just verified, or None. The caller closes it."""
+        try:
+            descriptor = os.open(self._path("cas", digest.hash), os.O_RDONLY)
+        except FileNotFoundError:
+            return None
+        try:
+            if _matches(digest, descriptor):
+                return descriptor
+        except OSError:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+        self.discard(digest.hash)
+        return None
+
+    def adopt(self, draft: Path, digest: Digest) -> None:
+        """Move a verified draft to the path of its blob."""
+        path = self.blob_path(digest.hash)
+        self._make(path.parent)
+        _set_rights(draft, self.rights & 0o666)
+        draft.replace(path)
+
+    def draft(self) -> Path:
+        """Return an unused path in the folder for a future blob."""
+        folder = self.folder / "cas"
+        self._make(folder)
+        return folder / f".{os.urandom(8).hex()}.forge-draft"
+
+    def discard(self, sha256: str) -> None:
+        """Remove a corrupt blob."""
+        with contextlib.suppress(OSError):
+            self.blob_path(sha256).unlink()
+
+    def result_path(self, key: str) -> Path:
+        """Return the path of the result for a key."""
+        return Path(self._path("ac", key))
+
+    def blob_path(self, sha256: str) -> Path:
+        """Return the path of a blob."""
+        return Path(self._path("cas", sha256))
+
+    @cached_property
+    def rights(self) -> int:
+        """The permissions of stored files: private, unless the folder is shared with a group."""
+        try:
+            mode = stat.S_IMODE(self.folder.stat().st_mode)
+        except OSError:
+            return PRIVATE
+        return mode | 0o700 if mode & _SHARED == _SHARED else PRIVATE
+
+    def _make(self, folder: Path) -> None:
+        """Create a folder in the store, and its parents, with the permissions of stored files."""
+        try:
+            folder.mkdir(mode=self.rights & 0o777)
+        except FileExistsError:
+            # Earlier versions created them world-readable. The store's root may serve other purposes, too.
+            if folder not in self._checked and folder != self.folder and self.rights == PRIVATE:
+                self._checked.add(folder)
+                _close_to_others(folder)
+        except FileNotFoundError:
+            if folder == self.folder:
+                folder.parent.mkdir(parents=True, exist_ok=True)
+            else:
+                self._make(folder.parent)
+            self._make(folder)
+        else:
+            _set_rights(folder, self.rights)
+
+    def _path(self, kind: str, name: str) -> str:
+        """Return the path of a file as a string, since this is called often."""
+        return f"{self.folder}/{kind}/{name[:2]}/{name}"
+
+
+def _close_to_others(folder: Path) -> None:
+    if stat.S_IMODE(folder.stat().st_mode) & 0o077:
+        _set_rights(folder, PRIVATE)
+
+
+def _set_rights(path: Path, rights: int) -> None:
+    """Set permissions if possible: the owner may differ, or the file system may not support them."""
+    with contextlib.suppress(PermissionError):
+        path.chmod(rights)
+
+
+def _matches(digest: Digest, descriptor: int) -> bool:
+    if os.fstat(descriptor).st_size != digest.size:
+        return False
+    found = hashlib.sha256()
+    offset = 0
+    while chunk := os.pread(descriptor, _CHUNK, offset):
+        found.update(chunk)
+        offset += len(chunk)
+    return found.hexdigest() == digest.hash
+
+
+def copy_bytes(source: int, target: int, size: int) -> None:
+    """Copy a file between descriptors, sharing blocks if the file system supports it."""
+    with contextlib.suppress(OSError):
+        fcntl.ioctl(target, _CLONE, source)
+        return
+    offset = 0
+    while offset < size:
+        try:
+            count = os.copy_file_range(source, target, size - offset, offset, offset)
+        except OSError:
+            count = os.pwrite(target, os.pread(source, _CHUNK, offset), offset)
+        if not count:
+            break
+        offset += count
+
+
+@contextlib.contextmanager
+def _store_faults() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise _fault(error) from None
+
+
+def _fault(error: OSError) -> StoreFault:
+    return StoreFault(f"{error.filename or 'a file'}: {error.strerror}")

@@ -1,0 +1,155 @@
+"""Keys of the package cache: path-independent digests of the inputs of a package.
+
+The files that a build reads outside the workspace are known only after it ran. Therefore a package has two
+keys. The first covers all inputs known before the build; its entry contains lists of external files recorded
+by earlier builds. The second covers the first key and the current contents of the files in one list; its
+entry is the result.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import platform
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge import __version__
+from forge.base.frozen import frozen
+from forge.base.layout import PACKAGE, own_folders
+from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
+from forge.cache.relocation import PLAIN, SPACED
+from forge.toolchain.programs import program_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from forge.base.frozen import Pairs
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.tasks import Task
+    from forge.cache.relocation import Relocator
+
+_VERSION = 1
+_MAX_LISTS = 4
+"""The number of file lists stored for one key."""
+
+
+@frozen
+class Inputs:
+    """The files outside the workspace that a build read, and the paths at which its result is valid.
+
+    `bound` is the reason why it is valid at one path only, '' if it is relocatable; `kind` is the kind of the
+    paths where it was built.
+    """
+
+    paths: tuple[str, ...]
+    bound: str = ""
+    kind: str = PLAIN
+
+    def holds_at(self, relocator: Relocator) -> bool:
+        """Return True if the result can be relocated to these paths: extra quotes are harmless."""
+        return (
+            bool(self.bound)
+            or relocator.kind == self.kind
+            or (relocator.kind == PLAIN and self.kind == SPACED)
+        )
+
+
+def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
+    """Return the inputs shared by all packages: forge's files, the programs, the system and the umask.
+
+    `table` is used for these files only, and saved.
+    """
+    own = [path for folder in own_folders() for path in source_files(str(folder), "embedded")]
+    data = contents_of(own, table)
+    own_digests = [f"{os.path.relpath(path, PACKAGE.parent)} {data[path]}" for path in own]
+    programs = {name: os.path.realpath(program_of(identity)) for name, identity in tools}
+    found = contents_of(programs.values(), table)
+    table.forget_others({*data, *found})
+    with contextlib.suppress(OSError):  # a read-only home folder
+        table.save()
+    forge_digest = hashlib.sha256("\n".join(own_digests).encode(errors="surrogateescape")).hexdigest()
+    return (
+        f"{__version__} {forge_digest}",
+        *(f"{name} {found[path]}" for name, path in sorted(programs.items())),
+        *_system(),
+        f"umask {_umask():03o}",
+    )
+
+
+def first_key(
+    task: Task, needs: Sequence[tuple[str, str]], shared: tuple[str, ...], relocator: Relocator
+) -> str:
+    """Return the key of all inputs of a task that are known before it runs, including dependencies."""
+    inputs = task.inputs
+    return _key(
+        task.name,
+        shared,
+        [relocator.relativize_word(word) for word in inputs.options],
+        [[name, relocator.relativize_word(value)] for name, value in inputs.environment],
+        inputs.sources,
+        needs,
+    )
+
+
+def second_key(first: str, inputs: Inputs, contents: Mapping[str, str], relocator: Relocator) -> str:
+    """Return the key of a result from the first key and the contents of external files.
+
+    `contents` maps `inputs.paths` to content digests.
+    """
+    data = digest_of(inputs.paths, contents)
+    locations = (
+        [[name, path.decode(errors="replace")] for name, path in relocator.paths] if inputs.bound else []
+    )
+    return _key(first, data, inputs.kind, locations)
+
+
+def encode_lists(lists: Iterable[Inputs]) -> bytes:
+    """Return the first _MAX_LISTS lists of inputs as JSON."""
+    found = list(dict.fromkeys(lists))[:_MAX_LISTS]
+    data = [[*one.paths, one.kind, one.bound] for one in found]
+    return json.dumps({"forge_inputs": _VERSION, "lists": data}).encode()
+
+
+def decode_lists(data: bytes) -> tuple[Inputs, ...]:
+    """Return the lists that `encode_lists` wrote; nothing for what it did not."""
+    try:
+        found: Mapping[str, Any] = json.loads(data)
+        if found["forge_inputs"] != _VERSION:
+            return ()
+        lists = [[_text(word) for word in one] for one in found["lists"][:_MAX_LISTS]]
+        return tuple(Inputs(tuple(words), bound, kind) for *words, kind, bound in lists)
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return ()
+
+
+def _key(*data: object) -> str:
+    return hashlib.sha256(json.dumps([_VERSION, *data]).encode()).hexdigest()
+
+
+def _system() -> tuple[str, ...]:
+    """Return the identity of the system: results are not shared between different systems."""
+    try:
+        release = platform.freedesktop_os_release()
+    except OSError:
+        release = {}
+    words = (platform.system(), platform.machine(), *platform.libc_ver())
+    return (*words, release.get("ID", ""), release.get("VERSION_ID", ""))
+
+
+def _umask() -> int:
+    """Return the umask; /proc provides it without changing it temporarily."""
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace").splitlines()
+        return int(next(line for line in lines if line.startswith("Umask:")).split()[1], 8)
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
+def _text(data: object) -> str:
+    if not isinstance(data, str):
+        raise TypeError("expected a string")
+    return data

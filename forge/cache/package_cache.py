@@ -1,0 +1,397 @@
+"""The package cache of a build: look up packages before they are built, and store them afterwards.
+
+Called by the workers; each package is looked up or stored by one of them at a time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.base.frozen import frozen
+from forge.cache import keys
+from forge.cache.dependency_keys import DependencyKeys, unfit
+from forge.cache.external_inputs import ExternalInputs
+from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
+from forge.cache.processor import WORD, processor_inputs
+from forge.cache.relocation import ODD
+from forge.cache.restoring import CachedTree, Contents, TreeWriter
+from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unlisted_files
+from forge.toolchain.programs import condensed, program_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.base.layout import Layout
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.model import BuildRecord
+    from forge.build.tasks import Task
+    from forge.cache.external_inputs import Seen
+    from forge.cache.folder_store import FolderStore
+    from forge.cache.model import Store
+    from forge.cache.relocation import Relocator
+    from forge.cache.trees import Tree
+    from forge.cache.uploads import Uploads
+
+INDEX, PACK = "index", "pack"
+"""The names of a result's blobs; large files are stored beside them under their own paths."""
+
+
+@frozen
+class CacheContext:
+    """The shared state of one build: folders, dependencies, programs, records, file tables.
+
+    `own` is the file table for forge and its tools, `programs` that for other programs that builds read.
+    `needs` are the direct dependencies of each package; `records` change during the build. `forced` are
+    packages to build even if the cache has them.
+    """
+
+    layout: Layout
+    relocator: Relocator
+    needs: Mapping[str, frozenset[str]]
+    tools: Pairs
+    records: Mapping[str, BuildRecord]
+    table: FileTable
+    own: FileTable
+    programs: FileTable
+    forced: Collection[str] = frozenset()
+
+
+@frozen
+class PendingResult:
+    """A result to publish after checking what else was written between `began` and `ended`, in seconds."""
+
+    package: str
+    first: str
+    inputs: keys.Inputs
+    result: ActionResult
+    began: float
+    ended: float
+
+
+class PackageCache:
+    """A local folder of results, and perhaps a remote store behind it."""
+
+    def __init__(
+        self,
+        context: CacheContext,
+        local: FolderStore,
+        remote: Store | None = None,
+        uploads: Uploads | None = None,
+        warn: Callable[[Problem], object] = lambda _: None,
+    ) -> None:
+        """Store the collaborators without opening anything. Without `uploads`, the remote is read-only."""
+        self._context = context
+        self._local = local
+        self._remote = remote
+        self._uploads = uploads
+        self._warn = warn
+        self._dependency_keys = DependencyKeys(
+            context.needs, context.records, context.layout, context.relocator
+        )
+        self._external_inputs = ExternalInputs(context.relocator, context.table, context.programs)
+        self._lock = threading.Lock()
+        self._shared_inputs: tuple[str, ...] | None = None
+        self._keys: dict[str, str] = {}
+        self._lists: dict[str, tuple[keys.Inputs, ...]] = {}
+        self._warned = False
+        self._pending: list[PendingResult] = []
+        self.notes: dict[str, str] = {}
+        """The result of storing or restoring each package, as text."""
+        self._miss_reasons: dict[str, str] = {}
+        """The reason of each cache miss."""
+        self.restored: set[str] = set()
+        self.missed: set[str] = set()
+        self.has_grown = False
+        """True if something was added to the local folder."""
+
+    @property
+    def computed_trees(self) -> Mapping[str, str]:
+        """Tree digests computed for packages whose records had none."""
+        return self._dependency_keys.computed_trees
+
+    def find(self, task: Task) -> CachedTree | None:
+        """Return the cached result of a task, downloaded and verified, or None if it must be built."""
+        found = self._look_up(task)
+        if found is None:
+            self._external_inputs.distrust()
+        return found
+
+    def restore(
+        self, task: Task, found: CachedTree
+    ) -> tuple[dict[str, os.stat_result | None], tuple[str, ...]]:
+        """Write a cached tree into the task's prefix.
+
+        Return the sorted absolute paths of the files, each with its stat if it is small and was just written,
+        and those of empty folders.
+        """
+        writer = TreeWriter(task.prefix, self._context.relocator)
+        writer.write_tree(found.tree, found.contents)
+        stats = {}
+        for path, status, digest in writer.written:
+            self._context.table.learn(path, status, digest)
+            stats[path] = status
+        paths = sorted(f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves)
+        empty = tuple(f"{task.prefix}/{path}/" for path in found.tree.empty_folders)
+        return {path: stats.get(path) for path in paths}, empty
+
+    def keep(self, task: Task, record: BuildRecord) -> BuildRecord:
+        """Store the installed files of a task; return its record with the digest of its tree."""
+        key = self._keys.get(task.name)
+        if key is None:
+            return record
+        problem = _uncacheable_reason(record)
+        if problem:
+            self.notes[task.name] = f"not cached: {problem}"
+            return record
+        try:
+            tree = self._put(task, key, record)
+        except Uncacheable as reason:
+            self.notes[task.name] = f"not cached: {reason}"
+            return replace(record, tree=unfit(record))
+        except (OSError, StoreFault) as fault:
+            self.notes[task.name] = f"not cached: {fault}"
+            self._warn_once(fault)
+            return record
+        self.notes[task.name] = f"cached for this path only: {tree.bound}" if tree.bound else KEPT
+        return replace(record, tree=tree.digest)
+
+    def finish(self) -> None:
+        """Publish the pending results after all packages have ended.
+
+        In a merged prefix, the owner of a file without install manifest, such as one written by CMake code,
+        is unknown. Packages that were built while it appeared are not cached.
+        """
+        since = min((pending.began for pending in self._pending), default=0.0)
+        found = (
+            unlisted_files(self._context.layout.install, self._context.records, since)
+            if self._pending
+            else {}
+        )
+        for pending in self._pending:
+            near = (path for path, at in found.items() if pending.began - TICK <= at <= pending.ended + TICK)
+            unlisted = next(near, None)
+            if unlisted is None:
+                self._publish(pending)
+            else:
+                self.notes[pending.package] = (
+                    f"not cached: '{unlisted}' appeared during the build without being listed"
+                )
+        self._pending.clear()
+        self._external_inputs.save()
+
+    def remark(self, name: str) -> str:
+        """Return the remarks of the cache about a package, or ''."""
+        return "; ".join(filter(None, (self._miss_reasons.get(name), self.notes.get(name))))
+
+    def _look_up(self, task: Task) -> CachedTree | None:
+        if not self._is_cacheable(task):
+            return None
+        self._keys[task.name] = key = self._first_key(task)
+        if task.name in self._context.forced:
+            return None
+        found = self._find_in(self._local, key)
+        if found is None and self._remote is not None:
+            found = self._find_in(self._remote, key)
+        self.notes[task.name] = RESTORED if found else ""
+        self._miss_reasons[task.name] = "" if found else self._miss_reason(key)
+        (self.restored if found else self.missed).add(task.name)
+        if found:
+            # Another machine may have built it since the miss.
+            self.missed.discard(task.name)
+        return found
+
+    def _is_cacheable(self, task: Task) -> bool:
+        """Return True if the result of a task can be cached; note the reason if not."""
+        if self._context.layout.symlink and not task.embedded:
+            self.notes[task.name] = "not cached: installed with symbolic links"
+            return False
+        unknown = next((need for need in task.needs if need not in self._context.records), None)
+        if unknown:
+            self.notes[task.name] = f"not looked up: there is no build record of its dependency '{unknown}'"
+        return unknown is None
+
+    def _first_key(self, task: Task) -> str:
+        with self._lock:  # several packages start at the same time
+            if self._shared_inputs is None:
+                self._shared_inputs = keys.shared_inputs(self._context.tools, self._context.own)
+        needs = self._dependency_keys.needs_of(task.name, task.needs)
+        return keys.first_key(
+            task, needs, (*self._shared_inputs, *self._package_programs(task)), self._context.relocator
+        )
+
+    def _package_programs(self, task: Task) -> list[str]:
+        """Return the content digests of programs that only this package names."""
+        shared = frozenset(condensed(self._context.tools))
+        paths = {n: program_of(identity) for n, identity in task.inputs.tools if (n, identity) not in shared}
+        words = {
+            name: self._context.relocator.relativize_word(os.path.realpath(path))
+            for name, path in paths.items()
+        }
+        contents = self._external_inputs.look(words.values()).contents
+        return [f"{os.path.basename(name)} {contents[word]}" for name, word in sorted(words.items())]  # noqa: PTH119
+
+    def _find_in(self, store: Store, first: str) -> CachedTree | None:
+        """Return the result in a store for one of its lists of inputs; the latest list is tried first."""
+        try:
+            lists = self._lists_in(store, first)
+            for inputs in lists:
+                if not inputs.holds_at(self._context.relocator):
+                    continue
+                seen = self._external_inputs.look(inputs.paths)
+                second = keys.second_key(first, inputs, seen.contents, self._context.relocator)
+                result = store.result(second)
+                found = result and self._fetch_result(store, result, seen)
+                if result and found:
+                    if store is not self._local:
+                        self._remember(first, second, inputs, result)
+                    return found
+        except (StoreFault, OSError, ValueError) as fault:
+            self._warn_once(fault)
+        return None
+
+    def _lists_in(self, store: Store, first: str) -> tuple[keys.Inputs, ...]:
+        result = store.result(first)
+        found = keys.decode_lists(result.stdout) if result else ()
+        self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *found)))
+        return found
+
+    def _fetch_result(self, store: Store, result: ActionResult, seen: Seen) -> CachedTree | None:
+        """Return a result with its verified blobs, copied to the local folder; None if one is missing.
+
+        Raises ValueError for a result that forge did not create.
+        """
+        blobs = {file.path: file.digest for file in result.files}
+        if not {INDEX, PACK} <= blobs.keys():
+            raise ValueError(f"{store.name}: invalid result without index and pack")
+        with ExitStack() as opened:
+            index = self._open(store, blobs.pop(INDEX), opened)
+            if index is None:
+                return None
+            tree = decode_index(_whole(index))
+            pack = self._open(store, tree.pack, opened) if tree.pack else None
+            large = {}
+            for digest in {
+                Digest(leaf.hash, leaf.size) for leaf in tree.leaves if leaf.offset < 0 and leaf.hash
+            }:
+                large[digest.hash] = self._open(store, digest, opened)
+            descriptors = {name: number for name, number in large.items() if number is not None}
+            if pack is None or len(descriptors) < len(large):
+                return None
+            opened.pop_all()
+        os.close(index)
+        return CachedTree(tree, Contents(pack, descriptors), *seen.record)
+
+    def _open(self, store: Store, digest: Digest, opened: ExitStack) -> int | None:
+        """Open a verified blob of the local folder; fetch it from `store` if it is missing."""
+        descriptor = self._local.open(digest)
+        if descriptor is None and store is not self._local:
+            draft = self._local.draft()
+            if store.fetch(digest, draft):
+                self._local.adopt(draft, digest)
+                descriptor = self._local.open(digest)
+        if descriptor is not None:
+            opened.callback(os.close, descriptor)
+        return descriptor
+
+    def _put(self, task: Task, first: str, record: BuildRecord) -> Tree:
+        """Store a package's tree and publish its result."""
+        draft = self._local.draft()
+        try:
+            with draft.open("xb") as pack:
+                tree = scan_tree(task.name, self._context.layout, record, self._context.relocator, pack.write)
+            if self._context.relocator.kind == ODD and not tree.bound:
+                tree = replace(tree, bound="the path of the workspace contains special characters")
+            tree = replace(tree, seconds=round(time.time() - record.began, 3))
+            blobs = self._put_blobs(task.prefix, tree, draft)
+        finally:
+            draft.unlink(missing_ok=True)
+        relocator = self._context.relocator
+        read = (
+            *map(relocator.relativize_word, record.externals),
+            *processor_inputs(task, relocator.root / task.package.path),
+        )
+        inputs = keys.Inputs(read, tree.bound, relocator.kind)
+        result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
+        pending = PendingResult(task.name, first, inputs, result, record.began, time.time())
+        if self._context.layout.merged:
+            self._pending.append(pending)
+        else:
+            self._publish(pending)
+        return tree
+
+    def _publish(self, pending: PendingResult) -> None:
+        """Store a result under both keys, locally and in the remote store."""
+        contents = self._external_inputs.look(pending.inputs.paths).contents
+        second = keys.second_key(pending.first, pending.inputs, contents, self._context.relocator)
+        self._remember(pending.first, second, pending.inputs, pending.result)
+        if self._uploads is not None:
+            paths = {file.digest: self._local.blob_path(file.digest.hash) for file in pending.result.files}
+            self._uploads.add(second, pending.result, paths)
+            self._uploads.add(
+                pending.first, ActionResult(stdout=keys.encode_lists(self._lists[pending.first])), {}
+            )
+
+    def _put_blobs(self, prefix: Path, tree: Tree, pack: Path) -> dict[str, Digest]:
+        """Store index, pack and large files of a tree in the local folder; return their digests by name."""
+        assert tree.pack is not None  # noqa: S101  (set by scan_tree)
+        index = encode_index(tree)
+        digest = Digest(hashlib.sha256(index).hexdigest(), len(index))
+        self._local.adopt(pack, tree.pack)
+        draft = self._local.draft()
+        draft.write_bytes(index)
+        self._local.adopt(draft, digest)
+        blobs = {INDEX: digest, PACK: tree.pack}
+        for leaf in tree.leaves:
+            if leaf.offset < 0 and leaf.hash:
+                blobs[leaf.path] = Digest(leaf.hash, leaf.size)
+                self._local.put(blobs[leaf.path], prefix / leaf.path)
+        return blobs
+
+    def _remember(self, first: str, second: str, inputs: keys.Inputs, result: ActionResult) -> None:
+        """Store a result under both keys in the local folder; its list of inputs moves to the front."""
+        self.has_grown = True
+        self._lists[first] = tuple(dict.fromkeys((inputs, *self._lists.get(first, ()))))
+        self._local.put_result(second, result)
+        self._local.put_result(first, ActionResult(stdout=keys.encode_lists(self._lists[first])))
+
+    def _miss_reason(self, first: str) -> str:
+        lists = self._lists.get(first, ())
+        bound = next((inputs.bound for inputs in lists if inputs.bound), "")
+        if bound:
+            return f"not in the cache for this path: {bound}"
+        if lists and not any(inputs.holds_at(self._context.relocator) for inputs in lists):
+            return "not in the cache for this path: cached results do not quote paths with blanks"
+        if lists and all(WORD in inputs.paths for inputs in lists):
+            return "not in the cache: a file outside the workspace or the processor differs"
+        return "not in the cache: a file outside the workspace differs" if lists else MISSED
+
+    def _warn_once(self, fault: Exception) -> None:
+        """Warn once that the cache is unusable or contains invalid data."""
+        if not self._warned:
+            self._warned = True
+            hint = "packages are built instead; run 'forge cache verify' to find corrupt files"
+            self._warn(Problem(f"the cache: {fault}", hint=hint))
+
+
+KEPT, MISSED = "cached", "not in the cache"
+
+
+def _whole(descriptor: int) -> bytes:
+    size = os.fstat(descriptor).st_size
+    return os.pread(descriptor, size, 0)
+
+
+def _uncacheable_reason(record: BuildRecord) -> str:
+    """Return why the result of a build must not be shared, or '' if it is reproducible."""
+    if record.saved:
+        return f"'{record.saved[0]}' was modified during the build"
+    return "" if record.from_empty else "its build folder was not empty"

@@ -1,0 +1,185 @@
+"""Write a cached tree into a prefix, identical to the files that the build installed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from mmap import ACCESS_READ, mmap
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.build.model import CachedBuild
+from forge.cache.folder_store import copy_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from forge.cache.relocation import Relocator
+    from forge.cache.trees import Leaf, Tree
+
+
+class Contents:
+    """The open, verified blobs of one tree; later changes of the store do not affect them."""
+
+    def __init__(self, pack: int, large: Mapping[str, int]) -> None:
+        """Take ownership of the descriptors of the pack, and of each large file by its digest."""
+        self._descriptors = (pack, *large.values())
+        self._large = large
+        self._pack = mmap(pack, 0, access=ACCESS_READ) if os.fstat(pack).st_size else b""
+
+    def small(self, leaf: Leaf) -> bytes:
+        """Return the bytes of a file in the pack."""
+        return self._pack[leaf.offset : leaf.offset + leaf.size]
+
+    def large(self, leaf: Leaf) -> int:
+        """Return the descriptor of a large file."""
+        return self._large[leaf.hash]
+
+    def close(self) -> None:
+        """Close all descriptors."""
+        for descriptor in self._descriptors:
+            os.close(descriptor)
+
+
+class TreeWriter:
+    """Writes the leaves of trees below one prefix."""
+
+    def __init__(self, prefix: Path, relocator: Relocator) -> None:
+        """Store the prefix and the relocator for placeholders."""
+        self._prefix = str(prefix)
+        self._relocator = relocator
+        self.written: list[tuple[str, os.stat_result, str]] = []
+        """Path, stat and content digest of each small file that was written."""
+        self._created: dict[str, bool] = {}
+        """Existing folders, and whether this object created them: then they contain nothing else."""
+
+    def write_tree(self, tree: Tree, contents: Contents) -> None:
+        """Write a whole tree; files that are already identical keep their time.
+
+        Raises OSError, also if a symbolic link leads out of the prefix.
+        """
+        for leaf in tree.leaves:
+            new = self._folder(leaf.path.rpartition("/")[0])
+            path = f"{self._prefix}/{leaf.path}"
+            if leaf.target is not None:
+                self._link(path, self._relocator.absolutize_word(leaf.target))
+            elif leaf.offset < 0:
+                self._copy(path, leaf, contents.large(leaf), new=new)
+            else:
+                content = contents.small(leaf)
+                self._write(
+                    path, leaf, self._relocator.absolutize(content) if leaf.relocatable else content, new=new
+                )
+        for folder, _ in tree.folders:
+            self._folder(folder)
+        for folder, mode in reversed(tree.folders):
+            if mode and self._created[folder]:
+                os.chmod(f"{self._prefix}/{folder}", mode)  # noqa: PTH101
+
+    def _folder(self, name: str) -> bool:
+        """Create a folder below the prefix; return True if it did not exist."""
+        if name in self._created:
+            return self._created[name]
+        path = f"{self._prefix}/{name}" if name else self._prefix
+        if name:
+            self._folder(name.rpartition("/")[0])
+            try:
+                os.mkdir(path)  # noqa: PTH102  (thousands: no Path for each)
+                new = True
+            except FileExistsError:
+                new = False
+                self._check_inside_prefix(path)
+        else:
+            new = not os.path.isdir(path)  # noqa: PTH112
+            os.makedirs(path, exist_ok=True)  # noqa: PTH103
+        self._created[name] = new
+        return new
+
+    def _check_inside_prefix(self, path: str) -> None:
+        """Raise NotADirectoryError unless the path is a folder that resolves to a path below the prefix."""
+        real = os.path.realpath(path)
+        if not os.path.isdir(real) or not f"{real}/".startswith(f"{os.path.realpath(self._prefix)}/"):  # noqa: PTH112
+            raise NotADirectoryError(20, "not a folder below the prefix", path)
+
+    def _write(self, path: str, leaf: Leaf, content: bytes, *, new: bool) -> None:
+        if not new and _has_content(path, leaf.mode, content):
+            return
+        descriptor = _create(path, leaf.mode, new=new)
+        try:
+            rest = memoryview(content)
+            while rest:
+                rest = rest[os.write(descriptor, rest) :]
+            status = _with_mode(descriptor, leaf.mode)
+        finally:
+            os.close(descriptor)
+        self.written.append((path, status, hashlib.blake2b(content, digest_size=16).hexdigest()))
+
+    def _copy(self, path: str, leaf: Leaf, source: int, *, new: bool) -> None:
+        descriptor = _create(path, leaf.mode, new=new)
+        try:
+            copy_bytes(source, descriptor, leaf.size)
+            _with_mode(descriptor, leaf.mode)
+        finally:
+            os.close(descriptor)
+
+    def _link(self, path: str, target: str) -> None:
+        if os.path.lexists(path):
+            if os.path.islink(path) and os.readlink(path) == target:  # noqa: PTH114, PTH115
+                return
+            os.unlink(path)  # noqa: PTH108
+        os.symlink(target, path)  # noqa: PTH211
+
+
+def _create(path: str, mode: int, *, new: bool) -> int:
+    if not new and os.path.lexists(path):
+        # Never write into an existing file: it may be a symbolic or hard link.
+        os.unlink(path)  # noqa: PTH108
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+
+
+def _with_mode(descriptor: int, mode: int) -> os.stat_result:
+    """Set the permissions of a file if the umask has removed some; return its stat."""
+    status = os.fstat(descriptor)
+    if stat.S_IMODE(status.st_mode) != mode:
+        os.fchmod(descriptor, mode)
+        status = os.fstat(descriptor)
+    return status
+
+
+def _has_content(path: str, mode: int, content: bytes) -> bool:
+    """Return True if `path` is a regular file with this mode and content."""
+    try:
+        status = os.lstat(path)
+        if not stat.S_ISREG(status.st_mode) or stat.S_IMODE(status.st_mode) != mode:
+            return False
+        if status.st_size != len(content):
+            return False
+        with open(path, "rb") as stream:  # noqa: PTH123
+            return stream.read() == content
+    except OSError:
+        return False
+
+
+@frozen
+class CachedTree:
+    """A cached tree with its open, verified contents.
+
+    `externals` are the files outside the workspace that its build read, `external` is the digest of their
+    contents.
+    """
+
+    tree: Tree
+    contents: Contents
+    externals: tuple[str, ...]
+    external: str
+
+    @property
+    def build(self) -> CachedBuild:
+        """The metadata of the build that produced it."""
+        return CachedBuild(self.tree.seconds, self.tree.digest, self.externals, self.external)
+
+    def close(self) -> None:
+        """Close the contents."""
+        self.contents.close()

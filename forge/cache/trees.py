@@ -1,0 +1,313 @@
+"""The installed files of a package as a relocatable tree, and its encoding as blobs.
+
+Small files are concatenated into one blob, the pack; each large file is a blob of its own. A further blob,
+the index, lists the files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import stat
+from dataclasses import asdict
+from mmap import ACCESS_READ, mmap
+from typing import TYPE_CHECKING, Any
+
+from forge.base.files import BYTECODE
+from forge.base.frozen import frozen
+from forge.build.markers import BEFORE
+from forge.cache.model import Digest
+from forge.cache.relocation import NonRelocatable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.build.model import BuildRecord
+    from forge.cache.relocation import Relocator
+
+LARGE = 1 << 20
+"""The size in bytes from which a file is a blob of its own."""
+
+_SPECIAL = stat.S_ISUID | stat.S_ISGID | stat.S_ISVTX
+"""Permissions that are never restored."""
+
+TICK = 0.05
+"""The tolerated difference in seconds between file times and process clocks."""
+
+_VERSION = 2
+_NO_NAMES = frozenset({"", ".", ".."})
+_HEX = re.compile(r"[0-9a-f]{64}\Z")
+_LONGEST = 4096
+"""The maximum length of a path (PATH_MAX of Linux); it bounds the cost of checking all parents."""
+
+
+@frozen
+class Leaf:
+    """An installed file: `path` relative to the prefix, mode, size and hash (with placeholders for paths).
+
+    `offset` is its position in the pack; it is -1 for a large file, whose bytes are the blob `hash`.
+    `relocatable` is True if the content has placeholders. A symbolic link has a `target` instead.
+    """
+
+    path: str
+    mode: int
+    size: int
+    hash: str
+    offset: int = -1
+    relocatable: bool = False
+    target: str | None = None
+
+
+@frozen
+class Tree:
+    """All files of a package, sorted by path, and its folders that are empty or have unusual permissions.
+
+    The permissions of a folder are 0 for the default. `seconds` is the duration of the build, for estimates;
+    `bound` is the reason why the tree is valid only at its original path, '' if it is relocatable.
+    """
+
+    package: str
+    leaves: tuple[Leaf, ...]
+    folders: tuple[tuple[str, int], ...] = ()
+    seconds: float = 0.0
+    bound: str = ""
+    pack: Digest | None = None
+
+    @property
+    def empty_folders(self) -> tuple[str, ...]:
+        """The empty folders, sorted."""
+        paths = (*(leaf.path for leaf in self.leaves), *dict(self.folders))
+        full = {parent for path in paths for parent in _parents(path)}
+        return tuple(path for path, _ in self.folders if path not in full)
+
+    @property
+    def digest(self) -> str:
+        """A digest of the tree, independent of its path and build time."""
+        value = hashlib.sha256()
+        for leaf in self.leaves:
+            value.update(
+                f"{leaf.path}\0{leaf.mode:o} {leaf.hash} {leaf.target}\n".encode(errors="surrogateescape")
+            )
+        folders = (f"{path}\0{mode:o}\n" for path, mode in self.folders)
+        value.update("".join(folders).encode(errors="surrogateescape"))
+        return value.hexdigest()
+
+
+class Uncacheable(Exception):  # noqa: N818  (reported as a remark)
+    """The installed files of a package cannot be cached; the message is the reason."""
+
+
+def scan_tree(
+    package: str,
+    layout: Layout,
+    record: BuildRecord,
+    relocator: Relocator,
+    pack: Callable[[bytes], object] = lambda _: None,
+) -> Tree:
+    """Read the installed files of a package and pass the contents of its pack to `pack` in order.
+
+    Raises Uncacheable for files that cannot be cached, and OSError for missing files.
+    """
+    prefix = str(layout.prefix(package))
+    names = [_name(prefix, path) for path in record.files]
+    leaves, offset, bound = [], 0, ""
+    whole = hashlib.sha256()
+    for name in sorted(names):
+        leaf, content, why = _leaf(f"{prefix}/{name}", name, relocator, offset)
+        leaves.append(leaf)
+        if content:
+            whole.update(content)
+            pack(content)
+            offset += len(content)
+        if why and not bound:
+            bound = f"'{name}' contains {why}"
+    folders = _folders(prefix, names, [_name(prefix, path.rstrip("/")) for path in record.folders])
+    return Tree(package, tuple(leaves), folders, 0.0, bound, Digest(whole.hexdigest(), offset))
+
+
+def unlisted_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
+    """Return files that appeared in a merged prefix without being in any install manifest, with their times.
+
+    Workspace-level files of forge and Python bytecode are excluded.
+    """
+    listed = {path for record in records.values() for path in record.files}
+    found = {}
+    for folder, folders, files in os.walk(install):
+        folders[:] = (name for name in folders if name not in {BYTECODE, BEFORE})
+        for name in files if folder != str(install) else ():
+            path = f"{folder}/{name}"
+            if path not in listed and (changed := os.lstat(path).st_ctime) >= since - TICK:
+                found[path[len(str(install)) + 1 :]] = changed
+    return found
+
+
+def encode_index(tree: Tree) -> bytes:
+    """Return the index: the tree as JSON."""
+    value = {"forge_tree": _VERSION, **asdict(tree)}
+    value["leaves"] = [
+        [leaf.path, leaf.mode, leaf.size, leaf.hash, leaf.offset, leaf.relocatable, leaf.target]
+        for leaf in tree.leaves
+    ]
+    return json.dumps(value).encode()
+
+
+def decode_index(index: bytes) -> Tree:
+    """Return the tree of an index; raises ValueError if it is invalid or unsafe.
+
+    No path leaves the prefix, leads through a link or file of the tree, or is duplicated.
+    """
+    try:
+        value = json.loads(index)
+        if value["forge_tree"] != _VERSION:
+            raise ValueError("unsupported version")
+        pack = value["pack"]
+        tree = Tree(
+            package=_text(value["package"]),
+            leaves=tuple(_leaf_of(entry) for entry in value["leaves"]),
+            folders=tuple((_safe(path), _number(mode) & 0o777) for path, mode in value["folders"]),
+            seconds=_duration(value["seconds"]),
+            bound=_text(value["bound"]),
+            pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
+        )
+    except (ArithmeticError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError("invalid index of a tree") from error
+    _check_paths(tree)
+    assert tree.pack is not None  # noqa: S101  (set above)
+    if any(leaf.offset + leaf.size > tree.pack.size for leaf in tree.leaves if leaf.offset >= 0):
+        raise ValueError("a file extends beyond the end of the pack")
+    return tree
+
+
+def _name(prefix: str, path: str) -> str:
+    """Return a path relative to the prefix; raises Uncacheable for one outside it."""
+    if not path.startswith(f"{prefix}/"):
+        raise Uncacheable(f"it installs '{path}' outside its prefix")
+    return path[len(prefix) + 1 :]
+
+
+def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[tuple[str, int], ...]:
+    """Return the empty folders, and parents of files whose permissions differ from those of the prefix."""
+    found = dict.fromkeys(empty, 0)
+    usual = stat.S_IMODE(os.stat(prefix).st_mode)  # noqa: PTH116
+    for path in {*found, *(parent for name in (*names, *found) for parent in _parents(name))}:
+        status = os.lstat(f"{prefix}/{path}")
+        mode = stat.S_IMODE(status.st_mode)
+        if stat.S_ISDIR(status.st_mode) and mode != usual and not mode & _SPECIAL:
+            found[path] = mode
+    return tuple(sorted(found.items()))
+
+
+def _leaf(path: str, name: str, relocator: Relocator, offset: int) -> tuple[Leaf, bytes | None, str]:
+    """Return a file as a leaf, its bytes for the pack, and the reason if it is not relocatable."""
+    status = os.lstat(path)
+    if stat.S_ISLNK(status.st_mode):
+        target = os.readlink(path)  # noqa: PTH115  (thousands of files: no Path for each)
+        return Leaf(name, 0, 0, "", target=relocator.relativize_word(target)), None, ""
+    if not stat.S_ISREG(status.st_mode) or status.st_mode & _SPECIAL:
+        raise Uncacheable(f"'{name}' is not a regular file")
+    kept, why, rewritten = _content(path, status, relocator)
+    leaf = Leaf(
+        name,
+        stat.S_IMODE(status.st_mode),
+        len(kept),
+        hashlib.sha256(kept).hexdigest(),
+        # Large files are copied verbatim; files with placeholders go into the pack.
+        offset if rewritten or len(kept) < LARGE else -1,
+        rewritten,
+    )
+    return leaf, bytes(kept) if leaf.offset >= 0 else None, why
+
+
+def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[bytes | mmap, str, bool]:
+    """Return the content to store, the reason if it is not relocatable, and if it contains placeholders."""
+    with open(path, "rb") as stream:  # noqa: PTH123
+        if status.st_size >= LARGE:
+            # Do not read it into memory, since it may be very large.
+            whole = mmap(stream.fileno(), 0, access=ACCESS_READ)
+            if not relocator.occur_in(whole):
+                return whole, "", False
+            if whole.find(b"\0") >= 0:
+                return whole, relocator.name_in(whole), False
+            content = whole[:]
+        else:
+            content = stream.read()
+    relocatable = relocator.relativize(content)
+    return (
+        (content, relocatable.occurrence, False)
+        if isinstance(relocatable, NonRelocatable)
+        else (relocatable, "", relocatable is not content)
+    )
+
+
+def _leaf_of(entry: list[Any]) -> Leaf:
+    path, mode, size, digest, offset, relocatable, target = entry
+    return Leaf(
+        path=_safe(path),
+        mode=_number(mode) & 0o777,
+        size=_number(size),
+        hash=_hash(digest) if target is None else "",
+        offset=offset if offset == -1 else _number(offset),
+        relocatable=relocatable is True,
+        target=None if target is None else _text(target),
+    )
+
+
+def _check_paths(tree: Tree) -> None:
+    """Raise ValueError if a path is duplicated or leads through one that is not a folder."""
+    paths = {leaf.path for leaf in tree.leaves}
+    if len(paths) != len(tree.leaves):
+        raise ValueError("duplicate path")
+    checked: set[str] = set()
+    folders = {path for path, _ in tree.folders}
+    for path in (*paths, *folders):
+        for parent in _parents(path):
+            if parent in checked:
+                break
+            if parent in paths:
+                raise ValueError(f"a parent of '{path}' is not a folder")
+            checked.add(parent)
+    if paths & folders or len(folders) != len(tree.folders):
+        raise ValueError("duplicate path")
+
+
+def _parents(path: str) -> Iterator[str]:
+    while "/" in path:
+        path = path.rpartition("/")[0]
+        yield path
+
+
+def _safe(path: object) -> str:
+    """Return the path if it stays below the prefix; raises ValueError otherwise."""
+    name = _text(path)
+    if len(name) > _LONGEST or not name or "\0" in name or not _NO_NAMES.isdisjoint(name.split("/")):
+        raise ValueError(f"'{name[:200]}' is not a path below the prefix")
+    return name
+
+
+def _hash(value: object) -> str:
+    if not _HEX.match(_text(value)):
+        raise ValueError("expected a digest")
+    return _text(value)
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError("expected a string")
+    return value
+
+
+def _duration(value: object) -> float:
+    seconds = float(value) if isinstance(value, int | float) else -1.0
+    if not 0 <= seconds < float("inf"):
+        raise ValueError("expected a duration")
+    return seconds
+
+
+def _number(value: object) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError("expected a non-negative integer")
+    return value

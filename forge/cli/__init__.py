@@ -1,0 +1,5 @@
+"""The `forge` command: the only package that uses argparse.
+
+`main` selects the command, `commands` contains a module for each, `session` runs a build plan. May import all
+other packages.
+"""

@@ -1,0 +1,1 @@
+"""One module per command with the functions register(parser) and run(options) -> exit code."""

@@ -1,0 +1,50 @@
+"""`forge bundle`: pack the install folder into an archive, without files that only builds need."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.environment.bundling import write_bundle
+from forge.environment.recorded import recorded_underlays
+from forge.workspace.load import warn
+
+if TYPE_CHECKING:
+    import argparse
+
+    from forge.cli.main import Parser
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge bundle`."""
+    parser.add_argument("-o", "--output", metavar="FILE", help="archive to write (default: WORKSPACE.tar.gz)")
+    parser.add_argument(
+        "--with-build-files",
+        action="store_true",
+        help="include headers, CMake files and static libraries, so that other workspaces can build on it",
+    )
+    parser.add_argument(
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="install folder (default: install)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the archive and print a summary; returns 0."""
+    install = Path(options.install_base).absolute()
+    output = Path(os.path.abspath(options.output or f"{Path.cwd().name}.tar.gz"))  # noqa: PTH100  (no '..' in it)
+    files, size = write_bundle(install, output, build_files=options.with_build_files)
+    print(f"{output}: {files} files, {size / 1e6:.1f} MB")
+    underlays = [str(path) for path in recorded_underlays(install)]
+    if underlays:
+        hint = "install them at the same path on the target machine, or bundle them, too"
+        warn(
+            [Problem(f"underlays are not part of the archive: {', '.join(map(repr, underlays))}", hint=hint)]
+        )
+    sys.stdout.flush()
+    return 0

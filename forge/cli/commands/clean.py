@@ -1,0 +1,172 @@
+"""`forge clean`: remove build, install and log files, but only those that forge or colcon created."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import closing, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.names import did_you_mean
+from forge.build.cleaning import (
+    BASES,
+    built_packages,
+    package_removables,
+    remaining_entries,
+    remove,
+    workspace_removables,
+)
+from forge.build.compile_commands import merge_compile_commands
+from forge.build.installation import finish_workspace
+from forge.build.journal import open_journal
+from forge.cli import options as shared
+from forge.cli import package_options
+from forge.cli.preparation import build_variables
+from forge.environment.prefixes import LAYOUT_MARKER
+from forge.environment.recorded import STATE, recorded_python
+from forge.execution.lock import lock_build_dir
+from forge.workspace.load import load_workspace
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable
+    from contextlib import AbstractContextManager
+
+    from forge.base.layout import Layout
+    from forge.build.cleaning import Removable
+    from forge.build.journal import Journal
+    from forge.cli.main import Parser
+    from forge.workspace.load import Loaded
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge clean`."""
+    parser.add_argument(
+        "what",
+        choices=["workspace", "packages", "stale"],
+        help="the whole workspace; the named or selected packages; packages that are no longer in the "
+        "workspace",
+    )
+    parser.add_argument("names", nargs="*", metavar="PKG", help="packages to remove, for 'packages'")
+    parser.add_argument("-y", "--yes", action="store_true", help="do not ask for confirmation")
+    parser.add_argument(
+        "--base-select",
+        nargs="+",
+        choices=BASES,
+        default=list(BASES),
+        help="folders to remove, for 'workspace' (default: all)",
+    )
+    package_options.add(parser)
+    shared.add_layout(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show what will be removed, ask, and remove it; returns 0 even if the user declines."""
+    root = Path.cwd()
+    layout = _as_installed(shared.layout_of(options, root))
+    with _locked(layout, wait=not options.no_wait), closing(open_journal(layout.build)) as journal:
+        names = _names(options, root, layout, journal)
+        if options.what == "workspace":
+            litters = list(workspace_removables(layout, journal.records, options.base_select))
+        else:
+            litters = [found for name in names for found in package_removables(name, layout, journal.records)]
+        if not litters:
+            print("nothing to remove")
+            return 0
+        for litter in litters:
+            print(f"- {_shown(litter, options)}")
+        if not (options.yes or _confirmed(f"Remove these {len(litters)}? [y/N] ")):
+            print("nothing was removed")
+            return 0
+        for name in names:
+            journal.forget(name)
+        journal.close()
+        remove(litters)
+    if options.what == "workspace":
+        _report_rest(remaining_entries(layout, options.base_select), options)
+    else:
+        _write_scripts(layout)
+        merge_compile_commands(layout.build, force=True)
+    return 0
+
+
+def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
+    """Return the packages to remove; raises SelectionError for invalid combinations of arguments."""
+    made = built_packages(layout, journal.records)
+    chosen = package_options.chooses(options)
+    if options.what != "packages" and (options.names or chosen):
+        hint = "forge clean packages PKG ..."
+        raise SelectionError(Problem(f"'clean {options.what}' does not accept package names", hint=hint))
+    if options.what == "workspace":
+        return ()
+    if options.what == "stale":
+        return tuple(sorted(made - _load(options, root, layout).packages.keys()))
+    if not (options.names or chosen):
+        raise SelectionError(
+            Problem("'clean packages' needs package names", hint="forge clean packages PKG ...")
+        )
+    raise_if_any(
+        (
+            Problem(f"package '{name}' was never built here", hint=did_you_mean(name, made))
+            for name in options.names
+            if name not in made
+        ),
+        SelectionError,
+    )
+    selected = _load(options, root, layout).selection.names if chosen else ()
+    return tuple(dict.fromkeys([*options.names, *selected]))
+
+
+def _load(options: argparse.Namespace, root: Path, layout: Layout) -> Loaded:
+    """Return the workspace; raises WorkspaceError for invalid manifests, whose packages are not stale."""
+    variables = build_variables(layout, os.environ)
+    loaded = load_workspace(
+        root, package_options.query_of(options), variables, embedded=True, install=layout.install
+    )
+    raise_if_any(loaded.workspace.problems, WorkspaceError)
+    return loaded
+
+
+def _locked(layout: Layout, *, wait: bool) -> AbstractContextManager[None]:
+    """Return a lock of the build folder, or a null context for a folder that forge did not create."""
+    return (
+        lock_build_dir(layout.build, wait=wait) if (layout.build / ".built_by").is_file() else nullcontext()
+    )
+
+
+def _as_installed(layout: Layout) -> Layout:
+    """Return the layout with the merge setting recorded in the install folder."""
+    marker = layout.install / LAYOUT_MARKER
+    if not marker.is_file():
+        return layout
+    return replace(layout, merged=marker.read_text(encoding="utf-8").strip() == "merged")
+
+
+def _shown(litter: Removable, options: argparse.Namespace) -> str:
+    if len(litter.paths) > 1:
+        return f"{litter.label} in {_spelled(litter.base, options)}"
+    return f"{_spelled(litter.paths[0], options)} ({litter.label})"
+
+
+def _spelled(path: Path, options: argparse.Namespace) -> str:
+    return shared.spelled(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, options)
+
+
+def _confirmed(question: str) -> bool:
+    """Ask for confirmation; the end of input counts as no."""
+    print(question, end="", flush=True)
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+def _report_rest(paths: Iterable[Path], options: argparse.Namespace) -> None:
+    for path in paths:
+        print(f"not removed, because forge did not create it: {_spelled(path, options)}", file=sys.stderr)
+
+
+def _write_scripts(layout: Layout) -> None:
+    """Rewrite the setup scripts without the removed packages; colcon's scripts search the folder."""
+    if (layout.install / STATE).is_file():
+        finish_workspace(layout, (), Path(recorded_python(layout.install) or sys.executable))

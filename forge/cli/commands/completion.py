@@ -1,0 +1,110 @@
+"""`forge completion`: print a shell completion script."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.cli import main
+from forge.cli.completing import (
+    ANYTHING,
+    FILES,
+    FOLDERS,
+    INSTALLED,
+    PACKAGES,
+    SHELLS,
+    WORDS,
+    Context,
+    Expected,
+    Option,
+    completion,
+)
+from forge.output.console import HANDLERS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.cli.main import Parser
+
+_METAVARS = {"PKG": PACKAGES, "DIR": FOLDERS, "PATH": FILES, "FILE": FILES, "SOURCE_DIR": FOLDERS}
+
+
+def register(parser: Parser) -> None:
+    """Add the argument of `forge completion`."""
+    parser.add_argument("shell", choices=SHELLS, help="shell to print the script for")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the script."""
+    helper_command = (sys.executable, "-S", "-E", str(Path(main.__file__).with_name("completion_words.py")))
+    print(completion(options.shell, list(_contexts()), helper_command), end="")
+    return 0
+
+
+def _contexts() -> Iterator[Context]:
+    """Yield the completions for each command and verb, derived from the parsers."""
+    for word in main.COMMANDS:
+        whole = main.parser_of([word])
+        commands = _verbs(whole)
+        if word == next(iter(main.COMMANDS)):
+            yield _context((), whole)
+        command = commands.choices[word] if commands else whole
+        yield _context((word,), command)
+        verbs = _verbs(command)
+        for verb, parser in verbs.choices.items() if verbs else ():
+            yield _context((word, verb), parser)
+        for verb in _first_words(command):
+            yield replace(_context((word, verb), command), words=())
+
+
+def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> Context:
+    actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]  # noqa: SLF001  (no public name)
+    verbs = _verbs(parser)
+    options = tuple(_option(action) for action in actions if action.option_strings)
+    positionals = [action for action in actions if not action.option_strings and action is not verbs]
+    words = tuple((a.dest, a.help or "") for a in verbs._choices_actions) if verbs else ()  # noqa: SLF001
+    first = _first_words(parser)
+    if first:
+        words = tuple((word, "") for word in first)
+        # Package names follow only the choice 'packages', as in `clean packages a b`.
+        positionals = positionals[1:] if path[-1] == PACKAGES else []
+    return Context(path, words, options, _positional(path, positionals))
+
+
+def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
+    """Return the choices of the first positional argument if others follow it; they act like verbs."""
+    positionals = [action for action in parser._actions if not action.option_strings]  # noqa: SLF001
+    return tuple(positionals[0].choices or ()) if len(positionals) > 1 else ()
+
+
+def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expected | None:
+    """Return the completion of positional arguments."""
+    if path == ("run",):
+        return Expected(INSTALLED)
+    if path[:1] == ("pkg",) and actions and actions[0].dest == "package":
+        return Expected(INSTALLED)
+    return _expected(actions[0]) if actions else None
+
+
+def _option(action: argparse.Action) -> Option:
+    summary = re.sub(r"%%", "%", action.help or "")
+    return Option(tuple(action.option_strings), summary, None if action.nargs == 0 else _expected(action))
+
+
+def _expected(action: argparse.Action) -> Expected:
+    several = action.nargs in {"*", "+"}
+    if action.dest == "event_handlers":
+        opposite = (f"{name}{'-' if on else '+'}" for name, on in HANDLERS.items())
+        return Expected(WORDS, several, tuple(opposite))
+    if action.choices:
+        return Expected(WORDS, several, tuple(map(str, action.choices)))
+    folders = action.dest in {"base_paths", "paths"}
+    return Expected(FOLDERS if folders else _METAVARS.get(str(action.metavar), ANYTHING), several)
+
+
+def _verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser] | None:
+    return next((a for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)  # noqa: SLF001

@@ -1,0 +1,114 @@
+"""`forge doctor`: diagnose problems of the machine, the shell and the workspace."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import ForgeError
+from forge.cli import options as shared
+from forge.cli import package_options
+from forge.cli.preparation import build_variables, without_own
+from forge.doctor.checks import machine, naming, packages, programs, surroundings
+from forge.doctor.checks.checkup import CheckResult
+from forge.doctor.checks.showing import lines, plain
+from forge.doctor.checks.subject import Subject, files_of
+from forge.environment.prefixes import find_underlays
+from forge.workspace.load import inspect_workspace
+from forge.workspace.resolve import missing_problems
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Mapping
+
+    from forge.base.layout import Layout
+    from forge.cli.main import Parser
+    from forge.workspace.load import Loaded
+
+_ANYWHERE = (
+    *(programs.compiler, programs.cmake, programs.builder, programs.python, programs.shells),
+    *(surroundings.underlays, surroundings.environment),
+    *(machine.disk, machine.clock, machine.limits, machine.capacity),
+)
+_IN_WORKSPACE = (surroundings.results, machine.owners, naming.names, packages.declarations, packages.shadows)
+
+EXIT_USER = 2
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge doctor`."""
+    package_options.add(parser)
+    shared.add_layout(parser)
+    parser.add_argument("--python", metavar="PATH", help="interpreter to check, as for 'forge build'")
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="also show notes: unused and redundant dependencies, and packages that hide others",
+    )
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object: numbers of errors, warnings and notes; checked; findings",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the findings; returns 0, or 2 if a finding prevents builds."""
+    root = Path.cwd()
+    layout = shared.layout_of(options, root)
+    workspace, subject = _load(root, layout, options)
+    checks = (*_ANYWHERE, *(_IN_WORKSPACE if subject.packages else ()))
+    checkups = (workspace, *(check(subject) for check in checks))
+    if options.json:
+        import json  # noqa: PLC0415  (only needed with --json)
+
+        print(json.dumps(plain(checkups), indent=2))
+    else:
+        print(*lines(checkups, everything=options.all), sep="\n")
+    return EXIT_USER if any(checkup.errors for checkup in checkups) else 0
+
+
+def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[CheckResult, Subject]:
+    """Return the result for the workspace as a whole, and the subject of the other checks."""
+    outside = without_own(os.environ, layout.install)
+    try:
+        variables: Mapping[str, str] = build_variables(layout, os.environ)
+    except ForgeError:
+        variables = outside  # the state of an earlier build is unreadable, which another check reports
+    python = options.python
+    bare = Subject(root, layout, variables, outside, python, find_underlays(variables, layout.install))
+    if root in {Path.home(), Path(root.anchor)} and "base_paths" not in options.given and not options.paths:
+        return CheckResult(
+            "workspace", "none: not searching for packages in a whole home folder or file system"
+        ), bare
+    try:
+        loaded = inspect_workspace(
+            root, package_options.query_of(options), variables, embedded=True, install=layout.install
+        )
+    except ForgeError as error:
+        return CheckResult("workspace", "cannot be loaded", errors=error.problems), bare
+    return _workspace(loaded), _subject(bare, loaded)
+
+
+def _workspace(loaded: Loaded) -> CheckResult:
+    errors, warnings = missing_problems(loaded.resolution, loaded.selection.names)
+    count = len(loaded.selection.names)
+    summary = f"{count} package{'' if count == 1 else 's'}" if count else "no packages found"
+    faults = (*loaded.workspace.problems, *errors)
+    return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.doubts, *warnings))
+
+
+def _subject(bare: Subject, loaded: Loaded) -> Subject:
+    everything = loaded.workspace.packages
+    return Subject(
+        bare.root,
+        bare.layout,
+        bare.variables,
+        bare.surroundings,
+        bare.python,
+        bare.underlays,
+        {name: everything[name] for name in loaded.selection.names if name in everything},
+        loaded.resolution,
+        {name: files_of(bare.root, package) for name, package in everything.items()},
+    )

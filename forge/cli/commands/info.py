@@ -1,0 +1,117 @@
+"""`forge info`: show details of packages."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, SelectionError
+from forge.base.names import did_you_mean
+from forge.cli import options as shared
+from forge.cli import package_options
+from forge.workspace.load import load_workspace, warn
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from forge.cli.main import Parser
+    from forge.workspace.load import Loaded
+    from forge.workspace.model import Package, Person
+
+_CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge info`."""
+    package_options.add_listing(parser)
+    parser.add_argument("names", nargs="*", metavar="PKG", help="packages to show (default: all)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the details of each package, sorted by name."""
+    loaded = load_workspace(
+        Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
+    )
+    packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
+    packages.sort(key=lambda package: (package.name, str(package.path)))
+    if options.json:
+        print(json.dumps([_plain(package, options) for package in packages], indent=2, default=str))
+        return 0
+    for package in packages:
+        print(*_paragraph(package, options), sep="\n")
+    return 0
+
+
+def _requested(loaded: Loaded, names: tuple[str, ...]) -> list[Package]:
+    """Return the selected packages with these names, or all selected ones without names.
+
+    Unknown names are a warning if others are known. Raises SelectionError if no package is left.
+    """
+    known = {package.name for package in loaded.packages.values()}
+    unknown = [
+        Problem(f"package '{name}' is not in the workspace", hint=did_you_mean(name, known))
+        for name in names
+        if name not in known
+    ]
+    if not known:
+        hint = "change to the root of the workspace, the folder that contains 'src'"
+        raise SelectionError(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
+    if names and len(unknown) == len(names):
+        raise SelectionError(*unknown)
+    warn(unknown)
+    selected = (loaded.packages[node] for node in loaded.selection.names)
+    return [package for package in selected if not names or package.name in names]
+
+
+def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
+    yield f"path: {shared.spelled(package.path, options)}"
+    yield f"  type: {package.type}"
+    yield f"  name: {package.name}"
+    dependencies = _dependencies(package)
+    if dependencies:
+        yield "  dependencies:"
+        yield from (f"    {word}: {' '.join(names)}" for word, names in dependencies.items())
+    if package.hooks:
+        yield f"  hooks: {' '.join(package.hooks)}"
+    metadata = _metadata(package)
+    if metadata:
+        yield "  metadata:"
+        yield from (f"    {key}: {metadata[key]}" for key in sorted(metadata))
+
+
+def _plain(package: Package, options: argparse.Namespace) -> dict[str, object]:
+    return {
+        "path": shared.spelled(package.path, options),
+        "type": package.type,
+        "name": package.name,
+        "dependencies": _dependencies(package),
+        "hooks": list(package.hooks),
+        "metadata": _metadata(package),
+    }
+
+
+def _dependencies(package: Package) -> dict[str, list[str]]:
+    """Return the dependencies by category; the ones read from CMake files have no test category."""
+    found = {word: sorted(set(package.manifest.names(kinds))) for word, kinds in _CATEGORIES}
+    if package.type == "cmake" and not found["test"]:
+        del found["test"]
+    return found
+
+
+def _metadata(package: Package) -> dict[str, object]:
+    manifest = package.manifest
+    found: dict[str, object] = {}
+    people = [_address(person) for person in manifest.maintainers if person.email]
+    if people:
+        found["maintainers"] = people
+    if manifest.version:
+        found["version"] = manifest.version
+    return {**found, **package.settings}
+
+
+def _address(person: Person) -> str:
+    return f"{person.name} <{person.email}>"

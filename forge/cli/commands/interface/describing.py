@@ -1,0 +1,102 @@
+"""The verbs hash and schema of `forge interface`."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, NoReturn
+
+from forge.base.errors import ForgeError, InterfaceError, Problem
+from forge.base.names import did_you_mean
+from forge.cli.commands.interface.inputs import add_includes, add_inputs, catalog_of, library_of
+from forge.interfaces.hashing import hashes
+from forge.interfaces.model import Catalog, TypeName
+from forge.interfaces.resolution import demand, messages_below
+from forge.interfaces.schema import ENCODINGS, schema_text
+from forge.interfaces.showing import parse_type_name
+
+if TYPE_CHECKING:
+    import argparse
+
+    from forge.cli.commands.interface.inputs import Verbs
+    from forge.interfaces.sources import Library
+
+
+def register(verbs: Verbs) -> None:
+    """Add the verbs of this module."""
+    summary = "print type hashes (RIHS01) of types or of a folder of definitions"
+    hashing = verbs.add_parser("hash", help=summary, description=summary)
+    hashing.add_argument(
+        "what",
+        metavar="TYPE|SOURCE_DIR",
+        nargs="*",
+        help="names of types; with --package a folder of definitions",
+    )
+    hashing.add_argument("--json", action="store_true", help="print one JSON object")
+    add_inputs(hashing)
+    hashing.set_defaults(verb=_hash)
+    summary = "print a definition with all definitions it refers to, as stored in MCAP and rosbag2 files"
+    schema = verbs.add_parser("schema", help=summary, description=summary)
+    schema.add_argument("type", metavar="TYPE", help="full name of the type")
+    schema.add_argument(
+        "--encoding",
+        choices=ENCODINGS,
+        default=ENCODINGS[0],
+        help="format of the definitions (default: %(default)s)",
+    )
+    add_includes(schema)
+    schema.set_defaults(verb=_schema)
+
+
+def _hash(options: argparse.Namespace) -> int:
+    library = library_of(options)
+    if not (options.package or options.files or options.what):
+        hint = "name types, or a folder of definitions with --package"
+        raise ForgeError(Problem("missing names of types", hint=hint))
+    if options.files and not options.package:
+        raise ForgeError(Problem("missing package name for --file", hint="add --package NAME"))
+    if options.package:
+        found = hashes(catalog_of(options, _folder(options), library))
+    else:
+        found = {name: _hash_of(name, library) for name in map(parse_type_name, options.what)}
+    if options.json:
+        print(json.dumps({str(name): text for name, text in found.items()}, indent=1))
+    else:
+        for name, text in found.items():
+            print(name, text)
+    return 0
+
+
+def _folder(options: argparse.Namespace) -> str | None:
+    """Return the folder of definitions for --package, None without one."""
+    if options.what[1:]:
+        hint = "without --package, arguments are names of types"
+        raise ForgeError(Problem("--package accepts only one folder of definitions", hint=hint))
+    return options.what[0] if options.what else None
+
+
+def _schema(options: argparse.Namespace) -> int:
+    library = library_of(options)
+    name = parse_type_name(options.type)
+    parsed = library.find(name) or _missing(name, library)
+    messages_below(parsed, library)
+    print(schema_text(parsed, lambda below: demand(below, library), options.encoding), end="")
+    return 0
+
+
+def _hash_of(name: TypeName, library: Library) -> str:
+    """Return the type hash of an interface or of a type derived from one; raises InterfaceError."""
+    # A struct of an .idl file may have '_' in its name without being a derived type.
+    for base in dict.fromkeys((name, TypeName(name.package, name.kind, name.name.partition("_")[0]))):
+        parsed = library.find(base)
+        if parsed:
+            below = messages_below(parsed, library)
+            catalog = Catalog(base.package, {base: parsed.interface}, below, {base: parsed.source})
+            found = hashes(catalog).get(name)
+            if found:
+                return found
+    return _missing(name, library)
+
+
+def _missing(name: TypeName, library: Library) -> NoReturn:
+    hint = did_you_mean(str(name), [str(each) for each in library.names()])
+    raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))

@@ -1,0 +1,104 @@
+"""Options shared by the verbs of `forge interface`: definitions, their package, include folders."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import prefixes
+from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
+from forge.interfaces.declarations import LOWER_NAME
+from forge.interfaces.parsing import parse_all
+from forge.interfaces.resolution import resolve
+from forge.interfaces.sources import Library, read_folder, read_source
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from forge.interfaces.model import Catalog
+
+    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (no public name)
+
+
+def add_inputs(parser: argparse.ArgumentParser) -> None:
+    """Add the options that select definitions."""
+    parser.add_argument(
+        "--package", metavar="NAME", help="name of the package that the definitions belong to"
+    )
+    add_includes(parser)
+    parser.add_argument(
+        "--file",
+        metavar="BASE:RELATIVE",
+        dest="files",
+        action="append",
+        default=[],
+        type=_pair(":", str.rpartition),
+        help="a single definition, such as /src/p:msg/X.msg, instead of a folder; repeatable",
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="reject error-prone definitions; the command reference lists them",
+    )
+
+
+def add_includes(parser: argparse.ArgumentParser) -> None:
+    """Add the option for folders of other packages."""
+    parser.add_argument(
+        "--include",
+        metavar="PKG=DIR",
+        dest="includes",
+        action="append",
+        default=[],
+        type=_pair("=", str.partition),
+        help="folder with subfolders msg, srv and action of another package; repeatable",
+    )
+
+
+def library_of(options: argparse.Namespace, recorded: Mapping[str, Path] | None = None) -> Library:
+    """Return the searchable definitions; `recorded` folders of earlier runs are used unless overridden."""
+    includes = {package: Path(folder) for package, folder in options.includes}
+    return Library(includes={**(recorded or {}), **includes}, prefixes=prefixes(os.environ))
+
+
+def catalog_of(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:
+    """Return the resolved definitions named on the command line; raises ForgeError."""
+    package: str | None = options.package
+    if not package:
+        raise ForgeError(Problem("missing package name", hint="add --package NAME"))
+    if not LOWER_NAME.fullmatch(package):
+        hint = "use lower-case letters, digits and single underscores"
+        raise ForgeError(Problem(f"'{package}' is not a valid name of an interface package", hint=hint))
+    sources = tuple(read_source(package, Path(base), relative) for base, relative in options.files)
+    if folder:
+        sources += read_folder(package, Path(folder))
+    if not sources:
+        hint = "name a folder that contains msg, srv or action"
+        raise ForgeError(Problem("no interface definitions found", hint=hint))
+    parsed = parse_all(sources)
+    if options.strict:
+        from forge.interfaces.strictness import doubts  # noqa: PLC0415  (only needed with --strict)
+
+        raise_if_any(doubts(parsed), InterfaceError)
+    return resolve(package, parsed, library, _forgotten(options))
+
+
+def _forgotten(options: argparse.Namespace) -> dict[str, str]:
+    """Return messages next to the named files that were not named themselves, for hints."""
+    named = {relative for _, relative in options.files}
+    beside = (path for base in {base for base, _ in options.files} for path in Path(base).glob("msg/*.msg"))
+    return {path.stem: f"msg/{path.name}" for path in beside if f"msg/{path.name}" not in named}
+
+
+def _pair(mark: str, split: Callable[[str, str], tuple[str, str, str]]) -> Callable[[str], tuple[str, str]]:
+    """Return an argparse type that parses 'LEFT<mark>RIGHT'."""
+
+    def read(text: str) -> tuple[str, str]:
+        left, _, right = split(text, mark)
+        if not left or not right:
+            raise argparse.ArgumentTypeError(f"'{text}' is not of the form LEFT{mark}RIGHT")
+        return left, right
+
+    return read

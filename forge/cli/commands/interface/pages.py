@@ -1,0 +1,159 @@
+"""Generates the site of `forge interface docs`: selects packages, collects definitions and metadata."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import prefixes
+from forge.base.errors import ForgeError, InterfaceError, Place, Problem, raise_if_any
+from forge.base.files import read_file
+from forge.base.names import did_you_mean
+from forge.interfaces.declarations import LOWER_NAME
+from forge.interfaces.html_site import About, site
+from forge.interfaces.model import Catalog
+from forge.interfaces.parsing import parse_all
+from forge.interfaces.resolution import referred, resolve
+from forge.interfaces.sources import EMBEDDED, Library, names_in, read_folder
+from forge.interfaces.writing import write_site
+from forge.workspace.discovery import ROS_DEFAULTS, discover
+from forge.workspace.load import warn
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.root import find_root
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Mapping
+
+    from forge.workspace.model import Manifest, Package, Workspace
+
+_GROUP = "rosidl_interface_packages"
+_GENERATORS = "rosidl_default_generators"
+_FIRST_PAGE = "index.html"
+
+
+def make_site(options: argparse.Namespace, default: Path) -> int:
+    """Write the requested pages; `default` is the output folder relative to the root of the workspace."""
+    root = find_root(Path.cwd(), Path.home())
+    found = discover(root, ["."], os.environ)
+    warn(found.problems)
+    packages = _interface_packages(found)
+    folders = {name: root / package.path for name, package in packages.items()}
+    folders |= {name: Path(folder) for name, folder in options.includes}
+    raise_if_any(_misnomers(folders), InterfaceError)
+    out = options.output or Path(os.path.relpath(root / default))
+    raise_if_any(_buried([root / each.path for each in found.packages.values()], out))
+    library = Library(includes=folders, prefixes=prefixes(os.environ))
+    whole = _wanted(options, folders, library)
+    catalogs = _catalogs(whole, library)
+    abouts = {
+        each.package: _about(each.package, library, packages, whole=each.package in whole)
+        for each in catalogs
+    }
+    written = write_site(site(catalogs, abouts, options.title), out, _FIRST_PAGE)
+    count = f"{len(written.changed)} of {written.total} files"
+    print(f"{count} written, start page: '{out / _FIRST_PAGE}'")
+    return 0
+
+
+def _interface_packages(workspace: Workspace) -> dict[str, Package]:
+    """Return the packages of the workspace that generate interfaces and contain definitions."""
+    return {
+        name: package
+        for name, package in workspace.packages.items()
+        if _defines_interfaces(package.manifest) and any(names_in(name, workspace.root / package.path))
+    }
+
+
+def _defines_interfaces(manifest: Manifest) -> bool:
+    return _GROUP in manifest.groups or any(each.name == _GENERATORS for each in manifest.dependencies)
+
+
+def _misnomers(folders: Mapping[str, Path]) -> list[Problem]:
+    """Return a problem for each package name that is invalid in paths or generated code."""
+    hint = "names of interface packages consist of lower-case letters, digits and single underscores"
+    return [
+        Problem(f"'{name}' is not a valid name of an interface package", Place(folder), hint)
+        for name, folder in folders.items()
+        if not LOWER_NAME.fullmatch(name)
+    ]
+
+
+def _buried(folders: Iterable[Path], out: Path) -> list[Problem]:
+    """Return a problem if packages lie below the output folder, which package discovery will ignore."""
+    around = out.resolve()
+    if not any(folder.resolve().is_relative_to(around) for folder in folders):
+        return []
+    hint = "choose a separate folder with --output"
+    return [
+        Problem("the output folder contains packages, which discovery would then ignore", Place(out), hint)
+    ]
+
+
+def _wanted(options: argparse.Namespace, own: Mapping[str, Path], library: Library) -> dict[str, Path]:
+    """Return the folders of the packages to document completely; raises ForgeError."""
+    known = library.packages()
+    names = list(options.packages) or [
+        name
+        for name, folder in known.items()
+        if name in own or (options.embedded if folder.is_relative_to(EMBEDDED) else options.underlays)
+    ]
+    raise_if_any(
+        Problem(f"unknown interface package '{name}'", hint=did_you_mean(name, known))
+        for name in names
+        if name not in known
+    )
+    if not names:
+        hint = "change to a workspace, name packages, or add --underlays or --embedded"
+        raise ForgeError(Problem("no interfaces to document", hint=hint))
+    return {name: known[name] for name in sorted(set(names))}
+
+
+def _catalogs(folders: Mapping[str, Path], library: Library) -> tuple[Catalog, ...]:
+    """Return the catalogs of the folders and of types they refer to; raises InterfaceError."""
+    results = [_attempt(name, folder, library) for name, folder in folders.items()]
+    problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
+    raise_if_any(dict.fromkeys(problems), InterfaceError)
+    catalogs = [result for result in results if isinstance(result, Catalog)]
+    others: dict[str, list[Catalog]] = {}
+    for catalog in catalogs:
+        for other in referred(catalog, library):
+            others.setdefault(other.package, []).append(other)
+    return (*catalogs, *_partial(others, folders))
+
+
+def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceError:
+    """Return a catalog, or the error, so that errors of all packages are reported."""
+    try:
+        return resolve(name, parse_all(read_folder(name, folder)), library)
+    except InterfaceError as error:
+        return error
+
+
+def _partial(others: Mapping[str, list[Catalog]], whole: Iterable[str]) -> Iterable[Catalog]:
+    """Yield the catalogs of packages that are not documented completely."""
+    for package in sorted(others.keys() - set(whole)):
+        yield from others[package]
+
+
+def _about(name: str, library: Library, packages: Mapping[str, Package], *, whole: bool) -> About:
+    """Return the metadata of a package from its manifest, and its origin."""
+    folder = library.folder(name) or Path()
+    if name in library.includes:
+        origin = "from the workspace"
+    else:
+        origin = "embedded in forge" if folder.is_relative_to(EMBEDDED) else "from an underlay"
+    manifest = packages[name].manifest if name in packages else _manifest(folder / "package.xml")
+    limits = "" if whole else ", only referenced types"
+    if manifest is None:
+        return About(origin=origin + limits)
+    return About(manifest.version, manifest.description, origin + limits)
+
+
+def _manifest(path: Path) -> Manifest | None:
+    """Return the manifest next to the definitions, None if it is missing or unreadable."""
+    try:
+        return parse_manifest(read_file(path), path, {**ROS_DEFAULTS, **os.environ})
+    except (OSError, ForgeError):
+        return None

@@ -1,0 +1,264 @@
+"""`forge pkg`: create packages and query installed ones."""
+
+from __future__ import annotations
+
+import argparse
+import getpass
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.files import write_if_changed
+from forge.base.names import did_you_mean, is_email
+from forge.base.xml import parse_xml
+from forge.environment.installed import executables, find_package, sourced_packages
+from forge.workspace.creation import BUILD_TYPES, LICENSES, VERSION, Blueprint, Item, draw, placeholder_email
+from forge.workspace.model import Person
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (no public name)
+
+
+def register(parser: argparse.ArgumentParser) -> None:
+    """Add the verbs of `ros2 pkg`."""
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    _register_create(_verb(verbs, "create", "create a package from a template"))
+
+    listing = _verb(verbs, "list", "list installed packages")
+    listing.set_defaults(verb=_list)
+
+    starters = _verb(verbs, "executables", "list executables of installed packages")
+    starters.add_argument(
+        "package", metavar="PACKAGE", nargs="?", help="list executables of this package (default: of all)"
+    )
+    starters.add_argument("--full-path", action="store_true", help="print paths instead of names")
+    starters.set_defaults(verb=_executables)
+
+    prefix = _verb(verbs, "prefix", "print the prefix of an installed package")
+    prefix.add_argument("package", metavar="PACKAGE", help="name of the package")
+    prefix.add_argument(
+        "--share", action="store_true", help="print the package's share folder instead of the prefix"
+    )
+    prefix.set_defaults(verb=_prefix)
+
+    xml = _verb(verbs, "xml", "print the manifest (package.xml) of an installed package")
+    xml.add_argument("package", metavar="PACKAGE", help="name of the package")
+    xml.add_argument("-t", "--tag", metavar="TAG", help="print only the text of elements with this tag")
+    xml.set_defaults(verb=_xml)
+
+
+def _verb(verbs: Verbs, word: str, summary: str) -> argparse.ArgumentParser:
+    return verbs.add_parser(word, help=summary, description=summary)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the verb; raises ForgeError for problems the user can fix."""
+    options.verb(options)
+    return 0
+
+
+def _register_create(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("name", metavar="NAME", help="name of the package, such as 'my_robot'")
+    add(
+        "--package-format",
+        "--package_format",
+        type=int,
+        choices=(2, 3),
+        default=3,
+        help="format version of package.xml (default: 3)",
+    )
+    add(
+        "--description",
+        default="TODO: Package description",
+        help="description for package.xml (default: a line with TODO)",
+    )
+    license_help = (
+        "license as an SPDX identifier; '?' lists those with a LICENSE template (default: a line with TODO)"
+    )
+    add("--license", action=_License, default="TODO: License declaration", help=license_help)
+    add(
+        "--destination-directory",
+        metavar="DIR",
+        default=".",
+        help="folder to create the package in (default: .)",
+    )
+    add(
+        "--build-type",
+        choices=BUILD_TYPES,
+        default="ament_cmake",
+        help="build type (default: ament_cmake)",
+    )
+    add("--dependencies", metavar="NAME", nargs="*", default=(), help="dependencies of the package")
+    add(
+        "--maintainer-email",
+        metavar="EMAIL",
+        help="email address of the maintainer (default: from git's configuration)",
+    )
+    add("--maintainer-name", metavar="NAME", help="name of the maintainer (default: your login name)")
+    add("--node-name", metavar="NAME", help="create an executable with this name")
+    add("--library-name", metavar="NAME", help="create a library with this name")
+    parser.set_defaults(verb=_create)
+
+
+class _License(argparse.Action):
+    """Stores the license; '?' prints the supported ones and exits, before other arguments are checked."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[object] | None,
+        _option: str | None = None,
+    ) -> None:
+        if values == "?":
+            print("Supported licenses:", *LICENSES, sep="\n")
+            parser.exit()
+        setattr(namespace, self.dest, values)
+
+
+def _create(options: argparse.Namespace) -> None:
+    blueprint = _blueprint(options)
+    folder = Path(options.destination_directory, blueprint.name)
+    if folder.exists() or folder.is_symlink():
+        hint = "remove it, or choose another name or --destination-directory"
+        raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
+    items = draw(blueprint)
+    _announce(blueprint, folder.parent.resolve())
+    try:
+        _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise EnvironmentFault(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
+    _warn_about(blueprint)
+
+
+def _blueprint(options: argparse.Namespace) -> Blueprint:
+    node, library = options.node_name, options.library_name
+    if node is not None and node == library:
+        node = f"{node}_node"
+        _warn(f"node and library cannot both be named '{library}'")
+        _warn(f"the node is named '{node}' instead")
+    name = options.maintainer_name or _login()
+    return Blueprint(
+        options.name,
+        Person(name, options.maintainer_email or _git_email() or placeholder_email(name)),
+        options.build_type,
+        options.package_format,
+        options.description,
+        options.license,
+        tuple(dict.fromkeys(options.dependencies)),
+        node,
+        library,
+    )
+
+
+def _login() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a user without an entry in the password database, as in containers
+        return "maintainer"
+
+
+def _git_email() -> str | None:
+    """Return the email address configured in git, None if it is missing or invalid."""
+    try:
+        found = subprocess.run(["git", "config", "user.email"], capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    email = found.stdout.strip()
+    return email if is_email(email) else None
+
+
+def _announce(blueprint: Blueprint, destination: Path) -> None:
+    person = f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"
+    print("going to create a new package")
+    print("package name:", blueprint.name)
+    print("destination directory:", destination)
+    print("package format:", blueprint.format)
+    print("version:", VERSION)
+    print("description:", blueprint.description)
+    print("maintainer:", [person])
+    print("licenses:", [blueprint.license])
+    print("build type:", blueprint.build_type)
+    print("dependencies:", list(blueprint.dependencies))
+    if blueprint.node:
+        print("node_name:", blueprint.node)
+    if blueprint.library:
+        print("library_name:", blueprint.library)
+
+
+def _write(blueprint: Blueprint, root: str, items: Iterable[Item]) -> None:
+    """Create the folders and files below `root`, and print each one like `ros2 pkg create`."""
+    headline = "source folder" if blueprint.build_type == "ament_python" else "source and include folder"
+    print("creating folder", root)
+    Path(root).mkdir(parents=True)
+    for item in items:
+        path = f"{root}/{item.path}"
+        if item.text is None:
+            if headline:
+                print("creating", headline)
+                headline = ""
+            print("creating folder", path)
+            Path(path).mkdir(parents=True)
+        else:
+            print("creating", path)
+            write_if_changed(Path(path), item.text)
+
+
+def _warn_about(blueprint: Blueprint) -> None:
+    """Warn about valid but unusual values."""
+    name = blueprint.name
+    if not name[0].isalpha() or name != name.lower():
+        _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")
+    if blueprint.license not in LICENSES:
+        hint = did_you_mean(blueprint.license, LICENSES) or f"supported licenses are {', '.join(LICENSES)}"
+        _warn(f"no LICENSE file created: unknown license '{blueprint.license}'", hint)
+
+
+def _warn(message: str, hint: str | None = None) -> None:
+    print(Problem(message, hint=hint).render("warning"), file=sys.stderr)
+
+
+def _list(_options: argparse.Namespace) -> None:
+    for name in sourced_packages(os.environ):
+        print(name)
+
+
+def _executables(options: argparse.Namespace) -> None:
+    if options.package is None:
+        packages = sourced_packages(os.environ)
+    else:
+        packages = {options.package: find_package(options.package, os.environ)}
+    for name, prefix in packages.items():
+        for path in executables(name, prefix):
+            print(path if options.full_path else f"{name} {path.name}")
+
+
+def _prefix(options: argparse.Namespace) -> None:
+    prefix = find_package(options.package, os.environ)
+    print(prefix / "share" / options.package if options.share else prefix)
+
+
+def _xml(options: argparse.Namespace) -> None:
+    path = find_package(options.package, os.environ) / "share" / options.package / "package.xml"
+    try:
+        content = path.read_bytes()
+    except OSError:
+        problem = Problem("package XML manifest not found", hint=f"expected '{path}'")
+        raise ForgeError(problem) from None
+    root = parse_xml(content, path)
+    if options.tag is None:
+        print(content[root.start :].decode(errors="replace").rstrip())
+        return
+    elements = tuple(root.all(options.tag))
+    if not elements:
+        hint = did_you_mean(options.tag, (child.tag for child in root.children))
+        raise ForgeError(Problem("XML tag not found", hint=hint))
+    for element in elements:
+        print(element.text.strip())

@@ -1,0 +1,122 @@
+"""`forge run`: run an executable of an installed package."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.environment.executable_hints import refuse_windows_line_endings, remedy
+from forge.environment.installed import executables, find_package, workspace_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+    from types import FrameType
+
+
+def register(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `ros2 run`."""
+    parser.add_argument(
+        "--prefix",
+        metavar="COMMAND",
+        help="command to run the executable with, such as 'gdb --args'; must precede the package name",
+    )
+    # A single positional argument, because argparse removes a '--' between two of them.
+    parser.add_argument("words", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    parser.usage = "%(prog)s [-h] [--prefix COMMAND] PACKAGE EXECUTABLE [ARGUMENT ...]"
+    parser.epilog = "All arguments after the name of the executable are passed to it, including options."
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the executable; returns its exit code, or the negative number of the signal that ended it."""
+    words = options.words[1:] if options.words[:1] == ["--"] else options.words
+    if len(words) < 2:  # noqa: PLR2004  (a package and an executable)
+        hint = "list them with 'forge pkg executables'"
+        raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
+    package, name, *arguments = words
+    variables = _environment(package)
+    path = _choose(package, name, find_package(package, variables))
+    code = _wait_for((*_words(options.prefix), str(path), *arguments), variables)
+    if code:
+        print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
+    return code
+
+
+def _environment(package: str) -> Mapping[str, str]:
+    """Return the environment, with the enclosing workspace sourced if only that contains the package."""
+    install = workspace_of(package, os.environ)
+    if install is None:
+        return os.environ
+    from forge.environment.sourcing import sourced_environment  # noqa: PLC0415  (not needed if sourced)
+
+    return sourced_environment(install, os.environ)
+
+
+def _choose(package: str, name: str, prefix: Path) -> Path:
+    """Return the only executable with this name; raises ForgeError for none or several."""
+    paths = executables(package, prefix)
+    matches = [path for path in paths if path.name == name]
+    if not matches:
+        raise ForgeError(Problem("no executable found", hint=remedy(package, name, prefix, paths)))
+    if len(matches) > 1:
+        listing = "".join(f"\n- {path}" for path in matches)
+        raise ForgeError(Problem(f"multiple executables found:{listing}"))
+    refuse_windows_line_endings(matches[0])
+    return matches[0]
+
+
+def _words(command: str | None) -> list[str]:
+    try:
+        return shlex.split(command or "")
+    except ValueError as error:
+        raise ForgeError(Problem(f"cannot parse --prefix: {str(error).lower()}")) from None
+
+
+def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
+    """Run a program with our stdin, stdout and working directory until it ends, forwarding signals."""
+    sys.stdout.flush()
+    with _forwarded_signals() as children:
+        try:
+            child = subprocess.Popen(argv, env=variables)
+        except OSError as error:
+            hint = "scripts need a line such as '#!/usr/bin/env python3' at the beginning"
+            problem = Problem(f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=hint)
+            raise EnvironmentFault(problem) from None
+        children.append(child)
+        return child.wait()
+
+
+@contextmanager
+def _forwarded_signals() -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Leave Ctrl-C, which the terminal also sends to the child, to it; forward other signals to it.
+
+    Uses handlers instead of SIG_IGN, because the child would inherit that.
+    """
+    children: list[subprocess.Popen[bytes]] = []
+
+    def ignore(_number: int, _frame: FrameType | None) -> None:
+        pass
+
+    def forward(number: int, _frame: FrameType | None) -> None:
+        for child in children:
+            child.send_signal(number)
+
+    handlers = {signal.SIGINT: ignore, signal.SIGTERM: forward, signal.SIGHUP: forward}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield children
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _ending(code: int) -> str:
+    """Return a description of how the program failed, worded like `ros2 run`."""
+    return f"Process exited with failure {code}" if code > 0 else str(signal.strsignal(-code))

@@ -1,0 +1,48 @@
+"""`forge shell`: start a shell or a command in the environment of the workspace."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, Problem
+from forge.environment.sourcing import sourced_environment
+
+if TYPE_CHECKING:
+    from forge.cli.main import Parser
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge shell`."""
+    parser.add_argument(
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="install folder (default: install)",
+    )
+    parser.add_argument(
+        "words", nargs=argparse.REMAINDER, metavar="COMMAND", help="command to run instead of a shell"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replace this process by the user's shell or the command.
+
+    Raises EnvironmentFault if it cannot be started.
+    """
+    words = options.words[1:] if options.words[:1] == ["--"] else options.words
+    install = Path(options.install_base).absolute()
+    variables = sourced_environment(install, os.environ)
+    argv = words or [os.environ.get("SHELL") or "/bin/sh"]
+    if not words and sys.stderr.isatty():
+        print(f"started a shell with '{install}' sourced; type 'exit' to leave it", file=sys.stderr)
+    os.chdir(options.origin)
+    sys.stdout.flush()
+    try:
+        os.execvpe(argv[0], argv, variables)  # noqa: S606  (the user asked for a shell)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise EnvironmentFault(Problem(f"cannot run '{argv[0]}': {reason}")) from None

@@ -1,0 +1,134 @@
+"""`forge test-result`: summarize the result files of tests."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.cli import options as shared
+from forge.testing.collecting import collect
+from forge.testing.outcomes import Counts, counted_once
+from forge.testing.showing import as_json, counts_as_json, details, result_line
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from forge.cli.main import Parser
+    from forge.testing.outcomes import Outcome
+
+
+def register(parser: Parser) -> None:
+    """Add the options of `forge test-result`."""
+    parser.add_argument(
+        "--test-result-base",
+        type=_folder,
+        default="build",
+        metavar="DIR",
+        help="folder to search for result files (default: build)",
+    )
+    parser.add_argument("--all", action="store_true", help="show result files without failures, too")
+    parser.add_argument(
+        "--result-files-only", action="store_true", help="print only the paths of result files"
+    )
+    parser.add_argument("--verbose", action="store_true", help="show the message of each failed test")
+    parser.add_argument("--delete", action="store_true", help="delete all result files after confirmation")
+    parser.add_argument(
+        "--delete-yes", action="store_true", help="delete all result files without confirmation"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show or delete results; returns 1 if a test failed."""
+    found = collect(options.test_result_base)
+    if options.delete or options.delete_yes:
+        return _delete(found.files, options)
+    for problem in found.problems:
+        print(problem.render("warning"), file=sys.stderr)
+    gone = _gone(options.test_result_base)
+    counted = [one for one in found.outcomes if _package_of(one.path, options.test_result_base) not in gone]
+    ignored = {_package_of(one.path, options.test_result_base) for one in found.outcomes} & gone
+    for name in sorted(ignored):
+        message = f"ignoring results of '{name}', which is no longer in the workspace"
+        print(Problem(message, hint="forge clean stale").render("warning"), file=sys.stderr)
+    named = [replace(one, path=shared.spelled(one.path, options)) for one in counted]
+    outcomes = counted_once(named)
+    shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
+    total = _sum(outcomes)
+    if options.json:
+        print(json.dumps({"summary": counts_as_json(total), "results": as_json(shown)}, indent=2))
+    elif options.result_files_only:
+        print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
+    else:
+        _show(shown, total, _sum(counted), verbose=options.verbose)
+    return int(total.bad)
+
+
+def _show(shown: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool) -> None:
+    for outcome in shown:
+        print(result_line(outcome))
+        for case in outcome.cases if verbose else ():
+            print(*details(case), sep="\n")
+    if shown:
+        print()
+    print(f"Summary: {total}")
+    if verbose and raw != total:
+        print(f"Files: {raw} (ament's tests twice, as CTest and JUnit results)")
+
+
+def _delete(files: Sequence[str], options: argparse.Namespace) -> int:
+    """Delete result files after confirmation; the end of input aborts."""
+    if not files:
+        print("No result files found to delete")
+        return 0
+    print(*(f"- {shared.spelled(path, options)}" for path in files), sep="\n")
+    while not options.delete_yes:
+        print(f"Delete these {len(files)} files? [y/n] ", end="", flush=True)
+        answer = sys.stdin.readline()
+        if answer.strip().lower() == "y":
+            break
+        if not answer or answer.strip().lower() == "n":
+            print("Aborted")
+            return 0
+    for path in files:
+        Path(path).unlink(missing_ok=True)
+    print(f"Deleted {len(files)} files")
+    return 0
+
+
+def _sum(outcomes: Sequence[Outcome]) -> Counts:
+    return sum((outcome.counts for outcome in outcomes), Counts())
+
+
+def _gone(base: Path) -> frozenset[str]:
+    """Return the packages built below `base` that are no longer in the workspace."""
+    from forge.build.cleaning import is_removed_package  # noqa: PLC0415
+    from forge.build.journal import open_journal  # noqa: PLC0415
+    from forge.workspace.discovery import discover  # noqa: PLC0415  (rarely needed)
+
+    lost = {
+        name
+        for name, record in open_journal(base).records.items()
+        if record.inputs.options and is_removed_package(Path(record.inputs.options[0]))
+    }
+    # A package may have been moved within the workspace.
+    return frozenset(lost - discover(Path.cwd(), ["."], os.environ).packages.keys() if lost else ())
+
+
+def _package_of(path: str, base: Path) -> str:
+    """Return the folder directly below `base` that contains a result: usually that of a package."""
+    return Path(path).relative_to(base).parts[0]
+
+
+def _folder(path: str) -> Path:
+    """Return the path of an existing folder; argparse reports the error."""
+    if not Path(path).is_dir():
+        what = "is not a folder" if Path(path).exists() else "does not exist"
+        raise argparse.ArgumentTypeError(f"'{path}' {what}")
+    return Path(path)

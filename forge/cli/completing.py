@@ -1,0 +1,166 @@
+"""Generates shell completion scripts for bash, zsh and fish.
+
+The scripts contain options and fixed words; package names are queried when completing.
+"""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.templating import render
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+SHELLS = ("bash", "zsh", "fish")
+
+PACKAGES, INSTALLED, WORDS, FOLDERS, FILES, ANYTHING = (
+    *("packages", "installed", "words"),
+    *("folders", "files", "anything"),
+)
+"""Kinds of values: queried names, fixed words, and paths that shells complete themselves."""
+
+
+@frozen
+class Expected:
+    """The value of an option or positional argument: its kind, whether it repeats, and fixed words."""
+
+    kind: str
+    several: bool = False
+    words: tuple[str, ...] = ()
+
+
+@frozen
+class Option:
+    """An option with all its spellings; `expected` is None for flags."""
+
+    flags: tuple[str, ...]
+    summary: str
+    expected: Expected | None = None
+
+
+@frozen
+class Context:
+    """Completions after the words `path`: subcommands with summaries, options, positional values."""
+
+    path: tuple[str, ...]
+    words: tuple[tuple[str, str], ...] = ()
+    options: tuple[Option, ...] = ()
+    expected: Expected | None = None
+
+
+def completion(shell: str, contexts: Sequence[Context], answer: Sequence[str]) -> str:
+    """Return the script for a shell; `answer` is the command that prints names."""
+    program = shlex.join(answer)
+    if shell == "fish":
+        return render(
+            "completion/fish.j2",
+            answer=program,
+            lines=list(_fish(contexts)),
+            paths=_paths(contexts),
+            one=_valued(contexts, several=False),
+            many=_valued(contexts, several=True),
+        )
+    return render(
+        f"completion/{shell}.j2",
+        answer=program,
+        offers=[_Row(_pattern(context), _quoted(_offered(context))) for context in contexts],
+        words=[
+            _Row(_pattern(context), "|".join(map(shlex.quote, (word for word, _ in context.words))))
+            for context in contexts
+            if context.words
+        ],
+        values=[row for context in contexts for row in _values(context)],
+        rest=[_Row(_pattern(context), _kind(context.expected)) for context in contexts if context.expected],
+    )
+
+
+@frozen
+class _Row:
+    """A branch of a shell `case`: its pattern and words."""
+
+    pattern: str
+    words: str
+
+
+def _pattern(context: Context) -> str:
+    return shlex.quote(" ".join(context.path))
+
+
+def _offered(context: Context) -> Iterator[str]:
+    """Yield words and options; short options only if they have no long spelling."""
+    yield from (word for word, _ in context.words)
+    for option in context.options:
+        yield from [flag for flag in option.flags if flag.startswith("--")] or option.flags
+
+
+def _values(context: Context) -> Iterator[_Row]:
+    for option in context.options:
+        if option.expected:
+            pattern = "|".join(shlex.quote(" ".join((*context.path, flag))) for flag in option.flags)
+            yield _Row(pattern, _kind(option.expected))
+
+
+def _kind(expected: Expected) -> str:
+    """Return the specification that the shell functions parse: one or many, the kind, and words."""
+    return shlex.quote(" ".join(("many" if expected.several else "one", expected.kind, *expected.words)))
+
+
+def _quoted(words: Iterable[str]) -> str:
+    return " ".join(map(shlex.quote, words))
+
+
+def _paths(contexts: Sequence[Context]) -> str:
+    """Return the paths of all contexts as a fish list."""
+    return " ".join(_fish_quoted(" ".join(context.path)) for context in contexts if context.path)
+
+
+def _valued(contexts: Sequence[Context], *, several: bool) -> str:
+    """Return all options that take one value, or several."""
+    options = [option for context in contexts for option in context.options]
+    found = (option for option in options if option.expected and option.expected.several is several)
+    return " ".join(sorted({flag for option in found for flag in option.flags}))
+
+
+def _fish(contexts: Sequence[Context]) -> Iterator[str]:
+    """Yield a `complete` line for each word, option and value."""
+    for context in contexts:
+        where = _fish_quoted(" ".join(context.path))
+        at = f"complete -c forge -n {_fish_quoted(f'__forge_at {where}')}"
+        for word, summary in context.words:
+            yield f"{at} -f -a {_fish_quoted(word)} -d {_fish_quoted(summary)}"
+        for option in context.options:
+            spellings = " ".join(map(_fish_flag, option.flags))
+            follows = f" {_fish_expected(option.expected)}" if option.expected else " -f"
+            yield f"{at} {spellings}{follows} -d {_fish_quoted(option.summary)}"
+            if option.expected and option.expected.several:
+                after = f"__forge_after {where} {' '.join(option.flags)}"
+                yield f"complete -c forge -n {_fish_quoted(after)} {_fish_expected(option.expected)}"
+        if context.expected:
+            yield f"{at} {_fish_expected(context.expected)}"
+
+
+def _fish_flag(flag: str) -> str:
+    return f"-l {flag[2:]}" if flag.startswith("--") else f"-s {flag[1:]}"
+
+
+def _fish_expected(expected: Expected) -> str:
+    match expected.kind:
+        case "packages" | "installed":
+            return f"-x -a '(__forge_answer {expected.kind})'"
+        case "words":
+            return f"-x -a {_fish_quoted(' '.join(expected.words))}"
+        case "folders":
+            return "-x -a '(__fish_complete_directories)'"
+        case "files":
+            return "-r -F"
+        case _:
+            return "-x"
+
+
+def _fish_quoted(text: str) -> str:
+    """Return a single-quoted string, escaped for fish."""
+    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
+    return f"'{escaped}'"

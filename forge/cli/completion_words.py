@@ -1,0 +1,144 @@
+"""Print names for shell completion: `python -S -E completion_words.py packages|installed|executables [P]`.
+
+The completion scripts run this program for each completion, so it imports as little as possible. Names of a
+workspace's packages are cached with the modification times of their manifests.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+
+if __name__ == "__main__":
+    # Import from the parent folder of the package: its modules would shadow others.
+    sys.path[0] = os.path.abspath(f"{__file__}/../../..")  # noqa: PTH100
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.workspace.root import find_root
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+_IGNORED = frozenset({"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"})
+_KINDS = ("package.xml", "CMakeLists.txt", "pyproject.toml", "setup.py")
+_NAME = re.compile(
+    rb"<name>\s*([^<\s]+)\s*</name>|^\s*project\s*\(\s*\"?([\w-]+)", re.MULTILINE | re.IGNORECASE
+)
+_TYPED = re.compile(r"\w[\w.+-]*")
+_INDEX = "share/ament_index/resource_index/packages"
+
+
+def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
+    """Print the requested names, one per line."""
+    match list(words):
+        case ["packages", *_]:
+            root = find_root(Path.cwd(), Path.home())
+            names = package_names(root, _cache(variables))
+        case ["installed", *_]:
+            names = (name for prefix in _prefixes(variables) for name in _files(f"{prefix}/{_INDEX}"))
+        case ["executables", package, *_]:
+            names = (name for prefix in _prefixes(variables) for name in _programs(f"{prefix}/lib/{package}"))
+        case _:
+            names = iter(())
+    # A shell inserts the names unquoted.
+    for name in sorted(name for name in set(names) if _TYPED.fullmatch(name)):
+        sys.stdout.write(f"{name}\n")
+    return 0
+
+
+def package_names(root: Path, cache: Path | None) -> Iterator[str]:
+    """Return the names of packages below a workspace's root; the folder `cache` may be missing."""
+    store = cache / _encoded(root) if cache else None
+    known = _load(store)
+    found = {}
+    for path, stamp in _manifests(str(root)):
+        name = known.get((path, stamp)) or _name(path)
+        found[path, stamp] = name
+    if store is not None and found != known:
+        _save(store, found)
+    return iter(found.values())
+
+
+def _manifests(root: str) -> Iterator[tuple[str, int]]:
+    """Yield the file that names each package and its time; skip ignored folders, follow links."""
+    waiting, visited = [root], set()
+    while waiting:
+        folder = waiting.pop()
+        try:
+            status = os.stat(folder)  # noqa: PTH116  (a thousand folders: text is faster)
+            entries = {entry.name: entry for entry in os.scandir(folder)}
+        except OSError:
+            continue
+        identity = (status.st_dev, status.st_ino)
+        if identity in visited or not entries.keys().isdisjoint(_IGNORED):
+            continue
+        visited.add(identity)
+        kind = next((kind for kind in _KINDS if kind in entries), None)
+        if kind:
+            yield f"{folder}/{kind}", entries[kind].stat().st_mtime_ns
+        else:
+            waiting += (e.path for e in entries.values() if not e.name.startswith(".") and e.is_dir())
+
+
+def _name(path: str) -> str:
+    """Return the name in a manifest or CMakeLists.txt, else the name of the folder."""
+    with open(path, "rb") as stream:  # noqa: PTH123
+        found = _NAME.search(stream.read()) if not path.endswith((".py", ".toml")) else None
+    if found:
+        return (found[1] or found[2]).decode(errors="replace")
+    return os.path.basename(os.path.dirname(path))  # noqa: PTH119, PTH120
+
+
+def _cache(variables: Mapping[str, str]) -> Path | None:
+    home = variables.get("XDG_CACHE_HOME") or os.path.join(variables.get("HOME", ""), ".cache")  # noqa: PTH118
+    return Path(home) / "forge" / "names" if os.path.isabs(home) else None  # noqa: PTH117
+
+
+def _encoded(root: Path) -> str:
+    """Return a file name for a root, truncated if it is long; cache entries contain full paths."""
+    return str(root).replace("%", "%25").replace("/", "%2F")[-200:]
+
+
+def _load(store: Path | None) -> dict[tuple[str, int], str]:
+    try:
+        lines = store.read_text("utf-8", "surrogateescape").splitlines() if store else []
+    except OSError:
+        lines = []
+    rows = (line.split("\t") for line in lines)
+    return {(row[2], int(row[1])): row[0] for row in rows if len(row) == 3 and row[1].isdigit()}  # noqa: PLR2004
+
+
+def _save(store: Path, found: Mapping[tuple[str, int], str]) -> None:
+    """Replace the cache atomically; errors are ignored."""
+    text = "".join(f"{name}\t{stamp}\t{path}\n" for (path, stamp), name in found.items())
+    new = store.with_name(f".{os.getpid()}")
+    try:
+        store.parent.mkdir(parents=True, exist_ok=True)
+        new.write_text(text, "utf-8", "surrogateescape")
+        new.replace(store)
+    except OSError:
+        pass
+
+
+def _prefixes(variables: Mapping[str, str]) -> list[str]:
+    return [prefix for prefix in variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+
+
+def _files(folder: str) -> list[str]:
+    try:
+        return [name for name in os.listdir(folder) if not name.startswith(".")]  # noqa: PTH208
+    except OSError:
+        return []
+
+
+def _programs(folder: str) -> Iterator[str]:
+    for where, names, files in os.walk(folder):
+        names[:] = [name for name in names if not name.startswith(".")]
+        yield from (name for name in files if os.access(f"{where}/{name}", os.X_OK))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:], os.environ))

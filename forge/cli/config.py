@@ -1,0 +1,164 @@
+"""Options from files: defaults.yaml, forge.toml with its profiles, mixins.
+
+In order of increasing priority: the user's defaults.yaml, colcon_defaults.yaml and forge.toml of the
+workspace, a profile, mixins, the command line. A list replaces a list of lower priority, except that lists of
+mixins are prepended to those of the command line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.env_vars import home, setting
+from forge.base.errors import Place, Problem, SelectionError
+from forge.base.files import read_file
+from forge.base.formats import read_yaml
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
+from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+_LOCAL_DEFAULTS = "colcon_defaults.yaml"
+GENERAL = ("log_base", "log_level")
+"""Destinations of global options, which are also allowed before the command."""
+_FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)  # noqa: SLF001  (no public name)
+
+
+@frozen
+class OptionFile:
+    """The options of one command in one file, by name without leading dashes."""
+
+    path: Path
+    options: Mapping[str, Any]
+
+
+def configured(
+    verb: str,
+    actions: Iterable[argparse.Action],
+    given: Mapping[str, Any],
+    root: Path,
+    variables: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return the values, by destination, that files set for options of a command.
+
+    `given` are the values of the command line; one of them is returned only if mixins add to it. Unknown
+    options and invalid values are reported on stderr and ignored. Raises WorkspaceError for malformed files,
+    SelectionError for unknown profiles and mixins.
+    """
+    known = {
+        option[2:]: action for action in actions for option in action.option_strings if option[:2] == "--"
+    }
+    values: dict[str, Any] = {}
+    for source in _sources(verb, given, root, variables):
+        values.update(_checked(source, known, verb))
+    values = {dest: value for dest, value in values.items() if dest not in given}
+    if given.get("mixin") or values.get("mixin"):
+        values.update(_mixed(verb, {**values, **given}, known, given, variables))
+    return values
+
+
+def _sources(
+    verb: str, given: Mapping[str, Any], root: Path, variables: Mapping[str, str]
+) -> Iterator[OptionFile]:
+    """Yield the files with options of the command, in order of increasing priority."""
+    defaults = Path(setting("DEFAULTS_FILE", variables) or home(variables) / "defaults.yaml")
+    for path in (defaults, root / _LOCAL_DEFAULTS):
+        if path.exists():
+            content = read_yaml(read_file(path), path)
+            general = {
+                key: value
+                for key, value in table_of(content, "", path).items()
+                if str(key).replace("-", "_") in GENERAL
+            }
+            yield OptionFile(path, {**general, **table_of(content, verb, path)})
+    content, path = read_forge_toml(root), root / FORGE_TOML
+    yield OptionFile(path, table_of(content, verb, path))
+    profiles = table_of(content, "profiles", path)
+    name = given.get("profile") or setting("PROFILE", variables)
+    if name is None:
+        return
+    if name not in profiles:
+        hint = did_you_mean(name, profiles) or f"add a table [profiles.{name}.{verb}] to {FORGE_TOML}"
+        raise SelectionError(Problem(f"unknown profile '{name}'", Place(path), hint))
+    yield OptionFile(path, table_of(table_of(profiles, name, path), verb, path))
+
+
+def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str) -> dict[str, Any]:
+    """Return the values by destination; warn about unknown options and invalid values."""
+    values = {}
+    for key, value in source.options.items():
+        action = known.get(str(key))
+        if action is None:
+            hint = did_you_mean(str(key), known)
+            _warn(Problem(f"'forge {verb}' has no option '{key}'", Place(source.path), hint))
+            continue
+        try:
+            values[action.dest] = _value(action, value)
+        except (TypeError, ValueError, argparse.ArgumentTypeError) as error:
+            _warn(
+                Problem(
+                    f"option '{key}' of 'forge {verb}' expects {error}, not {value!r}", Place(source.path)
+                )
+            )
+    return values
+
+
+def _value(action: argparse.Action, value: object) -> object:
+    """Return a value converted for the option; raises TypeError or ValueError with the expected type."""
+    if isinstance(action, _FLAGS):
+        if not isinstance(value, bool):
+            raise TypeError("true or false")
+        return value
+    if action.nargs == "?" and isinstance(value, bool):
+        return action.const if value else action.default
+    if action.nargs in {"*", "+"}:
+        if not isinstance(value, list):
+            raise TypeError("a list")
+        return [_single(action, element) for element in value]
+    return _single(action, value)
+
+
+def _single(action: argparse.Action, value: object) -> object:
+    if action.type is int:
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise TypeError("an integer")
+        return value
+    if not isinstance(value, str) and (action.type is None or not isinstance(value, int | float)):
+        raise TypeError("a string")
+    if isinstance(value, str) and "\0" in value:
+        raise TypeError("a string without NUL characters")
+    if action.choices is not None and value not in action.choices:
+        raise ValueError(f"one of {', '.join(map(str, action.choices))}")
+    return action.type(str(value)) if callable(action.type) else value
+
+
+def _mixed(
+    verb: str,
+    wanted: Mapping[str, Any],
+    known: Mapping[str, argparse.Action],
+    given: Mapping[str, Any],
+    variables: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return the values that mixins set: lists precede those of the command line, others yield to it."""
+    from forge.cli.mixins import combined, read_mixins  # noqa: PLC0415  (only needed with --mixin)
+
+    names = wanted["mixin"]
+    options = combined(names, verb, read_mixins(home(variables), wanted.get("mixin_files") or ()))
+    values = _checked(OptionFile(Path("mixin " + ", ".join(names)), options), known, verb)
+    for dest, value in list(values.items()):
+        if dest in given:
+            typed = given[dest]
+            if isinstance(value, list) and isinstance(typed, list):
+                values[dest] = [*value, *typed]
+            else:
+                del values[dest]
+    return values
+
+
+def _warn(problem: Problem) -> None:
+    print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)

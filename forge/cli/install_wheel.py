@@ -1,0 +1,52 @@
+"""`python -m forge.cli.install_wheel SOURCE ...`: build the wheel of a Python package and install it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import ForgeError
+from forge.build.wheels.install_wheel import WheelInstall, install_wheel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Install one package; returns 0, or 2 after printing problems."""
+    try:
+        warnings = install_wheel(WheelInstall(**vars(_parser().parse_args(argv))))
+    except ForgeError as error:
+        for problem in error.problems:
+            print(problem.render(), file=sys.stderr)
+        return 2
+    for problem in warnings:
+        print(problem.render("warning"), file=sys.stderr)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m forge.cli.install_wheel", description=__doc__)
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="folder of the package")
+    parser.add_argument("--package", required=True, help="name of the package")
+    parser.add_argument(
+        "--build", required=True, type=Path, metavar="DIR", help="build folder of the package"
+    )
+    parser.add_argument("--prefix", required=True, type=Path, metavar="DIR", help="prefix to install into")
+    parser.add_argument("--python", required=True, metavar="PATH", help="interpreter to build with and for")
+    parser.add_argument(
+        "--site-packages", required=True, metavar="DIR", help="site-packages folder, relative to the prefix"
+    )
+    parser.add_argument(
+        "--scripts",
+        metavar="DIR",
+        help="folder for scripts of packages without setup.py, relative to the prefix (default: lib/PACKAGE)",
+    )
+    parser.add_argument("--link", action="store_true", help="install symbolic links instead of copies")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

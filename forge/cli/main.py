@@ -1,0 +1,282 @@
+"""Command line dispatch: parse arguments, run the command, map errors to exit codes.
+
+Exit codes: 0 success, 1 a package failed, 2 a problem the user has to fix, 70 a bug in forge, 130
+interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import importlib
+import os
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from forge import __version__
+from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, share_hints
+from forge.base.os_errors import refusal
+from forge.base.signals import handle_signals, interrupt, is_writable
+from forge.cli.config import GENERAL, configured
+from forge.workspace.root import find_root, rebase_paths, working_directory
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+COMMANDS = {
+    "build": "build the packages of a workspace",
+    "test": "test the packages of a workspace",
+    "test-result": "summarize test results",
+    "clean": "remove build, install and log files",
+    "completion": "print a shell completion script",
+    "list": "list the packages of a workspace",
+    "graph": "show the dependency graph of the packages",
+    "info": "show details of packages",
+    "doctor": "diagnose problems of the machine, the shell and the workspace",
+    "deps": "list missing system dependencies of the workspace",
+    "extensions": "list supported build types, event handlers, executors and shells",
+    "mixin": "list and show mixins (named sets of options)",
+    "interface": "compile, list and show .msg, .srv and .action files",
+    "pkg": "create packages and query installed ones",
+    "run": "run an executable of an installed package",
+    "env": "print the environment variables that sourcing the workspace sets",
+    "shell": "start a shell or a command in the environment of the workspace",
+    "cache": "inspect, prune and verify the package cache",
+    "bundle": "pack the install folder into an archive for deployment",
+}
+
+_VALUED = frozenset({"--log-base", "--log-level", "-C"})
+
+_IN_WORKSPACE = frozenset(
+    {"build", "test", "test-result", "list", "graph", "info", "clean", "env", "shell", "bundle"}
+    | {"doctor", "deps"}
+)
+"""Commands that run at the root of the enclosing workspace."""
+
+EXIT_USER = 2
+EXIT_BUG = 70
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        with handle_signals(interrupt), working_directory(_folder(arguments)):
+            code = _run(arguments)
+        sys.stdout.flush()
+    except ForgeError as error:
+        for problem in share_hints(error.problems):
+            print(problem.render(), file=sys.stderr)
+        return EXIT_USER
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of stdout closed the pipe, as `head` does: end without an error.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return _refused(error)
+    except Exception as error:  # noqa: BLE001  (last resort: report a bug in forge)
+        return _no_memory() if isinstance(error, MemoryError) else _our_bug()
+    return code
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Run the command, at the root of the workspace if it is one of `_IN_WORKSPACE`."""
+    origin = Path.cwd()
+    root = find_root(origin, Path.home()) if _requested(arguments) in _IN_WORKSPACE else origin
+    if root != origin:
+        arguments = rebase_paths(arguments, origin, root)
+    with working_directory(root):
+        options = _options(arguments, os.path.relpath(origin, root))
+        # `forge build --watch` parses its options again, because option files may change.
+        options.read_again = partial(_options, arguments, options.origin)
+        code: int = options.run(options)
+    return code
+
+
+def _options(arguments: Sequence[str], origin: str) -> argparse.Namespace:
+    """Return the options of the command line and of option files; `origin` is the caller's folder."""
+    options = parser_of(arguments).parse_args(arguments)
+    options.origin = origin
+    for dest, value in getattr(options, "general", {}).items():
+        if getattr(options, dest) is None:
+            setattr(options, dest, value)
+    return options
+
+
+_NOT_GIVEN = object()
+_MANY = 7
+"""The usage line lists optional arguments only up to this number."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An ArgumentParser with forge's error format, option files and colcon's greedy options.
+
+    A greedy option takes all following arguments up to the next option of the command, so that `--cmake-args
+    -DX=1 -Wno-dev --symlink-install` passes `-DX=1 -Wno-dev` to CMake.
+    """
+
+    greedy: frozenset[str] = frozenset()
+    verb: str | None = None
+    """The command whose options may also be set in option files, None if they may not."""
+    asked: Parser | None = None
+    """The parser of the requested command."""
+
+    def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse the arguments; prefix values of greedy options with a space so that argparse accepts them."""
+        shielded = self._shielded(args or ())
+        if self.verb is None:
+            try:
+                return self._gathered(*super().parse_known_args(shielded, namespace))
+            except UnicodeDecodeError:
+                self.error("the argument file after '@' is not valid UTF-8")
+        actions = [action for action in self._actions if action.default is not argparse.SUPPRESS]
+        namespace = argparse.Namespace(**dict.fromkeys((action.dest for action in actions), _NOT_GIVEN))
+        options, rest = self._gathered(*super().parse_known_args(shielded, namespace))
+        given = {dest: value for dest, value in vars(options).items() if value is not _NOT_GIVEN}
+        configured_values = configured(self.verb, self._actions, given, Path.cwd(), os.environ)
+        # Values from files must not override global options given before the command.
+        general = {dest: configured_values.pop(dest) for dest in GENERAL if dest in configured_values}
+        defaults = {action.dest: self._default(action) for action in actions}
+        values = {**defaults, **given, **configured_values, "given": frozenset(given), "general": general}
+        return argparse.Namespace(**values), rest
+
+    def format_help(self) -> str:
+        """Return the help; shorten the usage line of commands with many options."""
+        positionals = [action for action in self._actions if not action.option_strings or action.required]
+        if self.usage is None and len(self._actions) - len(positionals) > _MANY:
+            formatter = self._get_formatter()
+            formatter.add_usage(None, positionals, [], prefix="")
+            words = formatter.format_help().strip().removeprefix(self.prog)
+            self.usage = f"{self.prog} [OPTION ...]{words}"
+        return super().format_help()
+
+    def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
+        """Assign positional arguments that follow an option to the variadic positional argument.
+
+        argparse assigns only those before the first option: 'clean packages -y P' would lose P.
+        """
+        takers = [action for action in self._actions if not action.option_strings and action.nargs == "*"]
+        if not takers or not rest or any(word.startswith("-") for word in rest):
+            return options, rest
+        before = getattr(options, takers[-1].dest)
+        setattr(options, takers[-1].dest, [*(before if isinstance(before, list) else ()), *rest])
+        return options, []
+
+    def _default(self, action: argparse.Action) -> object:
+        """Return the default of an option, converted like a command-line value if it is a string."""
+        default = action.default
+        return self._get_value(action, default) if isinstance(default, str) else default
+
+    def _shielded(self, arguments: Sequence[str]) -> list[str]:
+        shielded: list[str] = []
+        taking = False
+        for argument in arguments:
+            word = argument.split("=", 1)[0]
+            if word in self._option_string_actions:
+                taking = argument in self.greedy
+            elif taking and argument.startswith("-"):
+                argument = f" {argument}"  # noqa: PLW2901
+            shielded.append(argument)
+        return shielded
+
+    def convert_arg_line_to_args(self, arg_line: str) -> list[str]:
+        """Return the argument on one line of an @FILE; nested argument files are an error."""
+        if arg_line.startswith("@"):
+            self.error(f"argument files cannot be nested: '{arg_line}'")
+        return [arg_line]
+
+    def error(self, message: str) -> NoReturn:
+        """Print the error with a suggestion or a pointer to --help, and exit with code 2."""
+        from forge.cli.suggest import suggestion  # noqa: PLC0415  (only needed on errors)
+
+        options = (self.asked or self)._option_string_actions  # noqa: SLF001  (argparse has no other list)
+        message, hint = suggestion(message, COMMANDS, options)
+        remedy = hint or f"'{self.prog} --help' lists all options"
+        print(f"error: {message}\nhint: {remedy}", file=sys.stderr)
+        raise SystemExit(EXIT_USER)
+
+
+def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser for all commands, with the options of the requested command."""
+    # argparse would also expand abbreviations among the arguments that `forge run` passes on.
+    description = "Build ROS 2 workspaces and compile ROS 2 interfaces."
+    parser = Parser(prog="forge", description=description, allow_abbrev=False)
+    parser.add_argument("--version", action="version", version=f"forge {__version__}")
+    parser.add_argument("-C", metavar="DIR", help="change to this folder first")
+    parser.add_argument(
+        "--log-base", metavar="DIR", help="log folder; /dev/null disables logs (default: log)"
+    )
+    parser.add_argument(
+        "--log-level",
+        metavar="LEVEL",
+        help="verbosity of forge's own messages: debug, info, warning, error, critical (default: warning)",
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    asked = _requested(arguments)
+    for word, summary in COMMANDS.items():
+        command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
+        if word == asked:
+            # Import only the requested command, so that `forge --help` starts quickly.
+            module = importlib.import_module(f"forge.cli.commands.{word.replace('-', '_')}")
+            module.register(command)
+            command.set_defaults(run=module.run)
+            parser.asked = command
+            command.verb = word if word in _IN_WORKSPACE else None
+    return parser
+
+
+def _requested(arguments: Sequence[str]) -> str | None:
+    """Return the first argument that is neither a global option nor the value of one."""
+    words = iter(arguments)
+    for word in words:
+        if not word.startswith("-"):
+            return word
+        if word in _VALUED:
+            next(words, None)
+    return None
+
+
+def _folder(arguments: Sequence[str]) -> Path:
+    """Return the folder of -C; several options are resolved in sequence."""
+    folder = Path()
+    words = iter(arguments)
+    for word in words:
+        if not word.startswith("-"):
+            break
+        if word.startswith("-C"):
+            folder /= word[2:] or next(words, "")
+        elif word in _VALUED:
+            next(words, None)
+    return folder
+
+
+def _refused(error: OSError) -> int:
+    """Report an OSError caused by the system; anything else is a bug in forge."""
+    problem = None if error.errno == errno.EBADF and is_writable(1) else refusal(error)
+    if problem is None:
+        return _our_bug()
+    print(problem.render(), file=sys.stderr)
+    return EXIT_USER
+
+
+def _no_memory() -> int:
+    hint = "use fewer '--jobs', or raise the memory limit if there is one ('ulimit -v' shows it)"
+    print(Problem("not enough memory", hint=hint).render(), file=sys.stderr)
+    return EXIT_USER
+
+
+def _our_bug() -> int:
+    """Print the traceback and ask for a bug report."""
+    import traceback  # noqa: PLC0415  (only a bug pays for it)
+
+    traceback.print_exc()
+    print(
+        "this is a bug in forge, not in your workspace; please report it with the text above", file=sys.stderr
+    )
+    return EXIT_BUG

@@ -1,0 +1,234 @@
+"""Prepares a build before planning: environment, tools, options, and checks."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shlex
+import sys
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge import __version__
+from forge.base.errors import Problem, WorkspaceError, raise_if_any
+from forge.base.layout import PACKAGE, own_folders
+from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
+from forge.build.inputs.named_inputs import NamedInputs
+from forge.build.lengths import variable_length_problems
+from forge.build.path_checks import path_problems
+from forge.build.planning import GlobalInputs
+from forge.build.recipes.cmake import FLAGS, unfit_generator
+from forge.build.recipes.context import BuildContext
+from forge.build.up_to_date import relevant_environment
+from forge.cli.options import cache_wanted
+from forge.environment.prefixes import find_underlays
+from forge.environment.recorded import recorded_underlays
+from forge.environment.underlays import lost_underlays
+from forge.execution.makeflags import read_make_flags
+from forge.toolchain.cmake_warnings import suspicious_arguments
+from forge.toolchain.compiler_launchers.choice import chosen
+from forge.toolchain.interpreter import find_interpreter, own_command, require_modules
+from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
+from forge.workspace.discovery import ROS_DEFAULTS, special_files
+from forge.workspace.load import warn
+from forge.workspace.resolve import INTERFACE_GROUP, missing_problems
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from forge.base.frozen import Pairs
+    from forge.base.layout import Layout
+    from forge.build.tasks import BuildPlan, Task
+    from forge.toolchain.interpreter import Interpreter
+    from forge.workspace.load import Loaded
+
+
+def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
+
+    Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
+    recorded by an earlier build are used even if they are not sourced in this shell.
+    """
+    variables = {**ROS_DEFAULTS, "COLCON": "1", **without_own(surroundings, layout.install)}
+    sourced = find_underlays(variables, layout.install).chain
+    forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
+    if not forgotten:
+        return variables
+    from forge.environment.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
+
+    return workspace_environment(forgotten, variables)
+
+
+def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str]) -> None:
+    """Warn about underlays that an earlier build or the environment names but that no longer exist."""
+    warn(lost_underlays(layout.install, without_own(surroundings, layout.install)))
+
+
+def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
+    """Return the variables without path entries below `install`; variables that become empty are removed."""
+    own = str(install)
+    cleaned = dict(variables)
+    for name, value in variables.items():
+        if own in value:
+            entries = value.split(os.pathsep)
+            kept = [entry for entry in entries if entry != own and not entry.startswith(own + os.sep)]
+            if kept:
+                cleaned[name] = os.pathsep.join(kept)
+            else:
+                del cleaned[name]
+    return cleaned
+
+
+def check_before_planning(loaded: Loaded, names: Sequence[str], layout: Layout) -> None:
+    """Raise WorkspaceError with all problems that would make the build fail."""
+    errors, _ = missing_problems(loaded.resolution, names)
+    problems = [*loaded.workspace.problems, *errors]
+    if not loaded.workspace.packages and not problems:
+        hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
+        problems.append(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
+    python = any("python" in loaded.packages[name].build_type for name in names)
+    problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
+    raise_if_any(problems, WorkspaceError)
+
+
+def check_plan(plan: BuildPlan, loaded: Loaded, context: BuildContext, variables: Mapping[str, str]) -> None:
+    """Raise WorkspaceError for problems of the plan that would make tasks fail or hang; print warnings."""
+    errors, warnings = variable_length_problems(
+        plan, loaded.resolution.packages, context.layout, context.site_packages, variables
+    )
+    warn(warnings)
+    own = [task for task in plan.tasks.values() if not task.embedded]
+    raise_if_any((*_unfit_generators(own, context), *errors), WorkspaceError)
+    # Tools would block on a named pipe, and CMake installs a file into an existing folder of the same name.
+    raise_if_any((p for task in own for p in special_files(context.root, task.package.path)), WorkspaceError)
+    if plan.tasks:
+        from forge.build.rollback import blocking_paths  # noqa: PLC0415  (not needed if all is up to date)
+
+        found = (p for task in plan.tasks.values() for p in blocking_paths(task, context.layout))
+        raise_if_any(found, WorkspaceError)
+
+
+def _unfit_generators(tasks: Iterable[Task], context: BuildContext) -> Iterator[Problem]:
+    """Yield a problem for the first package with an unsupported CMake generator."""
+    packages = (task.package for task in tasks if task.package.build_type in CMAKE_TYPES)
+    problems = (unfit_generator(package, context) for package in packages)
+    yield from islice(filter(None, problems), 1)
+
+
+def prepare(
+    options: argparse.Namespace,
+    loaded: Loaded,
+    names: Sequence[str],
+    layout: Layout,
+    variables: Mapping[str, str],
+) -> tuple[BuildContext, Interpreter]:
+    """Return the tools and options shared by all packages; raises EnvironmentFault for missing programs."""
+    packages = [loaded.packages[name] for name in names]
+    warn(suspicious_arguments([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
+    launcher = chosen(options.compiler_launcher)
+    tools = find_tools(packages, variables, launcher)
+    interpreter = find_interpreter(options.python, variables)
+    if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
+        require_modules(interpreter, ("numpy",))
+    through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
+    # Only the worker of a watch has loaded the modules that build Python packages.
+    warm = through_worker if getattr(options, "again", False) else own_command()
+    context = BuildContext(
+        root=loaded.workspace.root,
+        layout=layout,
+        python=interpreter.path,
+        site_packages=interpreter.site_packages,
+        wheels=(*warm, "-m", "forge.cli.install_wheel"),
+        generator=through_worker,
+        tools=identities(tools, interpreter.path, variables, options.cmake_args),
+        cmake=tools.cmake if tools else None,
+        ninja=tools.ninja if tools else None,
+        make=tools.make if tools else None,
+        only_make=tools.only_make if tools else frozenset(),
+        load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
+        cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
+        ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
+        launcher=tools.launcher if tools else None,
+        test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
+        force_configure=options.cmake_force_configure,
+        clean_cache=options.cmake_clean_cache,
+        clean_first=options.cmake_clean_first,
+        target=options.cmake_target,
+        skip_target=options.cmake_target_skip_unavailable,
+        environment_generator=variables.get("CMAKE_GENERATOR"),
+        path_maps=_path_maps(options, loaded.workspace.root, layout, variables),
+        flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
+    )
+    return context, interpreter
+
+
+def _path_maps(
+    options: argparse.Namespace, root: Path, layout: Layout, variables: Mapping[str, str]
+) -> Pairs:
+    """Return compiler flags that make results independent of the workspace's path; none without a cache."""
+    if not cache_wanted(options, variables):
+        return ()
+    # Compilers use the last matching map: the root, which usually contains the others, comes first.
+    folders = ((root, "."), (layout.build, "./build"), (layout.install, "./install"))
+    maps = " ".join(shlex.quote(f"-ffile-prefix-map={folder}={name}") for folder, name in folders)
+    return tuple((language, maps) for language in FLAGS)
+
+
+def global_inputs(
+    options: argparse.Namespace,
+    loaded: Loaded,
+    context: BuildContext,
+    variables: Mapping[str, str],
+) -> tuple[GlobalInputs, NamedInputs]:
+    """Return the inputs shared by all packages, and the collector of inputs named by single packages.
+
+    The collector must be saved after planning.
+    """
+    stamp, resolution = forge_stamp(), loaded.resolution
+    named = NamedInputs(context, resolution.needs, resolution.packages, variables, stamp)
+    shared = GlobalInputs(
+        forge=stamp,
+        tools=condensed(context.tools),
+        environment=relevant_environment(variables),
+        underlays=_names_below(find_underlays(variables, context.layout.install).prefixes),
+        force=force_of(options),
+        selected=frozenset(loaded.selection.names),
+        named=named.of,
+    )
+    return shared, named
+
+
+def _names_below(prefixes: Sequence[Path]) -> str:
+    """Return a hash of the names of packages in the prefixes; cheap compared to their contents."""
+    words: list[str] = []
+    for prefix in prefixes:
+        for folder in ("share", "lib/cmake"):
+            with contextlib.suppress(OSError):
+                words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
+    return digest_strings(*words) if words else ""
+
+
+def force_of(options: argparse.Namespace) -> str:
+    """Return the option that forces a rebuild, '' if none does or a watch has already applied it."""
+    if getattr(options, "again", False):
+        return ""
+    words = (
+        "audit",
+        "force",
+        "cmake-force-configure",
+        "cmake-clean-cache",
+        "cmake-clean-first",
+        "cmake-target",
+    )
+    return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
+
+
+def forge_stamp() -> str:
+    """Return an identification of this forge: its version, and the stats of its code and templates.
+
+    The stats also detect changes of a development checkout.
+    """
+    files = [path for folder in own_folders() for path in source_files(str(folder), "embedded")]
+    return f"{__version__} {stamp_files(files)}"

@@ -1,0 +1,1 @@
+"""`forge build --watch`: rebuild whenever source files change."""

@@ -1,0 +1,219 @@
+"""Watches source folders for changes.
+
+Each folder is watched without its subfolders, because results of builds, version control and bytecode change
+all the time. Events only trigger a build, which checks all files itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.base.frozen import frozen
+from forge.build.inputs.fingerprints import source_folders
+from forge.workspace.identification import IGNORE_MARK, ROS_MARKS, TELLING
+from forge.workspace.source_names import is_source
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from watchfiles._rust_notify import RustNotify
+
+    from forge.workspace.model import Workspace
+
+STEP = 25
+"""Milliseconds without events after which a change is complete: editors write, rename and remove at once."""
+
+_LONGEST = 1000
+"""Milliseconds after which a build starts despite further events, as during a long git checkout."""
+
+_POLL = 500
+_SECOND = 1500
+"""Milliseconds after which to check again when polling, which compares times in whole seconds."""
+
+_ATTEMPTS = 10
+_MARKS = frozenset({IGNORE_MARK, *ROS_MARKS})
+
+
+@frozen
+class WatchSpec:
+    """The relevant changes in one folder: files with these names (None: all sources), and subfolders."""
+
+    names: frozenset[str] | None = None
+    folders: bool = True
+
+    def joined(self, other: WatchSpec) -> WatchSpec:
+        """Return the union of both."""
+        both = self.names is not None and other.names is not None
+        return WatchSpec(self.names | other.names if both else None, self.folders or other.folders)  # type: ignore[operator]
+
+
+def interests(
+    workspace: Workspace, base_paths: Iterable[str], files: Iterable[str], results: frozenset[str]
+) -> dict[str, WatchSpec]:
+    """Return the folders to watch: those of packages, and those in which packages may appear.
+
+    `files` are further input files below the workspace; `results` are excluded. Raises OSError if a folder
+    vanishes meanwhile.
+    """
+    found: dict[str, WatchSpec] = {}
+    root = str(workspace.root)
+
+    def add(folder: str, interest: WatchSpec) -> None:
+        found[folder] = found[folder].joined(interest) if folder in found else interest
+
+    packages = [*workspace.packages.values(), *workspace.twins]
+    homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}  # noqa: PTH118  (like discovery)
+    for home in sorted(homes):
+        for folder, targets in source_folders(home):
+            add(folder, WatchSpec())
+            for target in targets:
+                add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))  # noqa: PTH119, PTH120
+    for base in base_paths:
+        for folder, interest in _bare(os.path.normpath(os.path.join(root, base)), homes | results):  # noqa: PTH118
+            add(folder, interest)
+    for file in files:
+        path = os.path.normpath(os.path.join(root, file))  # noqa: PTH118
+        if os.path.isdir(os.path.dirname(path)):  # noqa: PTH112, PTH120
+            add(os.path.dirname(path), WatchSpec(frozenset({os.path.basename(path)}), folders=False))  # noqa: PTH119, PTH120
+    return found
+
+
+def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, WatchSpec]]:
+    """Yield the folders outside of packages that discovery searches; in ignored ones only markers count."""
+    waiting, visited = [base], set()
+    while waiting:
+        folder = waiting.pop()
+        try:
+            status = os.stat(folder)  # noqa: PTH116
+            with os.scandir(folder) as entries:
+                inside = [(entry.name, entry.is_dir()) for entry in entries]
+        except OSError:
+            continue
+        if folder in without or (status.st_dev, status.st_ino) in visited:
+            continue
+        visited.add((status.st_dev, status.st_ino))
+        if any(name in _MARKS for name, _ in inside):
+            yield folder, WatchSpec(_MARKS, folders=False)
+            continue
+        yield folder, WatchSpec(TELLING)
+        waiting += [f"{folder}/{name}" for name, below in inside if below and not name.startswith(".")]
+
+
+class FileWatcher:
+    """Collects changes in the watched folders, also between two waits."""
+
+    def __init__(self, warn: Callable[[Iterable[Problem]], object]) -> None:
+        """Watch nothing yet; `warn` is called if the system's limits are exceeded."""
+        self._warn = warn
+        self.blind: frozenset[str] = frozenset()
+        """Folders that forge itself writes to."""
+        self._watched: Mapping[str, WatchSpec] = {}
+        self._notify: RustNotify | None = None
+        self.second_check = False
+        """Whether the last wait ended without a change, because polling may have missed one."""
+        self._polling = os.environ.get("WATCHFILES_FORCE_POLLING", "") not in {"", "0", "false"}
+
+    @property
+    def count(self) -> int:
+        """Number of watched folders."""
+        return len(self._watched)
+
+    def watch(self, list_folders: Callable[[], Mapping[str, WatchSpec]]) -> None:
+        """Watch the folders that `look` returns; it is called again if one vanishes.
+
+        Raises OSError if folders keep vanishing.
+        """
+        for _ in range(_ATTEMPTS):
+            with contextlib.suppress(FileNotFoundError):
+                self._watch(list_folders())
+                return
+            time.sleep(0.05)
+        self._watch(list_folders())
+
+    def _watch(self, interests: Mapping[str, WatchSpec]) -> None:
+        wanted = {folder: interest for folder, interest in interests.items() if _can_be_watched(folder)}
+        if self._notify is None or wanted.keys() != self._watched.keys():
+            self._notify = self._begin(sorted(wanted))
+        self._watched = wanted
+
+    def wait(self) -> frozenset[str]:
+        """Wait for relevant changes and return their paths; empty if the paths are unknown.
+
+        Raises KeyboardInterrupt.
+        """
+        assert self._notify is not None  # noqa: S101  (watch() comes first)
+        due = self._polling and not self.second_check
+        self.second_check = False
+        while True:
+            try:
+                changes = self._notify.watch(_LONGEST, STEP, _SECOND if due else 0, None)
+            except RuntimeError:
+                # A name is not valid UTF-8, or the queue overflowed: restart, and let a build check.
+                self._notify = self._begin(sorted(self._watched))
+                return frozenset()
+            if changes == "timeout":
+                self.second_check = True
+                return frozenset()
+            if isinstance(changes, str):
+                raise KeyboardInterrupt
+            changed = frozenset(path for _, path in changes if self._counts(path))
+            if changed:
+                return changed
+
+    def moves_folders(self, changed: frozenset[str]) -> bool:
+        """Tell whether the set of watched folders may have changed."""
+        return not changed or any(
+            path in self._watched
+            or os.path.basename(path) in TELLING  # noqa: PTH119
+            or os.path.islink(path)  # noqa: PTH114
+            or os.path.isdir(path)  # noqa: PTH112
+            for path in changed
+        )
+
+    def _counts(self, path: str) -> bool:
+        if path in self.blind:
+            return False
+        if path in self._watched:
+            return self._watched[path].folders
+        folder, name = os.path.split(path)
+        interest = self._watched.get(folder)
+        if interest is None or not is_source(name, lambda other: os.path.lexists(f"{folder}/{other}")):
+            return interest is not None and name in _MARKS
+        if interest.names is None or name in interest.names:
+            return True
+        return interest.folders and os.path.isdir(path) and not name.startswith(".")  # noqa: PTH112
+
+    def _begin(self, folders: list[str]) -> RustNotify:
+        """Return a native watch of these folders, or a polling one if the system's limits are exceeded."""
+        from watchfiles._rust_notify import RustNotify  # noqa: PLC0415  (rarely needed)
+
+        if not self._polling:
+            try:
+                return RustNotify(folders, False, False, 0, False, False)  # noqa: FBT003  (positional only)
+            except FileNotFoundError:
+                raise
+            except (OSError, RuntimeError) as error:
+                self._polling = True
+                self._warn([_short_of_watches(len(folders), error)])
+        return RustNotify(folders, False, True, _POLL, False, False)  # noqa: FBT003
+
+
+def _short_of_watches(count: int, error: Exception) -> Problem:
+    return Problem(
+        f"cannot watch {count} folders, polling twice a second instead: {error}",
+        hint="raise the limits: sudo sysctl fs.inotify.max_user_watches=524288 "
+        "fs.inotify.max_user_instances=1024",
+    )
+
+
+def _can_be_watched(folder: str) -> bool:
+    """Tell whether a folder is readable and its name is valid UTF-8, as the library requires."""
+    try:
+        folder.encode()
+    except UnicodeEncodeError:
+        return False
+    return os.access(folder, os.R_OK)

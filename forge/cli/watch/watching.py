@@ -1,0 +1,247 @@
+"""`forge build --watch`: build, then rebuild after each change of a source file.
+
+Each build checks all inputs like a normal build, so that no stale state is used. Only the interpreter with
+its modules and the worker for interface packages are kept. The build folder is locked only during a build.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from contextlib import ExitStack, nullcontext
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, ForgeError, Problem, SelectionError, share_hints
+from forge.base.os_errors import refusal
+from forge.base.text import duration
+from forge.cli import options as shared
+from forge.cli import package_options
+from forge.cli.build_mode import BuildMode
+from forge.cli.preparation import forge_stamp
+from forge.cli.watch.saves import STEP, FileWatcher, interests
+from forge.environment.sourcing import clear_edit_cache
+from forge.workspace.forge_toml import FORGE_TOML
+from forge.workspace.load import find_packages, forget_old_warnings, warn
+from forge.workspace.resolve import INTERFACE_GROUP
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from contextlib import AbstractContextManager
+
+    from forge.build.tasks import BuildPlan
+    from forge.cli.watch.saves import WatchSpec
+    from forge.output.console import ConsoleReporter, Tally
+    from forge.workspace.model import Package
+
+    Build = Callable[[argparse.Namespace, BuildMode], int]
+
+_ONCE = ("force", "cmake_force_configure", "cmake_clean_cache", "cmake_clean_first", "reset_underlays")
+"""Options that apply only to the first build."""
+
+_LOGS = 10
+"""Number of log folders of its own that a watch keeps."""
+
+_SUSPICIOUS = 5
+"""After this many consecutive builds, a package probably writes into its own sources."""
+
+_LONGEST_PAUSE = 30.0
+
+
+def watch(options: argparse.Namespace, build: Build) -> int:
+    """Build, then rebuild after each change until interrupted; returns 0 if interrupted while waiting.
+
+    Errors that prevent the first build end the watch; later ones are reported, and the next change retries.
+    """
+    _check_options(options)
+    stamp = forge_stamp()
+    with ExitStack() as at_the_end:
+        loop = WatchLoop(options, build, at_the_end)
+        loop.build_first()
+        try:
+            while True:
+                changed = loop.wait()
+                if forge_stamp() != stamp:
+                    hint = "run 'forge build --watch' again"
+                    raise EnvironmentFault(Problem("forge itself has changed, stopping", hint=hint))
+                loop.rebuild(changed)
+        except KeyboardInterrupt:
+            if loop.cut_short:
+                raise
+            return 0
+
+
+class WatchLoop(BuildMode):
+    """The builds of one watch, their shared resources and their output."""
+
+    def __init__(self, options: argparse.Namespace, build: Build, at_the_end: ExitStack) -> None:
+        """Watch nothing yet; `at_the_end` closes the resources shared by the builds."""
+        self._options = options
+        self._build = build
+        self._at_the_end = at_the_end
+        self._watcher = FileWatcher(warn)
+        self._worker: dict[str, str] | None = None
+        self._folders_outdated = True
+        self._logs: list[Path] = []
+        self._ran = False
+        self._on_heels = 0
+        self.cut_short = False
+        """Whether an interrupt aborted packages."""
+
+    def build_first(self) -> None:
+        """Run the first build; then start watching, and build changes made meanwhile."""
+        self._build(self._options, self)
+        self._update_folders()
+        self.quiet = self.checking = True
+        self._build_once()
+        self._print(f"watching {self._watcher.count} folders; Ctrl-C ends it")
+
+    def wait(self) -> frozenset[str]:
+        """Wait for changes and return the changed files; raises KeyboardInterrupt."""
+        if self._on_heels >= _SUSPICIOUS:
+            time.sleep(min(2.0 ** (self._on_heels - _SUSPICIOUS), _LONGEST_PAUSE))
+        begun = time.monotonic()
+        saved = self._watcher.wait()
+        # Changes that are available immediately were made during the last build, perhaps by the build.
+        self.checking = self._watcher.second_check or time.monotonic() - begun < 4 * STEP / 1000
+        return saved
+
+    def rebuild(self, changed: frozenset[str]) -> None:
+        """Build after a change."""
+        self._folders_outdated = self._folders_outdated or self._watcher.moves_folders(changed)
+        self._ran = False
+        self._build_once()
+        self._on_heels = self._on_heels + 1 if self._ran and self.checking else 0
+        if self._on_heels == _SUSPICIOUS:
+            name = os.path.relpath(min(changed, default="."))
+            message = f"'{name}' changed during {_SUSPICIOUS} consecutive builds"
+            hint = "let packages write only into their build folders; forge now pauses between builds"
+            warn([Problem(message, hint=hint)])
+
+    def worker(self, plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
+        """Return the variables to connect to the worker shared by all builds."""
+        self._warm(task.package for task in plan.tasks.values())
+        return nullcontext(self._worker or {})
+
+    def conclude(self, plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
+        """Print the summary of the first build, and one line for each later build."""
+        self._keep_logs(report.logs)
+        tally = report.tally
+        self.cut_short = bool(tally.aborted)
+        self._ran = bool(tally.finished or tally.embedded or tally.failed)
+        if not self.quiet:
+            super().conclude(plan, report, seconds)
+        elif not self._options.json and (self._ran or tally.aborted or not self.checking):
+            line = line_of(tuple(plan.tasks), tally, seconds)
+            report.screen.write(f"{_clock()} {line}\n".encode())
+
+    def _build_once(self) -> None:
+        """Build once with the current options, and report errors that prevent the build."""
+        forget_old_warnings()
+        clear_edit_cache()
+        try:
+            self._options = _again(self._options)
+            if self._folders_outdated:
+                self._update_folders()
+            self._build(self._options, self)
+        except ForgeError as error:
+            self._print_problems(error.problems)
+        except OSError as error:
+            problem = refusal(error)
+            if problem is None:
+                raise
+            self._print_problems((problem,))
+
+    def _update_folders(self) -> None:
+        """Update the set of watched folders."""
+        options, root = self._options, Path.cwd()
+        layout = shared.layout_of(options, root)
+        self._watcher.blind = frozenset(map(str, (layout.build, layout.install, layout.logs)))
+
+        def folders() -> Mapping[str, WatchSpec]:
+            search = package_options.search_paths_of(options)
+            workspace = find_packages(root, search, os.environ)
+            self._warm(workspace.packages.values())
+            return interests(workspace, search.base_paths, (FORGE_TOML, *options.metas), self._watcher.blind)
+
+        self._folders_outdated = True
+        self._watcher.watch(folders)
+        self._folders_outdated = False
+
+    def _warm(self, packages: Iterable[Package]) -> None:
+        """Start the worker if packages need it."""
+        if self._worker is None and any(_uses_worker(package) for package in packages):
+            from forge.cli.worker import worker  # noqa: PLC0415  (only for some packages)
+
+            self._worker = self._at_the_end.enter_context(worker("forge.cli.install_wheel"))
+
+    def _keep_logs(self, folder: Path | None) -> None:
+        """Remove the oldest logs of this watch."""
+        if folder is not None:
+            self._logs.append(folder)
+        for old in self._logs[:-_LOGS]:
+            shutil.rmtree(old, ignore_errors=True)
+        del self._logs[:-_LOGS]
+
+    def _print(self, line: str) -> None:
+        if not self._options.json:
+            sys.stdout.write(f"{_clock()} {line}\n")
+            sys.stdout.flush()
+
+    def _print_problems(self, problems: Sequence[Problem]) -> None:
+        for problem in share_hints(problems):
+            sys.stderr.write(f"{problem.render()}\n")
+        sys.stderr.flush()
+        self._print("nothing was built; waiting for the next change")
+
+
+def _uses_worker(package: Package) -> bool:
+    return package.build_type in {"ament_python", "python"} or INTERFACE_GROUP in package.manifest.groups
+
+
+def line_of(order: Sequence[str], tally: Tally, seconds: float) -> str:
+    """Return the result of a build as one line; `order` is the order of names in the plan."""
+    parts = [
+        f"{_some([name for name in order if name in names])} {words}"
+        for names, words in (
+            (tally.failed, "failed"),
+            (tally.aborted, "stopped"),
+            (tally.finished, "rebuilt"),
+        )
+        if names
+    ]
+    if tally.embedded and not tally.finished:
+        parts.append("embedded packages rebuilt")
+    if tally.not_processed:
+        parts.append(f"{len(tally.not_processed)} not built")
+    return f"{', '.join(parts)} in {duration(seconds)}" if parts else "nothing to do"
+
+
+def _some(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+def _clock() -> str:
+    return datetime.now().astimezone().strftime("%H:%M:%S")
+
+
+def _again(options: argparse.Namespace) -> argparse.Namespace:
+    """Return the options parsed again, without those that apply only to the first build."""
+    fresh: argparse.Namespace = options.read_again()
+    fresh.read_again = options.read_again
+    fresh.again = True
+    for name in _ONCE:
+        setattr(fresh, name, False)
+    return fresh
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    for name, words in (("dry_run", "--dry-run"), ("print_command", "--print-command")):
+        if getattr(options, name):
+            raise SelectionError(
+                Problem(f"'--watch' cannot be combined with '{words}'", hint="remove one of them")
+            )

@@ -1,1 +1,0 @@
-"""One module per word the user types: register(parser), run(options) -> int."""

@@ -1,0 +1,218 @@
+"""Checks the machine: disk space, file system features, clock, limits and memory."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem
+from forge.doctor.checks.checkup import CheckResult
+from forge.toolchain.resources import memory, processors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.doctor.checks.subject import Subject
+
+_GIB = 1 << 30
+_LITTLE, _TOO_LITTLE = _GIB, 50 << 20
+_FEW_FILES = 10_000
+_PER_JOB = _GIB
+_OPEN_FILES = 1024
+_SKEW_SECONDS = 5.0
+_NAMED = 3
+
+
+def disk(subject: Subject) -> CheckResult:
+    """Check the file systems of the build and install folders; creates a temporary folder in each."""
+    errors: list[Problem] = []
+    warnings: list[Problem] = []
+    summary = []
+    seen: dict[int, None] = {}
+    for wanted in (subject.layout.build, subject.layout.install):
+        folder = _existing(wanted)
+        device = folder.stat().st_dev
+        errors += _refusals(wanted, folder)
+        if device in seen:
+            continue
+        seen[device] = None
+        free = shutil.disk_usage(folder).free
+        summary.append(f"{free / _GIB:.0f} GiB free" if free >= 10 * _GIB else f"{free / _GIB:.1f} GiB free")
+        errors += _full(folder, free)
+        warnings += _scarce(folder, free)
+        warnings += _lacking_features(folder) if os.access(folder, os.W_OK) else ()
+    return CheckResult("disk", ", ".join(summary), tuple(errors), tuple(warnings))
+
+
+def owners(subject: Subject) -> CheckResult:
+    """Find results of other users, for example from sudo, which cannot be overwritten."""
+    foreign = []
+    for base in filter(None, (subject.layout.build, subject.layout.install, subject.layout.logs)):
+        foreign += [path for path in (base, *_children(base)) if _is_foreign(path)]
+    if not foreign:
+        return CheckResult("owner", "results are writable")
+    shown = ", ".join(f"'{path}'" for path in foreign[:_NAMED])
+    more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
+    bases = " ".join(sorted({str(_base(path, subject)) for path in foreign}))
+    problem = Problem(
+        f"another user owns {shown}{more}",
+        hint=f"run 'sudo chown -R $(id -un): {bases}', and build without sudo",
+    )
+    return CheckResult("owner", "results of another user", errors=(problem,))
+
+
+def clock(subject: Subject) -> CheckResult:
+    """Compare the clock with that of the file system and with the times of sources."""
+    now = time.time()
+    warnings = []
+    skew = _skew(_existing(subject.layout.build))
+    if abs(skew) > _SKEW_SECONDS:
+        hint = "synchronize both clocks (timedatectl), otherwise builds miss changes"
+        message = f"the file system is {abs(skew):.0f} s {'ahead of' if skew > 0 else 'behind'} the clock"
+        warnings.append(Problem(message, Place(_existing(subject.layout.build)), hint))
+    future = [
+        str(package.path / name)
+        for package in subject.packages.values()
+        for name, status in subject.files.get(package.name, ())
+        if status.st_mtime > now + max(skew, 0) + _SKEW_SECONDS
+    ]
+    if future:
+        count = f"{len(future)} files are" if len(future) > 1 else "a file is"
+        hint = f"if the clock is correct: touch {future[0]}" + (" and the others" if len(future) > 1 else "")
+        warnings.append(
+            Problem(
+                f"{count} modified in the future: tools may rebuild it every time", Place(future[0]), hint
+            )
+        )
+    return CheckResult(
+        "clock",
+        "no file is newer than now" if not future else f"{len(future)} newer than now",
+        warnings=tuple(warnings),
+    )
+
+
+def limits(subject: Subject) -> CheckResult:
+    """Check the limits for open files and for the size of arguments."""
+    warnings = []
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if files != resource.RLIM_INFINITY and files < _OPEN_FILES:
+        hint = f"ulimit -n {_OPEN_FILES * 4}"
+        warnings.append(Problem(f"the limit for open files is {files} per process", hint=hint))
+    words = os.sysconf("SC_ARG_MAX")
+    taken = sum(
+        len(os.fsencode(name)) + len(os.fsencode(value)) + 2 for name, value in subject.variables.items()
+    )
+    if 0 < words < 2 * taken:
+        hint = "open a new terminal and source fewer workspaces"
+        message = f"the environment takes {taken >> 10} KiB of the {words >> 10} KiB limit for new processes"
+        warnings.append(Problem(message, hint=hint))
+    shown = "any number of" if files == resource.RLIM_INFINITY else files
+    return CheckResult(
+        "limits", f"{shown} open files, {words >> 10} KiB of arguments", warnings=tuple(warnings)
+    )
+
+
+def capacity(_subject: Subject) -> CheckResult:
+    """Compare the available memory with the default number of jobs."""
+    jobs, found = processors(), memory()
+    if found is None:
+        return CheckResult("memory", f"{jobs} jobs")
+    left, whole = found.available / _GIB, found.total / _GIB
+    summary = f"{left:.1f} of {whole:.1f} GiB for {jobs} job{'s' if jobs > 1 else ''}"
+    if found.available >= jobs * _PER_JOB:
+        return CheckResult("memory", summary)
+    fewer = max(1, int(found.available // _PER_JOB))
+    hint = f"use --jobs {fewer}; forge also delays new jobs when memory is short"
+    message = f"{left:.1f} GiB of memory are available for {jobs} jobs, which need about 1 GiB each"
+    return CheckResult("memory", summary, warnings=(Problem(message, hint=hint),) if fewer < jobs else ())
+
+
+def _existing(path: Path) -> Path:
+    """Return the folder, or its nearest existing parent."""
+    return next(folder for folder in (path, *path.parents) if folder.is_dir())
+
+
+def _refusals(wanted: Path, folder: Path) -> Iterator[Problem]:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        hint = "change its owner, or choose another folder with '--build-base' and '--install-base'"
+        yield Problem(f"cannot write to '{folder}' to create '{wanted.name}'", hint=hint)
+
+
+def _full(folder: Path, free: int) -> Iterator[Problem]:
+    if free < _TOO_LITTLE:
+        hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
+        yield Problem(f"the disk is full: {free >> 20} MiB are left", Place(folder), hint)
+
+
+def _scarce(folder: Path, free: int) -> Iterator[Problem]:
+    if _TOO_LITTLE <= free < _LITTLE:
+        hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
+        yield Problem(f"the disk is almost full: {free >> 20} MiB are left", Place(folder), hint)
+    status = os.statvfs(folder)
+    # Some file systems allocate inodes dynamically and report none.
+    if status.f_files and status.f_favail < _FEW_FILES:
+        hint = "remove folders with many small files; 'df -i' shows the number of free inodes"
+        yield Problem(f"the file system has only {status.f_favail} free inodes", Place(folder), hint)
+
+
+def _lacking_features(folder: Path) -> Iterator[Problem]:
+    """Yield missing features of a file system, tested in a temporary folder."""
+    try:
+        with tempfile.TemporaryDirectory(prefix=".forge_doctor_", dir=folder) as made:
+            lower = Path(made, "name")
+            lower.touch()
+            if Path(made, "NAME").exists():
+                hint = "build elsewhere: '--build-base' and '--install-base' on another file system"
+                yield Problem(
+                    "the file system ignores case; names of packages may clash",
+                    Place(folder),
+                    hint,
+                )
+            try:
+                Path(made, "link").symlink_to("name")
+            except OSError:
+                hint = "do not use '--symlink-install', or install on another file system"
+                yield Problem(
+                    "the file system does not support symbolic links: versioned libraries cannot be "
+                    "installed",
+                    Place(folder),
+                    hint,
+                )
+    except OSError:
+        return
+
+
+def _skew(folder: Path) -> float:
+    """Return by how many seconds the file system is ahead of the clock; 0 if it is unknown."""
+    try:
+        with tempfile.NamedTemporaryFile(prefix=".forge_doctor_", dir=folder) as made:
+            return os.fstat(made.fileno()).st_mtime - time.time()
+    except OSError:
+        return 0.0
+
+
+def _children(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+def _is_foreign(path: Path) -> bool:
+    """Tell whether a file of another user is not writable."""
+    try:
+        return path.lstat().st_uid != os.geteuid() and not os.access(path, os.W_OK)
+    except OSError:
+        return False
+
+
+def _base(path: Path, subject: Subject) -> Path:
+    """Return the output folder that contains a path, in its shortest spelling."""
+    bases = (subject.layout.build, subject.layout.install, subject.layout.logs)
+    base = next(base for base in bases if base and path.is_relative_to(base))
+    return base.relative_to(subject.root) if base.is_relative_to(subject.root) else base

@@ -1,0 +1,85 @@
+"""Formats check results as text and for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from forge.base.errors import Problem
+    from forge.doctor.checks.checkup import CheckResult
+
+_WIDTH = 12
+
+
+def lines(checkups: Sequence[CheckResult], *, everything: bool) -> Iterator[str]:
+    """Yield a line for each topic, then the findings by decreasing severity, and a conclusion."""
+    for checkup in checkups:
+        yield f"{_word(checkup):8}{checkup.topic:{_WIDTH}} {checkup.summary}"
+    shown = [pair for pair in graded(checkups) if everything or pair[0] != "note"]
+    for severity, _, problem in shown:
+        yield ""
+        yield problem.render(severity)
+    yield ""
+    yield conclusion(checkups, everything=everything)
+
+
+def plain(checkups: Sequence[CheckResult]) -> dict[str, object]:
+    """Return the results for JSON: topics, findings, and their numbers."""
+    found = list(graded(checkups))
+    return {
+        **{
+            f"{word}s": sum(severity == word for severity, _, _ in found)
+            for word in ("error", "warning", "note")
+        },
+        "checked": [{"topic": checkup.topic, "said": checkup.summary} for checkup in checkups],
+        "findings": [_plain(severity, topic, problem) for severity, topic, problem in found],
+    }
+
+
+def graded(checkups: Sequence[CheckResult]) -> Iterator[tuple[str, str, Problem]]:
+    """Yield severity, topic and problem of all findings by decreasing severity."""
+    for word in ("error", "warning", "note"):
+        for checkup in checkups:
+            for problem in getattr(checkup, f"{word}s"):
+                yield word, checkup.topic, problem
+
+
+def conclusion(checkups: Sequence[CheckResult], *, everything: bool) -> str:
+    """Return the last line, which tells whether builds are possible and whether there are more findings."""
+    errors, warnings, notes = (
+        sum(len(getattr(checkup, word)) for checkup in checkups) for word in ("errors", "warnings", "notes")
+    )
+    if errors:
+        verb = "stops" if errors == 1 else "stop"
+        text = f"{_count(errors, 'error')} {verb} a build" + (
+            f"; {_count(warnings, 'warning')}" if warnings else ""
+        )
+    elif warnings:
+        text = f"nothing stops a build; {_count(warnings, 'warning')}"
+    else:
+        text = "no problems found: nothing stops a build"
+    return text if everything or not notes else f"{text} ({_count(notes, 'note')} more with --all)"
+
+
+def _word(checkup: CheckResult) -> str:
+    return "error" if checkup.errors else "warning" if checkup.warnings else "ok"
+
+
+def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:
+    place = problem.place or Place("")
+    return {
+        "severity": severity,
+        "topic": topic,
+        "message": problem.message,
+        "file": str(place.path) or None,
+        "line": place.line,
+        "hint": problem.hint,
+    }
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"

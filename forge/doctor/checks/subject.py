@@ -1,0 +1,75 @@
+"""The subject of the checks: a workspace as a build sees it, its files and the environment."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import field
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from forge.base.files import read_text
+from forge.base.frozen import frozen
+from forge.build.inputs.fingerprints import own_files
+from forge.environment.prefixes import Underlays
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.workspace.model import Package
+    from forge.workspace.resolve import DependencyResolution
+
+Files = tuple[tuple[str, os.stat_result], ...]
+"""Relative paths below a package's folder, with their stats."""
+
+_LARGEST = 1 << 20
+
+
+@frozen
+class Subject:
+    """The workspace under examination; without one, `packages` is empty and `resolution` is None.
+
+    `variables` are those of a build, `surroundings` those of the shell. `packages` are the selected ones.
+    """
+
+    root: Path
+    layout: Layout
+    variables: Mapping[str, str]
+    surroundings: Mapping[str, str]
+    python: str | None = None
+    underlays: Underlays = Underlays()
+    packages: Mapping[str, Package] = field(default_factory=dict)
+    resolution: DependencyResolution | None = None
+    files: Mapping[str, Files] = field(default_factory=dict)
+
+    def text(self, package: Package, name: str) -> str:
+        """Return the text of a package's file, '' if it is missing or very large."""
+        return _text(self.root / package.path / name)
+
+    def texts(self, package: Package, *endings: str) -> Iterator[tuple[str, str]]:
+        """Yield name and text of a package's files with these suffixes, top-level ones first."""
+        for name, _ in sorted(
+            self.files.get(package.name, ()), key=lambda pair: (pair[0].count("/"), pair[0])
+        ):
+            if name.endswith(endings):
+                yield name, self.text(package, name)
+
+
+def files_of(root: Path, package: Package) -> Files:
+    """Return the source files of a package; empty if the folder is unreadable."""
+    folder = str(root / package.path)
+    try:
+        return tuple((os.path.relpath(path, folder), status) for path, status in own_files(folder))
+    except OSError:
+        return ()
+
+
+@lru_cache(maxsize=4096)
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _LARGEST:
+            return ""
+        return read_text(path)
+    except OSError:
+        return ""

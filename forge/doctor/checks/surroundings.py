@@ -1,0 +1,219 @@
+"""Checks underlays, environment variables and results of earlier builds."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError
+from forge.build.markers import foreign_build, other_layout
+from forge.doctor.checks.checkup import CheckResult
+from forge.environment.prefixes import LAYOUT_MARKER, SYSTEM, installed_packages, provider
+from forge.environment.recorded import STATE, recorded_underlays
+from forge.environment.underlays import lost_underlays
+from forge.toolchain.interpreter import find_interpreter
+from forge.workspace.resolve import is_ros_name
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from forge.doctor.checks.subject import Subject
+
+_PYTHON_FOLDER = re.compile(r"python(\d+)\.(\d+)")
+_MODULES = ("lib", "local/lib")
+_PATHS = ("CMAKE_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH")
+_FILES = ("COLCON_DEFAULTS_FILE", "COLCON_PYTHON_EXECUTABLE", "COLCON_HOME", "CMAKE_COMMAND", "CTEST_COMMAND")
+_PASSING = ("AMENT_CURRENT_PREFIX", "COLCON_CURRENT_PREFIX")
+_NAMED = 3
+_CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
+
+
+def underlays(subject: Subject) -> CheckResult:
+    """Check that each sourced workspace exists, is complete, in order, and for the same Python."""
+    chain = subject.underlays.chain
+    warnings = list(lost_underlays(subject.layout.install, subject.variables))
+    for root in chain:
+        warnings += _without_scripts(root)
+        warnings += _other_python(root, subject)
+        warnings += _without_needs(root, subject)
+    warnings += _out_of_order(chain)
+    said = ", ".join(f"{root} ({_maker(root)})" for root in chain) or "none sourced"
+    return CheckResult("underlays", said, warnings=tuple(warnings))
+
+
+def environment(subject: Subject) -> CheckResult:
+    """Find variables left over from another ROS, workspace or Python."""
+    variables = subject.surroundings
+    warnings = [
+        *_of_another_ros(variables),
+        *_of_another_python(variables, subject),
+        *_leading_nowhere(variables),
+        *_half_sourced(variables),
+    ]
+    known = sorted(name for name in variables if name.startswith(("AMENT_", "COLCON_", "ROS_", "FORGE_")))
+    return CheckResult("environment", " ".join(known) or "no ROS variables are set", warnings=tuple(warnings))
+
+
+def results(subject: Subject) -> CheckResult:
+    """Check whether folders of earlier builds belong to forge and were not moved."""
+    layout = subject.layout
+    errors = [problem for problem in (foreign_build(layout), other_layout(layout)) if problem]
+    if layout.install.exists() and not layout.install.is_dir():
+        errors.append(Problem(f"the install folder '{layout.install}' is a file", hint="remove it"))
+    notes = [problem for name in subject.packages for problem in _moved(name, subject)]
+    built = (layout.build / ".built_by").is_file()
+    said = f"{layout.build.name}, {layout.install.name}" if built else "nothing built yet"
+    try:
+        recorded_underlays(layout.install)
+    except WorkspaceError as error:
+        errors += error.problems
+    return CheckResult("results", said, tuple(errors), notes=tuple(notes))
+
+
+def _maker(root: Path) -> str:
+    """Return the tool that built an install tree."""
+    if (root / STATE).is_file():
+        return "forge"
+    if (root / LAYOUT_MARKER).is_file():
+        return "colcon"
+    return "catkin" if (root / "_setup_util.py").is_file() else "a distribution"
+
+
+def _without_scripts(root: Path) -> Iterator[Problem]:
+    if not any(root.glob("local_setup.*")) and not any(root.glob("setup.*")):
+        hint = "rebuild that workspace, and source it in a new terminal"
+        yield Problem(f"the underlay '{root}' has no setup scripts: its build did not complete", hint=hint)
+
+
+def _other_python(root: Path, subject: Subject) -> Iterator[Problem]:
+    """Yield a warning if modules exist only for another Python."""
+    try:
+        ours = find_interpreter(subject.python, subject.variables).version
+    except EnvironmentFault:
+        return
+    prefixes = dict.fromkeys((root, *(package.prefix for package in installed_packages(root))))
+    folders = (
+        path
+        for prefix in prefixes
+        for place in _MODULES
+        for path in (prefix / place).glob("python3.*/*-packages")
+    )
+    versions = {
+        (int(match[1]), int(match[2]))
+        for path in folders
+        if (match := _PYTHON_FOLDER.fullmatch(path.parent.name))
+    }
+    if versions and ours not in versions:
+        theirs = ", ".join("{}.{}".format(*version) for version in sorted(versions))
+        hint = f"build with '--python python{theirs.partition(',')[0]}', or build the underlay for the same"
+        message = f"the underlay '{root}' has modules for python {theirs}, but this is {ours[0]}.{ours[1]}"
+        yield Problem(message, hint=hint)
+
+
+def _without_needs(root: Path, subject: Subject) -> Iterator[Problem]:
+    """Yield the packages of an underlay with missing dependencies."""
+    held = installed_packages(root)
+    indexed = (root / LAYOUT_MARKER).is_file()
+    known = {package.name for other in subject.underlays.chain for package in installed_packages(other)}
+    known.update(subject.resolution.packages if subject.resolution else ())
+    lost: dict[str, list[str]] = {}
+    for package in held:
+        for need in package.needs - known:
+            # ament's index also contains rosdep keys; colcon's only packages built together.
+            if (indexed or is_ros_name(need)) and not provider(need, subject.underlays, SYSTEM):
+                lost.setdefault(need, []).append(package.name)
+    for need, users in sorted(lost.items()):
+        hint = f"source the workspace that contains '{need}' before '{root}', or rebuild '{root}'"
+        message = f"{_listed(sorted(users))} in '{root}' needs '{need}', which no sourced underlay contains"
+        yield Problem(message, hint=hint)
+
+
+def _out_of_order(chain: tuple[Path, ...]) -> Iterator[Problem]:
+    """Yield workspaces that are sourced in another order than they were built."""
+    for place, root in enumerate(chain):
+        try:
+            below = recorded_underlays(root)
+        except WorkspaceError as error:
+            yield from error.problems
+            continue
+        for other in below:
+            if other in chain[place + 1 :]:
+                message = f"'{root}' was built on '{other}', but is sourced before it"
+                yield Problem(message, hint=f"in a new terminal, source '{other}' first")
+
+
+def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
+    new = "open a new terminal, and source only the underlays of this workspace"
+    if variables.get("ROS_VERSION", "2") != "2" or "ROS_PACKAGE_PATH" in variables:
+        yield Problem("the environment is for ROS 1", hint=f"{new}; check ~/.bashrc, too")
+    entries = variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    distros = sorted({match[1] for entry in entries if (match := re.match(r"/opt/ros/(\w+)", entry))})
+    said = variables.get("ROS_DISTRO")
+    if len(distros) > 1:
+        yield Problem(f"several ROS distributions are sourced: {_listed(distros)}", hint=new)
+    elif distros and said and said not in distros:
+        yield Problem(f"'ROS_DISTRO' is '{said}', but '/opt/ros/{distros[0]}' is sourced", hint=new)
+
+
+def _of_another_python(variables: Mapping[str, str], subject: Subject) -> Iterator[Problem]:
+    if variables.get("PYTHONHOME"):
+        yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
+    try:
+        ours = find_interpreter(subject.python, variables).version
+    except EnvironmentFault:
+        return
+    others = [
+        entry
+        for entry in variables.get("PYTHONPATH", "").split(os.pathsep)
+        if (match := _PYTHON_FOLDER.search(entry)) and (int(match[1]), int(match[2])) != ours
+    ]
+    if others:
+        hint = "open a new terminal, or build with '--python' for that version"
+        message = f"'PYTHONPATH' contains {_listed(others)} for another python than {ours[0]}.{ours[1]}"
+        yield Problem(message, hint=hint)
+    conda = variables.get("CONDA_PREFIX")
+    if conda and Path(conda, "bin") in map(Path, variables.get("PATH", "").split(os.pathsep)[:2]):
+        hint = "run 'conda deactivate', unless you want to use its compilers and libraries"
+        yield Problem(f"conda is active in '{conda}'", hint=hint)
+
+
+def _leading_nowhere(variables: Mapping[str, str]) -> Iterator[Problem]:
+    """Yield variables that name missing files or folders; lost_underlays checks two others."""
+    for name in _PATHS:
+        entries = dict.fromkeys(filter(None, variables.get(name, "").split(os.pathsep)))
+        gone = [entry for entry in entries if not os.path.lexists(entry)]
+        if gone:
+            hint = "if it was removed after sourcing, continue in a new terminal"
+            yield Problem(f"'{name}' names {_listed(gone)}, which does not exist", hint=hint)
+    for name in _FILES:
+        value = variables.get(name)
+        if value and os.sep in value and not os.path.lexists(Path(value).expanduser()):
+            yield Problem(f"'{name}' names '{value}', which does not exist", hint=f"unset {name}")
+
+
+def _half_sourced(variables: Mapping[str, str]) -> Iterator[Problem]:
+    for name in _PASSING:
+        if name in variables:
+            hint = f"unset {name}"
+            yield Problem(f"'{name}' is set, but is only meant for running setup scripts", hint=hint)
+
+
+def _moved(name: str, subject: Subject) -> Iterator[Problem]:
+    """Yield a note if a build folder was configured for another source path."""
+    build = subject.layout.build_dir(name)
+    try:
+        text = (build / "CMakeCache.txt").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return
+    match = _CACHE_HOME.search(text)
+    source = subject.root / subject.packages[name].path
+    if match and Path(match[1]).resolve() != source.resolve():
+        message = f"'{build.name}' was built from '{match[1]}' and will be rebuilt"
+        yield Problem(message, Place(build), f"forge clean packages {name}")
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:_NAMED])
+    return f"{shown} and {len(names) - _NAMED} more" if len(names) > _NAMED else shown

@@ -1,0 +1,1 @@
+"""System dependencies of a workspace and their package managers, for `forge deps`."""

@@ -1,0 +1,92 @@
+"""Finds dependencies that are not provided, with their users and system packages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.doctor.system_deps.rosdep import resolve
+from forge.workspace.model import Kind
+from forge.workspace.resolve import is_ros_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from forge.doctor.system_deps.rosdep import Database, System
+    from forge.workspace.model import Package
+
+USUAL_KINDS = frozenset(Kind) - {Kind.DOC}
+"""The default dependency types, as in rosdep."""
+
+COMMANDS: Mapping[str, str] = {
+    "apt": "sudo apt-get install",
+    "dnf": "sudo dnf install",
+    "pip": "{python} -m pip install",
+    "gem": "sudo gem install",
+    "npm": "sudo npm install -g",
+    "snap": "sudo snap install",
+    "pacman": "sudo pacman -S",
+    "apk": "sudo apk add",
+}
+"""The install command of each package manager."""
+
+
+@frozen
+class Need:
+    """A dependency of packages in the workspace.
+
+    `provider` is the prefix or workspace that provides it, None without one. Otherwise `manager` provides it
+    as `names`; without a manager it is unknown. `ros` tells whether the name is that of a ROS package.
+    """
+
+    key: str
+    users: tuple[str, ...]
+    provider: str | None = None
+    manager: str | None = None
+    names: tuple[str, ...] = ()
+    ros: bool = False
+
+
+def needs_of(
+    packages: Iterable[Package],
+    kinds: frozenset[Kind],
+    provider: Callable[[str], str | None],
+    database: Database,
+    system: System,
+) -> tuple[Need, ...]:
+    """Return all dependencies of the packages of one of `kinds`, by name."""
+    users: dict[str, list[str]] = {}
+    for package in packages:
+        for name in dict.fromkeys(package.manifest.names(kinds)):
+            users.setdefault(name, []).append(package.name)
+    return tuple(_need(key, sorted(users[key]), provider(key), database, system) for key in sorted(users))
+
+
+def _need(key: str, users: list[str], provided: str | None, database: Database, system: System) -> Need:
+    found = None if provided else resolve(key, database, system)
+    if provided or found is None:
+        return Need(key, tuple(users), provided, ros=not provided and is_ros_name(key))
+    return Need(key, tuple(users), None, found.manager, found.names)
+
+
+def command_lines(needs: Iterable[Need], have: frozenset[tuple[str, str]], python: str) -> Iterator[str]:
+    """Yield a quoted install command for each package manager.
+
+    `have` contains (package manager, name) of installed packages.
+    """
+    import shlex  # noqa: PLC0415  (rarely needed)
+
+    wanted: dict[str, dict[str, None]] = {}
+    for need in needs:
+        for name in need.names:
+            if need.manager and (need.manager, name) not in have:
+                wanted.setdefault(need.manager, {})[name] = None
+    for manager in sorted(wanted):
+        command = COMMANDS.get(manager)
+        # Ignore names that look like options.
+        names = sorted(name for name in wanted[manager] if command and not name.startswith("-"))
+        others = sorted(wanted[manager].keys() - set(names))
+        if command and names:
+            yield f"{command.format(python=shlex.quote(python))} {' '.join(map(shlex.quote, names))}"
+        if others:
+            yield f"# by hand, as {manager}: {' '.join(others)}"

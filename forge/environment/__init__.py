@@ -1,0 +1,4 @@
+"""Prefixes and the effect of sourcing them: underlays, dsv files, hooks and setup scripts for all shells.
+
+May import `base` and `interfaces`.
+"""

@@ -1,0 +1,110 @@
+"""Packs an install folder into a relocatable, reproducible archive of the files needed at run time."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import tarfile
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, WorkspaceError
+from forge.environment.prefixes import LAYOUT_MARKER
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_LEFT_OUT = frozenset({"__pycache__", ".git"})
+_TIME = 315532800
+"""1980-01-01, the earliest time that some archivers support."""
+
+
+def write_bundle(install: Path, output: Path, *, build_files: bool) -> tuple[int, int]:
+    """Write the archive; return the number of files and its size in bytes.
+
+    Links that lead out of the tree are replaced by their targets, others are kept. All files are below one
+    folder with the name of the install folder. Raises WorkspaceError for files that cannot be packed.
+    """
+    if not (install / LAYOUT_MARKER).is_file():
+        hint = "run 'forge build', or choose another folder with '--install-base'"
+        raise WorkspaceError(Problem(f"'{install}' contains no installed packages", hint=hint))
+    merged = (install / LAYOUT_MARKER).read_text(encoding="utf-8").strip() == "merged"
+    members = [
+        path
+        for path in _walk(install, "")
+        if build_files or not for_building(path if merged else path.partition("/")[2])
+    ]
+    lost = [path for path in members if not (install / path).exists()]
+    if lost:
+        hint = "the linked files no longer exist; build again"
+        raise WorkspaceError(*(Problem(f"dangling link '{install / path}'", hint=hint) for path in lost))
+    draft = output.with_name(f".{output.name}.draft")
+    try:
+        with (
+            draft.open("wb") as stream,
+            gzip.GzipFile("", "wb", mtime=0, fileobj=stream) as packed,
+            tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as archive,
+        ):
+            for path in members:
+                _add(archive, install, path)
+        draft.replace(output)
+    finally:
+        draft.unlink(missing_ok=True)
+    return len(members), output.stat().st_size
+
+
+def for_building(path: str) -> bool:
+    """Tell whether a file, by its path below a prefix, is needed only by compilers and build tools."""
+    parts = PurePosixPath(path).parts
+    if parts[:1] == ("include",) or path.endswith((".a", ".la", ".pc")):
+        return True
+    return (parts[:1] in {("lib",), ("share",)} and "cmake" in parts[1:3]) or path.endswith(".cmake")
+
+
+def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
+    """Yield the files below a folder in order, relative to the root, following links to folders.
+
+    Raises WorkspaceError for a link to an enclosing folder.
+    """
+    real = os.path.realpath(root / below)
+    if real in above:
+        hint = "remove the link, or link only to the required subfolders"
+        raise WorkspaceError(Problem(f"'{root / below}' is a link to an enclosing folder", hint=hint))
+    for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
+        path = f"{below}/{entry.name}" if below else entry.name
+        if entry.name in _LEFT_OUT:
+            continue
+        if entry.is_dir() and not (entry.is_symlink() and _inside(root, path)):
+            yield from _walk(root, path, (*above, real))
+        else:
+            yield path
+
+
+def _inside(root: Path, path: str) -> bool:
+    """Tell whether the target of a link is inside the tree, so that the link can be kept."""
+    return (root / path).resolve().is_relative_to(root.resolve())
+
+
+def _add(archive: tarfile.TarFile, root: Path, path: str) -> None:
+    """Add a file, or a link inside the tree."""
+    place = root / path
+    member = tarfile.TarInfo(f"{root.name}/{path}")
+    member.mtime = _TIME
+    if place.is_symlink() and _inside(root, path):
+        member.type = tarfile.SYMTYPE
+        member.linkname = _relative(place)
+        archive.addfile(member)
+        return
+    status = place.stat()
+    member.size = status.st_size
+    member.mode = 0o755 if status.st_mode & 0o100 else 0o644
+    with place.open("rb") as stream:
+        archive.addfile(member, stream)
+
+
+def _relative(link: Path) -> str:
+    """Return the target of a link relative to the link."""
+    target = link.readlink()
+    if not target.is_absolute():
+        return str(target)
+    return os.path.relpath(target.parent.resolve() / target.name, link.parent.resolve())

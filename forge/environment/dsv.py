@@ -1,0 +1,260 @@
+"""The dsv format, in which installed packages describe changes of the environment.
+
+A package's `share/P/package.dsv` lists its hooks; colcon, ament and forge share the format (see colcon's and
+ament_package's documentation). This module performs no I/O: callers read the files.
+"""
+
+from __future__ import annotations
+
+import heapq
+import re
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from posixpath import splitext
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    Read = Callable[[str], str | None]
+    """The text of a file below a package's prefix, or None when it is not there."""
+
+OPERATIONS = (
+    "prepend-non-duplicate",
+    "prepend-non-duplicate-if-exists",
+    "append-non-duplicate",
+    "set",
+    "set-if-unset",
+)
+
+_VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@frozen
+class Change:
+    """A change of an environment variable; `operation` is a dsv operation."""
+
+    operation: str
+    variable: str
+    value: str
+
+
+@frozen
+class Script:
+    """A hook as a shell script, with variants of the same name for one or more shells."""
+
+    paths: tuple[str, ...]
+    """Relative to the package's prefix, or absolute."""
+
+    def path(self, shell: str) -> str | None:
+        """Return the file to source in `shell`: its own variant, else the one for sh, else None."""
+        by_extension = {PurePosixPath(path).suffix: path for path in self.paths}
+        return by_extension.get(f".{shell}", by_extension.get(".sh"))
+
+
+Hook = Change | Script
+
+
+@frozen
+class Edit:
+    """A change of a variable that does not depend on files.
+
+    `operation` is prepend, append, set or default. If `below`, the value is a path relative to the package's
+    prefix, or empty for the prefix itself.
+    """
+
+    operation: str
+    variable: str
+    value: str
+    below: bool
+
+    def at(self, prefix: str) -> str:
+        """Return the value for a package in `prefix`."""
+        if not self.below:
+            return self.value
+        return f"{prefix}/{self.value}" if self.value else prefix
+
+
+@frozen
+class Installed:
+    """A package of an install tree: `folder` is its prefix relative to the root, '' in a merged layout."""
+
+    name: str
+    folder: str
+    edits: tuple[Edit | Script, ...]
+
+
+def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]]:
+    """Return the changes and the sourced paths of a dsv file, in order.
+
+    Raises WorkspaceError for unknown lines.
+    """
+    changes: list[Change] = []
+    sources: list[str] = []
+    problems: list[Problem] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        operation, separator, rest = line.partition(";")
+        variable, has_value, values = rest.partition(";")
+        if operation == "source" and separator and _may_be_sourced(rest):
+            sources.append(rest)
+        elif "\0" not in line and operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
+            several = operation not in {"set", "set-if-unset"}
+            parts = values.split(";") if several else [values]
+            changes += (Change(operation, variable, value) for value in parts)
+        else:
+            problems.append(
+                Problem(
+                    "invalid environment hook",
+                    Place(path, number, source=line),
+                    hint="the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'",
+                )
+            )
+    if problems:
+        raise WorkspaceError(*problems)
+    return tuple(changes), tuple(sources)
+
+
+def _may_be_sourced(path: str) -> bool:
+    """Tell whether a path stays in the package or is absolute; '..' is not allowed."""
+    parts = {part for part in path.split("/") if part not in {"", "."}}
+    return bool(parts) and ".." not in parts and "\0" not in path
+
+
+def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:
+    """Return the hooks of package `name`, with those of nested files in place.
+
+    Changes of a file precede the files it sources. Sourced files that differ only in their extension are one
+    hook; a dsv variant, even an unlisted one, takes precedence. Raises WorkspaceError for unknown lines.
+    """
+    start = f"share/{name}/package.dsv"
+    return tuple(_read_file(start, read, frozenset())) if read(start) is not None else ()
+
+
+def _read_file(path: str, read: Read, opened: frozenset[str]) -> Iterator[Hook]:
+    """Yield the hooks of one dsv file; recursive references are ignored."""
+    text = read(path)
+    if text is None or path in opened:
+        return
+    changes, sources = parse_dsv(text, path)
+    yield from changes
+    groups: dict[str, list[str]] = {}
+    for source in sources:
+        groups.setdefault(splitext(source)[0], []).append(source)
+    for stem, paths in groups.items():
+        if read(f"{stem}.dsv") is not None:
+            yield from _read_file(f"{stem}.dsv", read, opened | {path})
+        elif scripts := tuple(p for p in paths if not p.endswith(".dsv")):
+            yield Script(scripts)
+
+
+def resolve_hooks(hooks: Iterable[Hook], exists: Callable[[str], bool]) -> tuple[Edit | Script, ...]:
+    """Resolve hooks that depend on files: conditional prepends and values that may be paths.
+
+    `exists` is called with paths relative to the package's prefix, or absolute ones.
+    """
+    resolved: list[Edit | Script] = []
+    for hook in hooks:
+        if isinstance(hook, Script):
+            resolved.append(hook)
+        elif hook.operation in {"set", "set-if-unset"}:
+            below = not hook.value or (not hook.value.startswith("/") and exists(hook.value))
+            word = "set" if hook.operation == "set" else "default"
+            resolved.append(Edit(word, hook.variable, hook.value, below))
+        elif not hook.operation.endswith("-if-exists") or exists(hook.value):
+            word = hook.operation.partition("-")[0]
+            resolved.append(Edit(word, hook.variable, hook.value, not hook.value.startswith("/")))
+    return tuple(resolved)
+
+
+def apply(
+    variables: Mapping[str, str], edits: Iterable[tuple[str, Edit]], *, first: bool = False
+) -> dict[str, str]:
+    """Return `variables` after the edits, each with the prefix of its package.
+
+    Existing entries keep their position, as when sourcing a workspace. With `first`, prepending moves them to
+    the front and removes empty entries, as when sourcing a single package.
+    """
+    result = dict(variables)
+    lists: dict[str, _Entries] = {}
+    for prefix, edit in edits:
+        value = edit.at(prefix)
+        entries = lists.get(edit.variable)
+        if edit.operation == "set" or (edit.operation == "default" and not _text(edit, result, entries)):
+            lists.pop(edit.variable, None)
+            result[edit.variable] = value
+        elif edit.operation != "default":
+            if entries is None:
+                entries = lists[edit.variable] = _Entries.of(result.get(edit.variable, ""), first=first)
+            entries.add(value, last=edit.operation == "append")
+    result.update((variable, entries.text()) for variable, entries in lists.items())
+    return result
+
+
+def _text(edit: Edit, result: Mapping[str, str], entries: _Entries | None) -> str:
+    """Return the current value of the variable of `edit`."""
+    return entries.text() if entries is not None else result.get(edit.variable, "")
+
+
+@dataclass(slots=True)
+class _Entries:
+    """The entries of a variable being edited; dicts keep the order and detect duplicates."""
+
+    held: dict[str, None]
+    original: list[str]
+    first: bool
+    front: dict[str, None] = field(default_factory=dict)  # the last one added comes first
+    back: dict[str, None] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, text: str, *, first: bool) -> _Entries:
+        """Split a variable's value into entries."""
+        original = text.split(":") if text else []
+        return cls(dict.fromkeys(original), original, first)
+
+    def add(self, value: str, *, last: bool) -> None:
+        """Add a value at the front or the end; an existing one moves only with `first`."""
+        known = value in self.front or value in self.back or value in self.held
+        if last:
+            if not known:
+                self.back[value] = None
+        elif not known or self.first:
+            self.front.pop(value, None)
+            self.back.pop(value, None)
+            self.front[value] = None
+
+    def text(self) -> str:
+        """Return the joined entries."""
+        kept: Iterable[str] = self.original
+        if self.first and self.front:
+            kept = (entry for entry in self.original if entry and entry not in self.front)
+        return ":".join([*reversed(self.front), *kept, *self.back])
+
+
+def order(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...]:
+    """Return the packages of a prefix in the order in which they are sourced.
+
+    As in colcon: the alphabetically smallest package whose dependencies are sourced comes next. Unknown names
+    are ignored; in a cycle the smallest remaining name comes next.
+    """
+    waiting = {name: {need for need in needs[name] if need in needs and need != name} for name in needs}
+    users: dict[str, list[str]] = {name: [] for name in needs}
+    for name, open_needs in waiting.items():
+        for need in open_needs:
+            users[need].append(name)
+    ready = sorted(name for name, open_needs in waiting.items() if not open_needs)
+    ordered: dict[str, None] = {}
+    while len(ordered) < len(needs):
+        name = heapq.heappop(ready) if ready else min(name for name in needs if name not in ordered)
+        if name in ordered:
+            continue
+        ordered[name] = None
+        for user in users[name]:
+            waiting[user].discard(name)
+            if not waiting[user]:
+                heapq.heappush(ready, user)
+    return tuple(ordered)

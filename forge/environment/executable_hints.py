@@ -1,0 +1,76 @@
+"""Explains why an executable of a package is not found, and suggests a remedy."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from typing import TYPE_CHECKING
+
+from forge.base.errors import ForgeError, Problem
+from forge.base.files import text_or_nothing
+from forge.base.names import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+_BUILD_TYPE = re.compile(r"<build_type[^>]*>\s*(\w+)\s*</build_type>")
+
+
+def remedy(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
+    """Return a hint how to make `name` available; `paths` are the package's executables."""
+    folder = prefix / "lib" / package
+    plain = next((path for path in folder.rglob("*") if path.name == name and path.is_file()), None)
+    if plain is not None:
+        command = f"chmod +x {shlex.quote(str(plain))}"
+        return f"the file exists, but is not executable: use install(PROGRAMS ...), or {command}"
+    python = _build_type(package, prefix) == "ament_python"
+    elsewhere = next((path for path in _other_paths(name, prefix) if os.access(path, os.X_OK)), None)
+    if elsewhere is not None:
+        line = f"install_scripts=$base/lib/{package}" if python else "DESTINATION lib/${PROJECT_NAME}"
+        where = "below [install] in its setup.cfg" if python else "in install() in its CMakeLists.txt"
+        return f"it is in '{elsewhere.parent}' instead of lib/{package}: write {line} {where}"
+    near = did_you_mean(name, (path.name for path in paths))
+    if near:
+        return near
+    if paths:
+        return f"'forge pkg executables {package}' lists all executables"
+    return _nothing(package, name, folder, _build_type(package, prefix))
+
+
+def refuse_windows_line_endings(path: Path) -> None:
+    """Raise ForgeError for a script whose first line ends with a carriage return."""
+    try:
+        with path.open("rb") as stream:
+            first = stream.readline(512)
+    except OSError:
+        return
+    if first.startswith(b"#!") and first.endswith(b"\r\n"):
+        raise ForgeError(
+            Problem(
+                f"'{path}' has Windows line endings, so that its interpreter cannot be found",
+                hint=f"fix the source: sed -i 's/\\r$//' {shlex.quote(path.name)}, and build again",
+            )
+        )
+
+
+def _other_paths(name: str, prefix: Path) -> Iterable[Path]:
+    """Return other paths at which an executable may be installed."""
+    return (prefix / "bin" / name, *sorted(prefix.glob(f"lib/*/{name}")))
+
+
+def _build_type(package: str, prefix: Path) -> str:
+    match = _BUILD_TYPE.search(text_or_nothing(prefix / "share" / package / "package.xml"))
+    return match[1] if match else ""
+
+
+def _nothing(package: str, name: str, folder: Path, build_type: str) -> str:
+    """Return how to add an executable to a package without any."""
+    message = f"package '{package}' has no executables in '{folder}'"
+    if build_type == "ament_python":
+        return f"{message}: add it to 'console_scripts' in its setup.py, and build again"
+    if build_type == "ament_cmake":
+        line = f"install(TARGETS {name} DESTINATION lib/${{PROJECT_NAME}})"
+        return f"{message}: add {line} to its CMakeLists.txt, and build again"
+    return message

@@ -1,0 +1,156 @@
+"""Finds underlays, the sourced workspaces and prefixes, and their packages."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import INDEX
+from forge.base.frozen import frozen
+from forge.base.names import is_word
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+LAYOUT_MARKER = ".colcon_install_layout"
+PACKAGES = Path("share/colcon-core/packages")
+SYSTEM = (Path("/usr/local"), Path("/usr"))
+
+
+@frozen
+class Underlays:
+    """The sourced underlays: `chain` contains roots, lowest first; `prefixes` of packages, highest first."""
+
+    chain: tuple[Path, ...] = ()
+    prefixes: tuple[Path, ...] = ()
+
+
+@frozen
+class InstalledPackage:
+    """A package in an install tree with its run dependencies."""
+
+    name: str
+    prefix: Path
+    needs: frozenset[str]
+
+
+def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
+    """Return the sourced workspaces except this one.
+
+    A root contains setup scripts; the prefix of a package in an isolated layout stands for its root.
+    """
+    own = install.resolve()
+    prefixes = [
+        path
+        for path in _folders(variables, "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+        if not _inside(path.resolve(), own)
+    ]
+    roots = _folders(variables, "COLCON_PREFIX_PATH")
+    roots += filter(None, map(_root_of, _folders(variables, "AMENT_PREFIX_PATH")))
+    chain = [root for root in dict.fromkeys(roots) if not _inside(root.resolve(), own)]
+    held = [package.prefix for root in chain for package in installed_packages(root)]
+    return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys([*prefixes, *held])))
+
+
+def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -> Path | None:
+    """Return the prefix that provides package `name`, or None.
+
+    System prefixes count only with a CMake config or a manifest: they are not sourced, so that their ament
+    index is not searched.
+    """
+    found = (prefix for prefix in underlays.prefixes if _marked(name, prefix) or _provides(name, prefix))
+    return next(found, None) or next((prefix for prefix in system if _provides(name, prefix)), None)
+
+
+def system_prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
+    """Return the prefixes that CMake searches in addition: derived from PATH, and system-wide ones."""
+    beside = (path.parent for path in _folders(variables, "PATH") if path.name in {"bin", "sbin"})
+    return tuple(dict.fromkeys([*beside, *SYSTEM]))
+
+
+def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
+    """Return the packages of an install tree or prefix, by name.
+
+    Reads colcon's index, else ament's, which distributions have.
+    """
+    if _layout(root) == "isolated":
+        names = sorted(entry.name for entry in root.iterdir() if is_word(entry.name))
+        candidates = [(name, root / name) for name in names]
+    else:
+        candidates = [(name, root) for name in _names(root / PACKAGES)]
+        if not candidates:
+            return tuple(
+                InstalledPackage(name, root, _run_dependencies(root, name))
+                for name in _names(root / INDEX / "packages")
+            )
+    return tuple(
+        InstalledPackage(name, prefix, frozenset(filter(None, needs.split(os.pathsep))))
+        for name, prefix in candidates
+        if (needs := _read(prefix / PACKAGES / name)) is not None
+    )
+
+
+def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
+    """Return the existing folders in path variables without duplicates."""
+    entries = [entry for name in names for entry in variables.get(name, "").split(os.pathsep)]
+    # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
+    return [Path(entry) for entry in dict.fromkeys(entries) if os.path.isdir(entry)]  # noqa: PTH112
+
+
+def _inside(path: Path, root: Path) -> bool:
+    """Tell whether a path is the root or below it."""
+    return path == root or root in path.parents
+
+
+def _root_of(prefix: Path) -> Path | None:
+    """Return the root whose setup scripts source an ament prefix, or None."""
+    if any(prefix.glob("local_setup.*")):
+        return prefix
+    return prefix.parent if _layout(prefix.parent) == "isolated" else None
+
+
+def _layout(root: Path) -> str | None:
+    """Return the layout recorded in an install tree."""
+    text = _read(root / LAYOUT_MARKER)
+    return text.strip() if text is not None else None
+
+
+def _marked(name: str, prefix: Path) -> bool:
+    """Tell whether a prefix's ament index contains the package."""
+    return (prefix / INDEX / "packages" / name).is_file()
+
+
+def _provides(name: str, prefix: Path) -> bool:
+    """Tell whether a prefix contains a manifest or CMake config of the package."""
+    # Called for many names and prefixes in every build: avoid creating Path objects.
+    return any(os.path.isfile(f"{prefix}/{path}") for path in _evidence(name))  # noqa: PTH113
+
+
+def _evidence(name: str) -> Iterator[str]:
+    """Yield the files that show that a package is installed."""
+    yield f"share/{name}/package.xml"
+    for folder in (f"share/{name}/cmake", f"lib/cmake/{name}"):
+        yield f"{folder}/{name}Config.cmake"
+        yield f"{folder}/{name.lower()}-config.cmake"
+
+
+def _names(folder: Path) -> list[str]:
+    """Return the visible files of an index folder, sorted; empty if there is no folder."""
+    if not folder.is_dir():
+        return []
+    return sorted(entry.name for entry in folder.iterdir() if is_word(entry.name) and entry.is_file())
+
+
+def _run_dependencies(root: Path, name: str) -> frozenset[str]:
+    """Return the run dependencies in ament's index."""
+    text = _read(root / INDEX / "package_run_dependencies" / name) or ""
+    return frozenset(filter(None, text.strip().split(";")))
+
+
+def _read(path: Path) -> str | None:
+    """Return a file's text, or None if it is missing."""
+    try:
+        return path.read_text(encoding="utf-8", errors="surrogateescape")
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+        return None

@@ -1,0 +1,40 @@
+"""The state that a build records in the install folder: its interpreter and underlays."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.files import read_file
+
+STATE = ".forge.json"
+"""The file name below the install folder."""
+
+
+def recorded_underlays(root: Path) -> tuple[Path, ...]:
+    """Return the recorded underlays of an install tree, lowest first."""
+    return _recorded(root)[1]
+
+
+def forget_underlays(root: Path) -> None:
+    """Remove the recorded underlays of an install tree."""
+    (root / STATE).unlink(missing_ok=True)
+
+
+def recorded_python(root: Path) -> str | None:
+    """Return the recorded interpreter of an install tree if it exists."""
+    python = _recorded(root)[0]
+    return python if python and Path(python).exists() else None
+
+
+def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
+    """Return the recorded interpreter and underlays."""
+    try:
+        state = json.loads(read_file(root / STATE))
+        return str(state["python"]), tuple(map(Path, state["underlays"]))
+    except OSError:  # begin_workspace reports inaccessible files
+        return None, ()
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        problem = Problem("invalid state file", Place(root / STATE), hint="remove the file and build again")
+        raise WorkspaceError(problem) from error

@@ -1,0 +1,251 @@
+"""Generates setup, local_setup and package scripts for each shell.
+
+The scripts are static: dsv files are evaluated when the scripts are written, so that sourcing a workspace
+starts no programs and reads few files.
+"""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING
+
+from forge.base.templating import render
+from forge.environment.dsv import Edit, Script
+from forge.environment.shells import SHELLS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from forge.environment.dsv import Installed
+    from forge.environment.shells import Shell
+
+    Statement = dict[str, object]
+    """A paragraph of a script: its template, and finished words for it."""
+
+    Group = list[tuple[Installed, Edit | Script]]
+    """Edits that one statement makes."""
+
+
+def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
+    """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
+    shell = SHELLS[name]
+    own = _sourced(shell, "This workspace.", "$_forge_setup_root", f"local_setup.{name}")
+    borrowing = any(shell.borrows(script.name) for script in underlays)
+    return render(
+        f"scripts/{shell.family}/setup.j2",
+        statements=[*(_underlay(shell, script) for script in underlays), own],
+        present="_forge_setup_present",
+        options="_forge_setup_options",
+        borrowed="_forge_setup_sh",
+        borrowing=borrowing,
+        runner=_runner(shell) if borrowing else "",
+        **_location("setup", shell, "_forge_setup_root", root),
+    )
+
+
+def local_setup(name: str, root: Path, packages: Sequence[Installed]) -> str:
+    """Return the script that adds the packages of one install tree; `packages` are ordered lowest first.
+
+    Paths are relative to the script; plain sh, which cannot determine the script's path, uses `root`.
+    """
+    shell = SHELLS[name]
+    edits = [(package, edit) for package in packages for edit in package.edits]
+    return render(
+        f"scripts/{shell.family}/local_setup.j2",
+        names=sorted(package.name for package in packages if package.folder),
+        marker=_marker("$_forge_root/$_forge_name", "$_forge_name"),
+        select=f"scripts/sh/select.{name}.j2",
+        function="_forge_first",
+        statements=[s for group in _groups(edits) if (s := _group_statement(shell, group))],
+        **_words(shell, (edit for _, edit in edits)),
+        **_location("local_setup", shell, "_forge_root", root),
+    )
+
+
+def package_setup(name: str, prefix: Path, package: Installed) -> str:
+    """Return the script that adds a single package with its entries first."""
+    shell = SHELLS[name]
+    return render(
+        f"scripts/{shell.family}/package.j2",
+        name=package.name,
+        function="_colcon_prepend_unique_value",  # hooks of other tools' packages call it
+        statements=[s for edit in package.edits if (s := _edit_statement(shell, package, edit))],
+        **_words(shell, package.edits),
+        **_location("package", shell, "_forge_prefix", prefix),
+    )
+
+
+def dsv(lines: Sequence[str]) -> str:
+    """Return the text of a dsv file."""
+    return render("scripts/dsv.j2", lines=lines)
+
+
+def hook_runner() -> str:
+    """Return a sh script that sources the hook `$1` and prints the environment before and after it.
+
+    Variables are terminated by NUL; an additional NUL separates the two lists.
+    """
+    return render("scripts/sh/run_hook.j2", function="_colcon_prepend_unique_value")
+
+
+def _words(shell: Shell, edits: Iterable[Edit | Script]) -> dict[str, object]:
+    """Return the template values: required functions and their calls."""
+    listed = list(edits)
+    paths = [edit.path(shell.name) for edit in listed if isinstance(edit, Script)]
+    borrowing = any(path and shell.borrows(path) for path in paths)
+    return {
+        "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in listed),
+        "sourcing": any(paths),
+        "borrowing": borrowing,
+        "runner": _runner(shell) if borrowing else "",
+        "present": "_forge_present",
+        "options": "_forge_options",
+        "borrowed": "_forge_sh",
+    }
+
+
+def _runner(shell: Shell) -> str:
+    """Return the sh program that sources a hook, escaped for single quotes."""
+    return shell.literal(hook_runner().rstrip("\n"))
+
+
+def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str, object]:
+    """Return the template values with which a script locates its tree or prefix."""
+    up = 2 if script == "package" else 0
+    pattern = f"(/[^/]*){{{up + 1}}}$" if up else "/[^/]*$"
+    return {
+        "shell": shell.name,
+        "locate": f"scripts/{shell.family}/locate{shell.own}.j2",
+        "file": f"{script}.{shell.name}",
+        "variable": variable,
+        "baked": shlex.quote(str(baked)),
+        "up": {"path": "../" * up, "heads": ":h" * up, "times": up, "pattern": pattern},
+    }
+
+
+def _groups(edits: Sequence[tuple[Installed, Edit | Script]]) -> list[Group]:
+    """Group edits into statements without changing their effect.
+
+    Edits of different variables are independent, so edits of one variable are grouped until the operation
+    changes. Scripts may read any variable, so nothing is moved across them.
+    """
+    groups: list[Group] = []
+    latest: dict[str, Group] = {}
+    for package, edit in edits:
+        if isinstance(edit, Script):
+            latest.clear()
+            groups.append([(package, edit)])
+            continue
+        group = latest.get(edit.variable)
+        if group is None or not _joins(group[-1], (package, edit)):
+            group = latest[edit.variable] = []
+            groups.append(group)
+        group.append((package, edit))
+    return groups
+
+
+def _joins(before: tuple[Installed, Edit | Script], after: tuple[Installed, Edit]) -> bool:
+    """Tell whether two edits of one variable fit in one statement: paths below the root, and duplicates."""
+    (package, edit), (next_package, next_edit) = before, after
+    if isinstance(edit, Script) or edit.operation != next_edit.operation:
+        return False
+    if edit == next_edit and package.folder == next_package.folder:
+        return edit.operation in {"prepend", "append"}
+    return bool(_below(package.folder, edit) and _below(next_package.folder, next_edit))
+
+
+def _below(folder: str, edit: Edit) -> str:
+    """Return the path to add relative to the root, '' if there is none."""
+    if not edit.below or edit.operation in {"set", "default"} or ":" in edit.value:
+        return ""
+    return "/".join(filter(None, (folder, edit.value)))
+
+
+def _group_statement(shell: Shell, group: Group) -> Statement | None:
+    """Return the statement of a local_setup script for a group of edits."""
+    package, first = group[0]
+    root = f"$_forge_root/{shell.quoted(package.folder)}".rstrip("/")
+    if isinstance(first, Script):
+        return _script(shell, package.name, first, root)
+    if first.operation in {"set", "default"}:
+        return _assignment(shell, first, root, _marker(root, package.name))
+    paths = [_below(p.folder, e) for p, e in group if isinstance(e, Edit)]
+    if not all(paths):
+        installed = _marker(root, package.name) if package.folder else ""
+        return _entries(shell, first, f"_forge_{first.operation}", [_value(shell, root, first)], installed)
+    # Without duplicates, which would have no effect.
+    entries = [f"{shell.list_root}{shell.quoted(path)}" for path in dict.fromkeys(paths)]
+    if first.operation == "prepend":
+        entries.reverse()
+    return _entries(shell, first, f"_forge_{first.operation}", entries, "")
+
+
+def _edit_statement(shell: Shell, package: Installed, edit: Edit | Script) -> Statement | None:
+    """Return the statement of a package script for one edit."""
+    if isinstance(edit, Script):
+        return _script(shell, package.name, edit, "$_forge_prefix")
+    if edit.operation in {"set", "default"}:
+        return _assignment(shell, edit, "$_forge_prefix", "")
+    function = "_forge_append" if edit.operation == "append" else "_colcon_prepend_unique_value"
+    return _entries(shell, edit, function, [_value(shell, "$_forge_prefix", edit)], "")
+
+
+def _entries(shell: Shell, edit: Edit, function: str, entries: list[str], installed: str) -> Statement:
+    """Return the statement that adds entries to a list if the file `installed` exists."""
+    return {
+        "template": f"scripts/{shell.family}/entry.j2",
+        "function": function,
+        "variable": edit.variable,
+        "entries": entries,
+        "installed": installed,
+    }
+
+
+def _value(shell: Shell, prefix: str, edit: Edit) -> str:
+    """Return the value of an edit, escaped for double quotes."""
+    if not edit.below:
+        return shell.quoted(edit.value)
+    return "/".join(filter(None, [prefix, shell.quoted(edit.value)]))
+
+
+def _assignment(shell: Shell, edit: Edit, prefix: str, installed: str) -> Statement:
+    """Return the statement that sets a variable, always or as a default."""
+    return {
+        "template": f"scripts/{shell.family}/set.j2",
+        "variable": edit.variable,
+        "value": _value(shell, prefix, edit),
+        "installed": installed,
+        "default": edit.operation == "default",
+    }
+
+
+def _script(shell: Shell, name: str, script: Script, prefix: str) -> Statement | None:
+    """Return the statement that sources a hook, None if it is for other shells."""
+    path = script.path(shell.name)
+    if path is None:
+        return None
+    statement = _sourced(shell, f"A hook of '{name}'.", prefix, shell.quoted(path))
+    return statement | {"prefix_variables": ("COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX")}
+
+
+def _underlay(shell: Shell, script: Path) -> Statement:
+    """Return the statement that sources the script of an underlay."""
+    folder = str(script.parent)
+    return _sourced(shell, f"The workspace {folder}.", shell.quoted(folder), script.name)
+
+
+def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:
+    """Return the statement that sources a script and passes its prefix."""
+    return {
+        "template": f"scripts/{shell.family}/{'borrow' if shell.borrows(path) else 'source'}.j2",
+        "comment": "".join(sign if sign.isprintable() else "?" for sign in comment),
+        "prefix": prefix,
+        "file": path if path.startswith("/") else f"{prefix}/{path}",
+        "prefix_variables": ("COLCON_CURRENT_PREFIX",),
+    }
+
+
+def _marker(prefix: str, name: str) -> str:
+    """Return the file that exists while package `name` is installed."""
+    return f"{prefix}/share/colcon-core/packages/{name}"

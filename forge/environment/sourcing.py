@@ -1,0 +1,176 @@
+"""Computes the environment of sourced packages and workspaces without a shell."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import tempfile
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
+
+from forge.base.env_vars import without_secrets
+from forge.base.errors import EnvironmentFault, Problem, WorkspaceError
+from forge.environment import scripts
+from forge.environment.dsv import Edit, Installed, Script, apply, order, read_hooks, resolve_hooks
+from forge.environment.prefixes import LAYOUT_MARKER, installed_packages
+from forge.environment.recorded import recorded_underlays
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from forge.environment.dsv import Hook
+
+_NOT_THERE = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
+_SHELL_S_OWN = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX", "AMENT_CURRENT_PREFIX"})
+
+
+def build_environment(
+    packages: Iterable[tuple[str, Path]],
+    variables: Mapping[str, str],
+    edits_of: Callable[[str, Path], tuple[Edit | Script, ...]] | None = None,
+) -> dict[str, str]:
+    """Return `variables` after sourcing the packages (name, prefix), lowest first, entries in front.
+
+    The result is for code of packages and does not contain forge's credentials. It is computed from dsv files
+    or from `edits_of`; only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an
+    unreadable dsv file, EnvironmentFault for a hook that exits.
+    """
+    known = edits_of or package_edits
+    edits = [(prefix, edit) for name, prefix in packages for edit in known(name, prefix)]
+    return _apply(edits, without_secrets(variables), first=True)
+
+
+def workspace_environment(chain: Sequence[Path], variables: Mapping[str, str]) -> dict[str, str]:
+    """Return `variables` after sourcing the `local_setup` scripts of the roots, lowest first.
+
+    Raises like `build_environment`.
+    """
+    result = dict(variables)
+    for root in chain:
+        result = apply(
+            result, [(str(root), Edit("prepend", "COLCON_PREFIX_PATH", "", below=True))], first=True
+        )
+        edits = [
+            (root / package.folder, edit) for package in packages_in_order(root) for edit in package.edits
+        ]
+        result = _apply(edits, result, first=False)
+    return result
+
+
+def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return `variables` after sourcing `setup` of an install folder; missing underlays are ignored.
+
+    Raises WorkspaceError if nothing is installed, and like `build_environment`.
+    """
+    if not (install / LAYOUT_MARKER).is_file():
+        hint = "run 'forge build', or choose another folder with '--install-base'"
+        raise WorkspaceError(Problem(f"'{install}' contains no installed packages", hint=hint))
+    result = dict(variables)
+    for root in (*recorded_underlays(install), install):
+        script = root / "local_setup.sh"
+        if (root / LAYOUT_MARKER).is_file():
+            result = workspace_environment([root], result)
+        elif script.is_file():  # a distribution, whose script may do anything
+            result = _source(script, root, result)
+    return result
+
+
+def packages_in_order(root: Path) -> tuple[Installed, ...]:
+    """Return the packages of an install tree with their edits, lowest first."""
+    installed = {package.name: package for package in installed_packages(root)}
+    found = (installed[name] for name in order({name: p.needs for name, p in installed.items()}))
+    return tuple(
+        Installed(p.name, "" if p.prefix == root else p.prefix.name, package_edits(p.name, p.prefix))
+        for p in found
+    )
+
+
+def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
+    """Return the edits of an installed package; empty without dsv files."""
+    try:
+        stamp = (prefix / "share" / name / "package.dsv").stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return ()
+    return _read_edits(name, prefix, (stamp.st_ino, stamp.st_ctime_ns, stamp.st_size))
+
+
+def own_edits(name: str, prefix: Path, files: Iterable[str]) -> tuple[Edit | Script, ...]:
+    """Return the edits of a package in a merged prefix, based only on its own files.
+
+    Files that other packages have installed make no difference.
+    """
+    own = {"", "."}
+    for file in files:
+        path = file
+        while path not in own:
+            own.add(path)
+            path = path.rpartition("/")[0]
+    return resolve_hooks(
+        _read_hooks(name, prefix),
+        lambda path: os.path.exists(path) if path.startswith("/") else os.path.normpath(path) in own,  # noqa: PTH110
+    )
+
+
+def clear_edit_cache() -> None:
+    """Forget the cached edits of packages."""
+    _read_edits.cache_clear()
+
+
+@lru_cache(maxsize=4096)
+def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
+    """Read the dsv files of a package; the stamp of its package.dsv changes with each installation."""
+    # Unlike Path.exists, os.path.exists returns False for invalid names.
+    return resolve_hooks(_read_hooks(name, prefix), lambda path: os.path.exists(prefix / path))  # noqa: PTH110
+
+
+def _read_hooks(name: str, prefix: Path) -> Iterable[Hook]:
+    """Read the dsv files of a package."""
+
+    @cache
+    def read(path: str) -> str | None:
+        try:
+            with open(os.path.join(prefix, path), encoding="utf-8", errors="surrogateescape") as stream:  # noqa: PTH118, PTH123
+                return stream.read()
+        except OSError as error:
+            if error.errno in _NOT_THERE:
+                return None
+            raise
+
+    return read_hooks(name, read)
+
+
+def _apply(
+    edits: Iterable[tuple[Path, Edit | Script]], variables: Mapping[str, str], *, first: bool
+) -> dict[str, str]:
+    """Apply edits in batches separated by scripts."""
+    result = dict(variables)
+    run: list[tuple[str, Edit]] = []
+    for prefix, edit in edits:
+        if isinstance(edit, Edit):
+            run.append((str(prefix), edit))
+        elif path := edit.path("sh"):
+            result = _source(prefix / path, prefix, apply(result, run, first=first))
+            run.clear()
+    return apply(result, run, first=first)
+
+
+def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment after sourcing a hook with sh."""
+    if not hook.is_file():
+        return dict(variables)
+    before = dict(variables) | {"COLCON_CURRENT_PREFIX": str(prefix), "AMENT_CURRENT_PREFIX": str(prefix)}
+    with tempfile.NamedTemporaryFile("w", suffix=".sh", encoding="utf-8") as script:
+        script.write(scripts.hook_runner())
+        script.flush()
+        done = subprocess.run(
+            ["/bin/sh", script.name, str(hook)], env=before, capture_output=True, check=False
+        )
+    _, _, after = done.stdout.partition(b"\0\0")
+    if not after:
+        reason = done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
+        raise EnvironmentFault(Problem(f"the environment hook '{hook}' exits: {reason}"))
+    pairs = (item.decode(errors="surrogateescape").partition("=") for item in after.split(b"\0") if item)
+    left = {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
+    return left | {name: value for name, value in variables.items() if name in _SHELL_S_OWN}

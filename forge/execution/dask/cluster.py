@@ -1,0 +1,201 @@
+"""Connect to a Dask scheduler, survey its workers, and reject unsuitable ones."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sys
+import time
+import uuid
+import warnings
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.frozen import frozen
+from forge.execution.dask.surveying import traits_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from distributed import Client
+
+    from forge.base.frozen import Pairs
+    from forge.execution.dask.model import Surveyed, Traits
+
+FOLDER = ".forge_cluster"
+"""The folder below the build folder for forge's cluster files."""
+
+OWN_PYTHON = "forge's Python"
+
+_CONNECT_SECONDS = 10
+_WORKER_SECONDS = 60
+
+
+@frozen
+class Cluster:
+    """A connected scheduler and its suitable workers."""
+
+    client: Client
+    address: str
+    workers: tuple[Surveyed, ...]
+    sharing: bool
+    """True if the workers share the client's build folder."""
+    remarks: tuple[Problem, ...] = ()
+    """The reasons why other workers are not used."""
+
+    @property
+    def fit(self) -> tuple[str, ...]:
+        """The allowed workers if some are unsuitable; empty if any may be used, including later ones."""
+        return tuple(worker.address for worker in self.workers) if self.remarks else ()
+
+    @property
+    def slots(self) -> int:
+        """The number of packages that the workers build at a time."""
+        return sum(worker.slots for worker in self.workers)
+
+
+@contextlib.contextmanager
+def connected(address: str, build: Path, programs: Mapping[str, str], python: str) -> Iterator[Cluster]:
+    """Yield the cluster of a scheduler; every worker must have the same `programs` at the same paths.
+
+    Workers that share the client's folders must also have the same `python`, which runs forge. Raises
+    EnvironmentFault if the scheduler is unreachable, no worker is suitable, or versions of forge or Python
+    differ.
+    """
+    client = _client(address)
+    try:
+        _await_workers(client, address)
+        yield _surveyed(client, address, build, tuple(sorted({**programs, OWN_PYTHON: python}.items())))
+    finally:
+        with contextlib.suppress(OSError, TimeoutError):
+            client.close(timeout=_CONNECT_SECONDS)
+
+
+def _client(address: str) -> Client:
+    try:
+        from distributed import Client  # noqa: PLC0415  (an extra, and slow)
+    except ImportError:
+        problem = Problem("'--executor dask' needs Dask", hint="pip install 'ros-forge[dask]'")
+        raise EnvironmentFault(problem) from None
+
+    class Quiet(Client):
+        """A client that prints nothing when it is deleted without having been connected."""
+
+        def __del__(self) -> None:
+            with contextlib.suppress(Exception):
+                super().__del__()  # type: ignore[no-untyped-call]
+
+    # forge reports its problems itself.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            # Dask's constructor is untyped.
+            return Quiet(address, timeout=_connect_timeout(), set_as_default=False, name="forge")  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        hint = "check that `dask scheduler` is running there, and that this is the address it printed"
+        message = f"cannot connect to the scheduler at '{address}': {_first_line(error)}"
+        raise EnvironmentFault(Problem(message, hint=hint)) from None
+
+
+def _connect_timeout() -> float:
+    """Return the connection timeout: the smaller one of Dask's setting and forge's."""
+    import dask.config  # noqa: PLC0415  (with Dask)
+    from dask.utils import parse_timedelta  # noqa: PLC0415
+
+    theirs = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+    return min(float(_CONNECT_SECONDS), float(theirs))
+
+
+def _await_workers(client: Client, address: str) -> None:
+    """Wait for a worker; raise EnvironmentFault if none joins."""
+    until = time.monotonic() + _WORKER_SECONDS
+    reported = False
+    while not client.nthreads():
+        if not reported:
+            sys.stderr.write(f"waiting for a worker at {address}, for {_WORKER_SECONDS} seconds at most\n")
+            reported = True
+        if time.monotonic() > until:
+            hint = f"start one with `dask worker {address}`, or set the minimum of an adaptive cluster to 1"
+            raise EnvironmentFault(Problem(f"the scheduler at '{address}' has no worker", hint=hint))
+        time.sleep(0.2)
+
+
+def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Cluster:
+    from forge.execution.dask.remote_task import survey  # noqa: PLC0415  (only with Dask)
+
+    token = uuid.uuid4().hex
+    probe = build / FOLDER / f"probe-{token}"
+    probe.parent.mkdir(parents=True, exist_ok=True)
+    probe.write_text(token, encoding="utf-8")
+    try:
+        found = client.run(survey, str(probe), token, programs, on_error="return")
+    finally:
+        probe.unlink()
+    lost = {where: result for where, result in found.items() if isinstance(result, BaseException)}
+    workers = tuple(result for where, result in sorted(found.items()) if where not in lost)
+    sharing = bool(workers) and all(worker.sharing for worker in workers)
+    ours = traits_of(programs)
+    differing = {worker.address: tuple(_other_programs(worker, ours, sharing=sharing)) for worker in workers}
+    fit = tuple(worker for worker in workers if not differing[worker.address])
+    remarks = tuple(problem for problems in differing.values() for problem in problems)
+    raise_if_any(
+        (
+            *(_unsurveyed(where, error) for where, error in sorted(lost.items())),
+            *_mixed(workers),
+            *(problem for worker in workers for problem in _other_versions(worker, ours)),
+            *(() if fit else remarks),
+        ),
+        EnvironmentFault,
+    )
+    return Cluster(client, address, fit, sharing, remarks)
+
+
+def _unsurveyed(where: str, error: BaseException) -> Problem:
+    hint = "install the same version of forge there: pip install 'ros-forge[dask]'"
+    missing = isinstance(error, ImportError)
+    cause = "forge is not installed there, or another version" if missing else _first_line(error)
+    return Problem(f"the worker at '{where}' cannot be used: {cause}", hint=hint if missing else None)
+
+
+def _mixed(workers: tuple[Surveyed, ...]) -> Iterator[Problem]:
+    """Yield a problem if some workers share the build folder and others do not."""
+    separate = [worker for worker in workers if not worker.sharing]
+    if separate and len(separate) < len(workers):
+        hint = "mount it at the same path on all of them, or on none"
+        names = ", ".join(f"'{worker.address}'" for worker in separate)
+        yield Problem(f"some workers share the build folder, and others do not: {names}", hint=hint)
+
+
+def _other_versions(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
+    """Yield a problem if a worker has another version of forge or Python."""
+    theirs = worker.traits
+    for name, local, other in (("forge", ours.forge, theirs.forge), ("Python", ours.python, theirs.python)):
+        if local != other:
+            message = f"{_where(worker)} has {name} {other}, this machine has {local}"
+            yield Problem(message, hint=f"install the same {name} on both")
+
+
+def _other_programs(worker: Surveyed, ours: Traits, *, sharing: bool) -> Iterator[Problem]:
+    """Yield a problem for each program in which a worker differs.
+
+    With shared folders, a worker continues in a build folder configured by another one; without, cached
+    results are only found with the same programs.
+    """
+    known = dict(worker.traits.tools)
+    for name, local in ours.tools:
+        if known.get(name) == local or (name == OWN_PYTHON and not sharing):
+            continue
+        difference = "differs there" if known.get(name) else "does not exist there"
+        hint = "install the same programs at the same paths on all machines, for example from one image"
+        path = local.rpartition(" ")[0]
+        yield Problem(f"{_where(worker)} is not used: '{path}' {difference}", hint=hint)
+
+
+def _where(worker: Surveyed) -> str:
+    return f"the worker at '{worker.address}' on '{worker.host}'"
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,254 @@
+"""The connection to the workers of one build: submit tasks to Dask, send commands, receive events."""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+import threading
+import uuid
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import EnvironmentFault, Problem
+from forge.build.events import Aborted, Finished, Output
+from forge.execution.dask.model import ACK_INTERVAL, FINISH, INTERRUPT, KILL, MissingSources, TaskRequest
+from forge.execution.dask.remote_task import (
+    acknowledge,
+    deliver_task,
+    forget,
+    run_remote_task,
+    send_command,
+    supply_archive,
+)
+from forge.execution.dask.router import Router
+from forge.execution.runner import GRACE_SECONDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from distributed import Future
+
+    from forge.build.events import Event
+    from forge.execution.dask.cluster import Cluster
+    from forge.execution.dask.model import RemoteTask, Terms
+    from forge.execution.dask.router import Mailbox
+    from forge.execution.dask.sources import ArchiveStore
+
+_GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
+"""The client's own messages: a worker did not stop in time; Dask has ended the task; its result was lost."""
+
+_RETRIES = 1
+"""How often Dask retries a task after an internal error; after the death of a worker it always does."""
+_MESSAGE_SECONDS = 10.0
+
+
+class Connection:
+    """The connection of the runners to the workers; thread-safe. Close it when all tasks have ended."""
+
+    def __init__(self, cluster: Cluster, terms: Terms) -> None:
+        """Subscribe to the messages of workers; nothing is submitted yet."""
+        self.cluster = cluster
+        self.terms = terms
+        self.topic = f"forge-{uuid.uuid4().hex}"
+        self.archives: ArchiveStore | None = None
+        """The archives of sources for workers without shared folders."""
+        self.command = ""
+        """The last command sent to all workers; empty while the build continues."""
+        self._client = cluster.client
+        self._router = Router()
+        self._client.subscribe_topic(self.topic, self._router.deliver)
+
+    def events(self, name: str, remote_task: Callable[[int, TaskRequest], RemoteTask]) -> Iterator[Event]:
+        """Run a task on some worker and yield its events; the last is Finished or Aborted.
+
+        `remote_task` is called when a worker requests the task, with the number of earlier attempts: a task
+        is attempted again if its worker died.
+        """
+        key = f"{self.topic}-{name}"
+        mailbox = self._router.open(key)
+        call = Call(self, name, remote_task, mailbox, self._submit(key, mailbox))
+        if self.command:
+            mailbox.note(self.command)
+        try:
+            yield from call.events()
+        finally:
+            self._router.close(key)
+            call.close()
+
+    def deliver_task(self, request: TaskRequest, remote_task: RemoteTask) -> None:
+        """Deliver a task to the worker that requested it."""
+        packed = pickle.dumps(remote_task)
+        # If the worker has died meanwhile, another one will request the task.
+        with contextlib.suppress(OSError, TimeoutError):
+            self._client.run(deliver_task, request.attempt, packed, workers=[request.address])
+
+    def digest(self, source: Path) -> str:
+        """Return the digest of the archive of a package's folder; raises Unshippable."""
+        assert self.archives is not None  # noqa: S101  (set without shared folders)
+        return self.archives.digest(source)
+
+    def supply_archive(self, missing: MissingSources) -> None:
+        """Give a worker the archives that it lacks, piece by piece."""
+        assert self.archives is not None  # noqa: S101  (set without shared folders)
+        with contextlib.suppress(OSError, TimeoutError):
+            for digest in missing.digests:
+                for piece, last in self.archives.pieces(digest):
+                    self._client.run(
+                        supply_archive, missing.attempt, digest, piece, last=last, workers=[missing.address]
+                    )
+
+    def acknowledge_messages(self, request: TaskRequest) -> None:
+        """Acknowledge messages to a worker."""
+        with contextlib.suppress(OSError, TimeoutError):
+            self._client.run(acknowledge, request.attempt, workers=[request.address])
+
+    def finish_steps(self) -> None:
+        """Let running steps finish and start no further step."""
+        if not self.command:
+            self._broadcast(FINISH)
+
+    def interrupt(self, *, kill: bool) -> None:
+        """Terminate everything on all workers; workers that do not respond are abandoned after a while."""
+        self._broadcast(KILL if kill else INTERRUPT)
+        # After an interrupt, the runner escalates twice.
+        timeout = GRACE_SECONDS if kill else 4 * GRACE_SECONDS
+        _later(timeout, lambda: self._router.for_each(lambda mailbox: mailbox.note(_GIVE_UP)))
+
+    def close(self) -> None:
+        """Unsubscribe and remove the messages from the scheduler."""
+        if self.archives:
+            self.archives.close()
+        with contextlib.suppress(Exception):  # the build has ended, so errors do not matter
+            self._client.unsubscribe_topic(self.topic)
+            self._client.run_on_scheduler(forget, self.topic)
+
+    def _submit(self, key: str, mailbox: Mailbox) -> Future[Any]:
+        future = self._client.submit(
+            run_remote_task,
+            self.topic,
+            key,
+            key=key,
+            pure=False,
+            retries=_RETRIES,
+            resources=dict(self.terms.resources) or None,
+            workers=list(self.cluster.fit) or None,
+        )
+        future.add_done_callback(lambda _: mailbox.note(_ENDED))
+        return future
+
+    def _broadcast(self, command: str) -> None:
+        self.command = command
+        self._router.for_each(lambda mailbox: mailbox.note(command))
+        # Not in the loop's thread, since the scheduler may respond slowly.
+        threading.Thread(target=self._send_command, args=(command,), daemon=True).start()
+
+    def _send_command(self, command: str) -> None:
+        with contextlib.suppress(Exception):  # unreachable workers are abandoned after the timeout
+            self._client.run(send_command, self.topic, command)
+
+
+class Call:
+    """One task submitted to the cluster."""
+
+    def __init__(
+        self,
+        connection: Connection,
+        name: str,
+        remote_task: Callable[[int, TaskRequest], RemoteTask],
+        mailbox: Mailbox,
+        future: Future[Any],
+    ) -> None:
+        """Start before any worker has requested the task."""
+        self._connection = connection
+        self._name = name
+        self._make_remote_task = remote_task
+        self._mailbox = mailbox
+        self._future = future
+        self._attempts = 0
+        self._request: TaskRequest | None = None
+        self._until_ack = ACK_INTERVAL
+
+    def events(self) -> Iterator[Event]:
+        """Yield events until the task has ended."""
+        while True:
+            message = self._mailbox.get()
+            if isinstance(message, TaskRequest):
+                events = self._receive(message)
+            elif isinstance(message, MissingSources):
+                self._connection.supply_archive(message)
+                events = ()
+            elif isinstance(message, str):
+                events = self._handle_command(message)
+            else:
+                events = (message,)
+                self._count()
+            yield from events
+            if events and isinstance(events[-1], Finished | Aborted):
+                return
+
+    def close(self) -> None:
+        """Cancel the task unless it is done; a worker that runs it terminates it."""
+        if not self._future.done():
+            with contextlib.suppress(OSError, TimeoutError):
+                self._future.cancel()
+
+    def _count(self) -> None:
+        """Count a received message, and acknowledge from time to time."""
+        self._until_ack -= 1
+        if not self._until_ack and self._request:
+            self._until_ack = ACK_INTERVAL
+            self._connection.acknowledge_messages(self._request)
+
+    def _receive(self, request: TaskRequest) -> tuple[Event, ...]:
+        """Deliver the task unless the build is being stopped."""
+        if self._connection.command:
+            return (Aborted(self._name, 0.0),)
+        before, self._request, self._until_ack = self._request, request, ACK_INTERVAL
+        self._mailbox.follow(request.attempt)
+        remote_task = self._make_remote_task(self._attempts, request)
+        self._attempts += 1
+        self._connection.deliver_task(request, remote_task)
+        if before is None:
+            return ()
+        message = f"the worker on {before.host} was lost; '{self._name}' is restarted on {request.host}"
+        return (self._output(message),)
+
+    def _handle_command(self, command: str) -> tuple[Event, ...]:
+        """Do as our own words say."""
+        aborted = Aborted(self._name, 0.0)
+        if command == _ENDED:
+            return self._ended()
+        if command == _LOST:
+            raise EnvironmentFault(Problem(f"the worker's result for '{self._name}' was not received"))
+        if command == _GIVE_UP:
+            where = f"the worker on {self._request.host}" if self._request else "the scheduler"
+            return (self._output(f"{where} does not respond and is abandoned"), aborted)
+        return () if self._mailbox.attempt else (aborted,)
+
+    def _ended(self) -> tuple[Event, ...]:
+        """Return the events after Dask has ended the task: none while its last message is in transit."""
+        status = self._future.status
+        if status == "finished":
+            _later(_MESSAGE_SECONDS, lambda: self._mailbox.note(_LOST))
+            return ()
+        if status != "error":
+            hint = "check that it is still running, and that the task was not cancelled there"
+            where = self._connection.cluster.address
+            raise EnvironmentFault(
+                Problem(f"the scheduler at '{where}' dropped the task '{self._name}'", hint=hint)
+            )
+        error = self._future.exception()
+        if type(error).__name__ == "KilledWorker":
+            cause = "every worker that ran it died; see the logs of the workers"
+        else:
+            cause = str(error) or type(error).__name__
+        return (self._output(f"'{self._name}' failed: {cause}"), Finished(self._name, 1, 0.0))
+
+    def _output(self, text: str) -> Output:
+        return Output(self._name, f"forge: {text}\n".encode(errors="replace"), stderr=True)
+
+
+def _later(seconds: float, do: Callable[[], object]) -> None:
+    timer = threading.Timer(seconds, do)
+    timer.daemon = True
+    timer.start()

@@ -1,0 +1,268 @@
+"""Code that runs inside a Dask worker: a task requests its RemoteTask and starts a step runner for it.
+
+The step runner is a separate program that terminates the steps if the worker is killed, so that no compiler
+outlives its build. Everything here runs in the worker's event loop without concurrency.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hashlib
+import itertools
+import os
+import pickle
+import sys
+import uuid
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.execution.dask.model import ACK_INTERVAL, INTERRUPT, MACHINE, MissingSources, Surveyed, TaskRequest
+from forge.execution.dask.sharing import Share
+from forge.execution.dask.step_runner import LENGTH, with_length
+from forge.execution.dask.surveying import host_name, shares_file, traits_of
+from forge.toolchain.interpreter import own_command
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from distributed import Scheduler, Worker
+
+    from forge.execution.dask.model import RemoteTask, SourceBundle
+
+_POLL_SECONDS = 0.5
+"""How often a task checks whether its result is still needed."""
+_END_SECONDS = 10.0
+
+_MAX_PENDING = 2 * ACK_INTERVAL
+"""The number of unacknowledged messages after which programs with much output are blocked."""
+
+_attempts: dict[str, Attempt] = {}
+_shares: dict[str, Share] = {}
+
+
+class Attempt:
+    """One attempt of a task on this worker."""
+
+    def __init__(self, worker: Worker, topic: str, key: str) -> None:
+        """Start without a task; nothing is sent yet."""
+        self.name = uuid.uuid4().hex
+        self.topic = topic
+        self.remote_task: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        self.commands: asyncio.Queue[str] = asyncio.Queue()
+        self.missing: set[str] = set()
+        self.complete = asyncio.Event()
+        self.may_send = asyncio.Event()
+        self.may_send.set()
+        self._pending = 0
+        taken = {other.slot for other in _attempts.values()}
+        self.slot: int = next(number for number in itertools.count() if number not in taken)
+        self.home = Path(worker.local_directory, "forge")
+        self._worker = worker
+        self._key = key
+        self._sent = 0
+
+    @property
+    def address(self) -> str:
+        """The address of the worker."""
+        return self._worker.address
+
+    @property
+    def is_wanted(self) -> bool:
+        """Return False if the client has cancelled the task or disconnected."""
+        state = self._worker.state.tasks.get(self._key)
+        return state is not None and state.state not in {"cancelled", "released", "forgotten"}
+
+    def send(self, message: bytes) -> None:
+        """Send a numbered message to the client."""
+        self._worker.log_event(self.topic, {"visit": self.name, "number": self._sent, "letter": message})
+        self._sent += 1
+        self._pending += 1
+        if self._pending >= _MAX_PENDING and self.is_wanted:
+            self.may_send.clear()
+
+    def acknowledge(self) -> None:
+        """Continue after the client has acknowledged ACK_INTERVAL messages."""
+        self._pending -= ACK_INTERVAL
+        self.may_send.set()
+
+
+async def run_remote_task(topic: str, key: str) -> None:
+    """Run one task in Dask: request the RemoteTask, wait for it, forward its events."""
+    from distributed import get_worker  # noqa: PLC0415  (an extra, which a worker has)
+
+    worker = get_worker()
+    attempt = Attempt(worker, topic, key)
+    _attempts[attempt.name] = attempt
+    watch = asyncio.ensure_future(_watch(attempt))
+    try:
+        request = TaskRequest(
+            attempt.name, worker.address, host_name(), str(attempt.home / str(attempt.slot))
+        )
+        attempt.send(pickle.dumps((key, request)))
+        waiting: set[asyncio.Future[Any]] = {attempt.remote_task, watch}
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        if attempt.remote_task.done():
+            remote_task: RemoteTask = pickle.loads(attempt.remote_task.result())  # noqa: S301  (a client may run anything here)
+            if remote_task.bundle is not None:
+                remote_task = await _with_sources(attempt, remote_task, remote_task.bundle, watch)
+            if not watch.done():
+                await _run(attempt, remote_task, worker)
+    finally:
+        watch.cancel()
+        del _attempts[attempt.name]
+
+
+def survey(probe: str, content: str, programs: tuple[tuple[str, str], ...], dask_worker: Worker) -> Surveyed:
+    """Return the properties of this worker; the client calls this on every worker."""
+    state = dask_worker.state
+    return Surveyed(
+        dask_worker.address,
+        host_name(),
+        traits_of(programs),
+        shares_file(probe, content),
+        state.nthreads,
+        tuple(sorted(state.total_resources.items())),
+    )
+
+
+async def deliver_task(attempt: str, remote_task: bytes) -> bool:
+    """Deliver a pickled RemoteTask; return False if the attempt has ended. Called by the client."""
+    found = _attempts.get(attempt)
+    if found is not None and not found.remote_task.done():
+        found.remote_task.set_result(remote_task)
+    return found is not None
+
+
+async def acknowledge(attempt: str) -> None:
+    """Acknowledge messages of an attempt. Called by the client."""
+    found = _attempts.get(attempt)
+    if found is not None:
+        found.acknowledge()
+
+
+async def supply_archive(attempt: str, digest: str, piece: bytes, *, last: bool) -> bool:
+    """Deliver a piece of an archive; return False if the attempt has ended. Called by the client."""
+    found = _attempts.get(attempt)
+    if found is None:
+        return False
+    draft = found.home / "archives" / f"{digest}.{attempt}"
+    with draft.open("ab") as archive:
+        archive.write(piece)
+    if last:
+        digest_found = await asyncio.to_thread(_digest_of, draft)
+        if digest_found != digest:
+            draft.unlink()
+            raise ValueError(f"an archive of sources has the digest {digest_found} instead of {digest}")
+        draft.rename(draft.with_name(digest))
+        found.missing.discard(digest)
+        if not found.missing:
+            found.complete.set()
+    return True
+
+
+async def send_command(topic: str, command: str, attempt: str = "") -> int:
+    """Send a command to all attempts of a build, or to one; return their number."""
+    found = [
+        attempt_
+        for attempt_ in _attempts.values()
+        if attempt_.topic == topic and attempt in {"", attempt_.name}
+    ]
+    for attempt_ in found:
+        attempt_.commands.put_nowait(command)
+    return len(found)
+
+
+def forget(topic: str, dask_scheduler: Scheduler) -> None:
+    """Remove the messages of an ended build from the scheduler."""
+    with contextlib.suppress(AttributeError):
+        dask_scheduler._broker.truncate(topic)  # noqa: SLF001  (there is no public API)
+
+
+async def _watch(attempt: Attempt) -> None:
+    """Interrupt the step runner when the result is no longer needed."""
+    while attempt.is_wanted:  # noqa: ASYNC110  (Dask does not notify)
+        await asyncio.sleep(_POLL_SECONDS)
+    attempt.commands.put_nowait(INTERRUPT)
+    # There will be no further acknowledgements.
+    attempt.may_send.set()
+
+
+async def _with_sources(
+    attempt: Attempt, remote_task: RemoteTask, bundle: SourceBundle, watch: asyncio.Future[None]
+) -> RemoteTask:
+    """Wait for missing archives; return the task with the folders of this worker."""
+    archives = attempt.home / "archives"
+    archives.mkdir(parents=True, exist_ok=True)
+    attempt.missing = {digest for _, digest in bundle.packages if not (archives / digest).is_file()}
+    if attempt.missing:
+        attempt.send(
+            pickle.dumps(MissingSources(attempt.name, attempt.address, tuple(sorted(attempt.missing))))
+        )
+        waiting: set[asyncio.Future[Any]] = {asyncio.ensure_future(attempt.complete.wait()), watch}
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+    folder = attempt.home / str(attempt.slot) / bundle.workspace
+    here = replace(bundle, folder=folder, archives=archives)
+    step = remote_task.task.steps[0]
+    step = replace(step, argv=own_command(*step.argv), cwd=folder)
+    task = replace(remote_task.task, steps=(step,), build_dir=folder / ".forge_errand")
+    return replace(
+        remote_task, task=task, environment=_worker_environment(remote_task.environment), bundle=here
+    )
+
+
+def _worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the client's environment with the machine-specific variables of this worker."""
+    own = {name: value for name, value in os.environ.items() if name in MACHINE}
+    path = (environment.get("PATH", ""), os.environ.get("PATH", ""))
+    return {**environment, **own, "PATH": os.pathsep.join(filter(None, path))}
+
+
+def _digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> None:
+    share = _shares.setdefault(attempt.topic, Share(remote_task.terms.jobs, worker.state.nthreads))
+    styles = await asyncio.to_thread(share.prepare, remote_task.environment)
+    with share.slot() as pool:
+        argv = own_command("-m", "forge.execution.dask.step_runner", *pool.arguments, *styles)
+        process = await asyncio.create_subprocess_exec(
+            *argv,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            pass_fds=pool.descriptors,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,
+        )
+        assert process.stdin is not None  # noqa: S101  (created above)
+        process.stdin.write(with_length(pickle.dumps(remote_task)))
+        passing = asyncio.ensure_future(_forward_commands(attempt, process.stdin))
+        try:
+            await _forward_messages(attempt, process)
+        finally:
+            passing.cancel()
+            process.stdin.close()
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(process.wait(), _END_SECONDS)
+    if process.returncode:
+        raise RuntimeError(f"the step runner on {host_name()} exited with code {process.returncode}")
+
+
+async def _forward_commands(attempt: Attempt, stdin: asyncio.StreamWriter) -> None:
+    while True:
+        command = await attempt.commands.get()
+        with contextlib.suppress(OSError):
+            stdin.write(f"{command}\n".encode())
+            await stdin.drain()
+
+
+async def _forward_messages(attempt: Attempt, process: asyncio.subprocess.Process) -> None:
+    assert process.stdout is not None  # noqa: S101  (created by the caller)
+    with contextlib.suppress(asyncio.IncompleteReadError):
+        while True:
+            size = int.from_bytes(await process.stdout.readexactly(LENGTH), "big")
+            message = await process.stdout.readexactly(size)
+            await attempt.may_send.wait()
+            attempt.send(message)

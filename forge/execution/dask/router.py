@@ -1,0 +1,97 @@
+"""Route messages from workers to the threads that wait for them."""
+
+from __future__ import annotations
+
+import pickle
+import queue
+import threading
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import EnvironmentFault, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from forge.build.events import Event
+    from forge.execution.dask.model import MissingSources, TaskRequest
+
+
+class Mailbox:
+    """The messages of one task from any worker; `attempt` is the current attempt."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.attempt = ""
+        self._expected = 0
+        self._messages: queue.SimpleQueue[tuple[str, int, Any]] = queue.SimpleQueue()
+
+    def put(self, attempt: str, number: int, content: object) -> None:
+        """Add a message from an attempt, or from the client if `attempt` is empty."""
+        self._messages.put((attempt, number, content))
+
+    def note(self, command: str) -> None:
+        """Add a message from the client."""
+        self.put("", 0, command)
+
+    def get(self) -> Event | TaskRequest | MissingSources | str:
+        """Wait for the next task request, event of the current attempt, or message from the client.
+
+        Raises EnvironmentFault if a message was lost.
+        """
+        while True:
+            attempt, number, content = self._messages.get()
+            if not attempt or number == 0:
+                return content  # type: ignore[no-any-return]
+            if attempt != self.attempt:
+                continue
+            self._expected += 1
+            if number != self._expected:
+                raise EnvironmentFault(Problem("a message from a worker was lost"))
+            return pickle.loads(content)  # type: ignore[no-any-return]  # noqa: S301  (from a trusted worker)
+
+    def follow(self, attempt: str) -> None:
+        """Make this the current attempt; messages of others are ignored."""
+        self.attempt = attempt
+        self._expected = 0
+
+
+class Router:
+    """Distributes messages from workers; `deliver` is called in the client's event loop."""
+
+    def __init__(self) -> None:
+        """Start without mailboxes."""
+        self._mailboxes: dict[str, Mailbox] = {}
+        self._attempts: dict[str, Mailbox] = {}
+        self._lock = threading.Lock()
+
+    def open(self, key: str) -> Mailbox:
+        """Create the mailbox of a task."""
+        with self._lock:
+            mailbox = self._mailboxes[key] = Mailbox()
+            return mailbox
+
+    def close(self, key: str) -> None:
+        """Remove the mailbox of a task."""
+        with self._lock:
+            removed = self._mailboxes.pop(key, None)
+            self._attempts = {
+                attempt: mailbox for attempt, mailbox in self._attempts.items() if mailbox is not removed
+            }
+
+    def deliver(self, event: tuple[float, dict[str, Any]]) -> None:
+        """Route one Dask event, a pair of time and message."""
+        message = event[1]
+        attempt, number, content = message["visit"], message["number"], message["letter"]
+        with self._lock:
+            if number == 0:
+                key, content = pickle.loads(content)  # noqa: S301  (a worker of ours)
+                if key in self._mailboxes:
+                    self._attempts[attempt] = self._mailboxes[key]
+            if attempt in self._attempts:
+                self._attempts[attempt].put(attempt, number, content)
+
+    def for_each(self, do: Callable[[Mailbox], object]) -> None:
+        """Call a function with every mailbox."""
+        with self._lock:
+            for mailbox in self._mailboxes.values():
+                do(mailbox)

@@ -1,0 +1,78 @@
+"""Share the jobs of one worker between the packages that it builds concurrently."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.execution.jobserver import TOKEN, common_style, create_pool, supported_styles
+from forge.toolchain.programs import find_ninja, find_program
+from forge.toolchain.resources import processors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from forge.execution.jobserver import TokenPool
+
+
+@frozen
+class Ticket:
+    """The job settings of a step runner: arguments, and descriptors that it inherits."""
+
+    arguments: tuple[str, str]
+    descriptors: tuple[int, ...] = ()
+
+
+class Share:
+    """The token pool of a worker: each slot has an implicit job, and the remaining tokens are in the pool.
+
+    Therefore no step runner waits for another. If no tool supports a jobserver, each slot gets a fixed share.
+    """
+
+    def __init__(self, jobs: int | None, slots: int) -> None:
+        """Start with the requested number of jobs, or the number of processors."""
+        self._jobs = max(jobs or processors(), slots)
+        self._slots = slots
+        self._pool: TokenPool | None = None
+        self._styles: tuple[str, ...] | None = None
+        self._active = 0
+        self._lock = threading.Lock()
+
+    def prepare(self, variables: Mapping[str, str]) -> tuple[str, ...]:
+        """Return the names of the tools with jobserver support; create the pool at the first call."""
+        with self._lock:
+            if self._styles is None:
+                tools = {"ninja": find_ninja(variables), "make": find_program("make", variables)}
+                found = {
+                    name: supported_styles(name, Path(tool), variables)
+                    for name, tool in tools.items()
+                    if tool
+                }
+                style = common_style(found)
+                self._pool = create_pool(style, self._jobs) if style else None
+                self._jobs = min(self._jobs, self._pool.room) if self._pool else self._jobs
+                self._styles = tuple(name for name, styles in found.items() if style in styles)
+            return self._styles
+
+    @contextlib.contextmanager
+    def slot(self) -> Iterator[Ticket]:
+        """Occupy a slot for a step runner."""
+        if self._pool is None:
+            yield Ticket((str(max(1, self._jobs // self._slots)), ""))
+            return
+        if not self._active:
+            self._refill(self._pool)
+        self._active += 1
+        try:
+            yield Ticket((str(self._jobs), self._pool.auth), self._pool.descriptors)
+        finally:
+            self._active -= 1
+
+    def _refill(self, pool: TokenPool) -> None:
+        """Restore tokens lost by killed tools, while no task runs."""
+        while pool.take_now():
+            pass
+        pool.give(TOKEN * (self._jobs - self._slots))

@@ -1,0 +1,157 @@
+"""A program on a worker that runs the steps of one task, and terminates them when the worker ends.
+
+It reads a RemoteTask from stdin, followed by commands, one per line; the end of stdin means that the result
+is no longer needed. It writes events to stdout, each pickled and preceded by its length; the reader runs the
+same forge.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import pickle
+import sys
+import threading
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from forge.build.events import Aborted, Finished
+from forge.build.model import BuildInputs, BuildRecord
+from forge.execution.dask.model import FINISH, INTERRUPT
+from forge.execution.job_pool import JobPool
+from forge.execution.jobserver import join_pool
+from forge.execution.runner import ProcessRunner, TaskLifecycle
+from forge.execution.started import VARIABLE, StartedProcesses
+from forge.toolchain.resources import shortage
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.build.events import Event
+    from forge.execution.dask.model import RemoteTask
+
+LENGTH = 4
+"""The size in bytes of the length in front of each message."""
+
+COMMANDS_THREAD = "words"
+"""The name of the thread that reads commands."""
+
+_PATIENCE_SECONDS = 30.0
+
+
+def main(argv: list[str]) -> int:
+    """Run the task in stdin; see `run_task`."""
+    run_task(argv, _own_stdin(), _own_stdout())
+    return 0
+
+
+def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
+    """Run the task in `source`; `argv` is the number of jobs, the jobserver address and supporting tools."""
+    jobs, auth, *jobserver_tools = argv
+    # The client is trusted: it may run anything here.
+    remote_task: RemoteTask = pickle.loads(read_message(source))  # noqa: S301
+    pool = join_pool(auth) if auth else None
+    is_short = partial(shortage, remote_task.terms.memory, remote_task.terms.load)
+    job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_short=is_short)
+    # The client performs the rest of the task's lifecycle.
+    lifecycle = TaskLifecycle(
+        lambda _: remote_task.environment,
+        lambda _task, _variables: None,
+        lambda _: BuildRecord(BuildInputs()),
+    )
+    folder = remote_task.environment.get(VARIABLE) if remote_task.lock else None
+    runner = ProcessRunner(lifecycle, job_pool, StartedProcesses(Path(folder)) if folder else None)
+    gently = remote_task.bundle is not None
+    listen = partial(_listen, source, runner, gently=gently)
+    threading.Thread(target=listen, name=COMMANDS_THREAD, daemon=True).start()
+    put = partial(_write, target, threading.Lock())
+    name, begun = remote_task.task.name, time.monotonic()
+    if remote_task.bundle is not None:
+        from forge.execution.dask.sources import unpack_bundle  # noqa: PLC0415  (only where folders are not shared)
+
+        unpack_bundle(remote_task.bundle)
+    with contextlib.closing(job_pool), _locked(remote_task.lock), job_pool.package() as has_begun:
+        stopped = None if has_begun else Aborted(name, 0.0)
+        failure = stopped or runner.run_steps(remote_task.task, remote_task.environment, put, begun)
+        put(failure or Finished(name, 0, time.monotonic() - begun))
+
+
+def with_length(content: bytes) -> bytes:
+    """Return a message with its length in front."""
+    return len(content).to_bytes(LENGTH, "big") + content
+
+
+def read_message(stream: BinaryIO) -> bytes:
+    """Return the next message; raises EOFError at the end."""
+    return _exactly(stream, int.from_bytes(_exactly(stream, LENGTH), "big"))
+
+
+def _exactly(stream: BinaryIO, size: int) -> bytes:
+    content = b""
+    while len(content) < size:
+        more = stream.read(size - len(content))
+        if not more:
+            raise EOFError
+        content += more
+    return content
+
+
+def _own_stdin() -> BinaryIO:
+    """Return unbuffered stdin: the lock of a buffer would block the exit while a thread still reads."""
+    return os.fdopen(os.dup(0), "rb", buffering=0)
+
+
+def _own_stdout() -> BinaryIO:
+    """Return exclusive stdout: other output to stdout is redirected to stderr."""
+    own = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    return own
+
+
+def _write(target: BinaryIO, lock: threading.Lock, event: Event) -> None:
+    # Fails if the worker has ended; then the steps are terminated at the end of stdin.
+    with lock, contextlib.suppress(OSError):
+        target.write(with_length(pickle.dumps(event)))
+        target.flush()
+
+
+def _listen(source: BinaryIO, runner: ProcessRunner, *, gently: bool) -> None:
+    """Execute the commands in `source`; `gently` never kills a forge, which must end its own processes."""
+    for line in source:
+        command = line.decode().strip()
+        if command == FINISH:
+            runner.finish_steps()
+        else:
+            runner.interrupt(kill=command != INTERRUPT and not gently)
+    runner.interrupt(kill=not gently)
+
+
+@contextlib.contextmanager
+def _locked(lock: Path | None) -> Iterator[None]:
+    """Hold a lock, so that a later attempt of the same task waits for the end of this one."""
+    if lock is None:
+        yield
+        return
+    with lock.open("w") as stream:
+        until = time.monotonic() + _PATIENCE_SECONDS
+        while not try_lock(stream.fileno()):
+            if time.monotonic() > until:
+                raise TimeoutError(f"'{lock}' is still held by an earlier attempt")
+            time.sleep(0.05)
+        yield
+
+
+def try_lock(descriptor: int) -> bool:
+    """Lock a file without waiting; return False if it is already locked."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,264 @@
+"""The job pool limits the number of concurrent jobs: each running job holds a token.
+
+A package acquires a token before its first step and releases it after its last. It represents the one job
+that the jobserver protocol grants each program implicitly. All other tokens are in the jobserver pool, where
+ninja, make and compilers take them. So jobs never outnumber tokens, and no token is idle while there is work.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.execution.jobserver import MAX_JOBS, TOKEN
+from forge.execution.makeflags import MakeFlags
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from forge.build.tasks import Step
+    from forge.execution.jobserver import TokenPool
+    from forge.toolchain.resources import MemoryLimit
+
+BUILD = "build"
+"""The label of steps whose tool runs parallel jobs."""
+
+_IMPLICIT_TOKEN = b""
+"""The implicit token of a parent make for this process; it is never in the pool."""
+
+_PERIOD_SECONDS = 0.25
+"""The interval of memory and load checks."""
+_PAUSE_SECONDS = 0.005
+"""How long a released token waits for the next package before tools may take it."""
+
+
+@frozen
+class JobOptions:
+    """The job limits of the command line; 0 or None if not set."""
+
+    jobs: int = 0
+    packages: int = 0
+    memory_limit: MemoryLimit | None = None
+    load_limit: float | None = None
+    sequential: bool = False
+    """Build one package at a time."""
+
+
+class JobPool:
+    """The tokens of one build. Close it when all packages have ended.
+
+    `jobserver_tools` are the tools ('ninja', 'make') that take tokens from `pool`; others get a fixed share.
+    While `is_short` reports that memory or load do not permit more jobs, tokens are held back, except that
+    one package may always run.
+    """
+
+    def __init__(
+        self,
+        jobs: int,
+        pool: TokenPool | None = None,
+        jobserver_tools: frozenset[str] = frozenset(),
+        flags: MakeFlags = MakeFlags(),  # noqa: B008  (frozen)
+        is_short: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Start with all tokens free, or with the implicit token of a parent make."""
+        # Tools would block when returning more tokens than the pipe can hold.
+        jobs = min(jobs, pool.room if pool is not None and not pool.joined else MAX_JOBS)
+        self.jobs = jobs
+        self.local = jobs
+        """The number of jobs for this machine: all, unless a distributed compiler takes some."""
+        self._pool = pool
+        self._jobserver_tools = jobserver_tools
+        self._flags = flags
+        self._is_short = is_short
+        self._free_tokens = [_IMPLICIT_TOKEN] if pool is not None and pool.joined else [TOKEN] * jobs
+        self._waiting: list[object] = []
+        self._running = 0
+        self._short = False
+        self._idle_checks = 0
+        self._stopped = False
+        self._closed = False
+        self._changed = threading.Condition()
+        self._wake = threading.Event()
+        self._threads: list[threading.Thread] = []
+
+    @contextmanager
+    def package(self) -> Iterator[bool]:
+        """Hold a token for a package; yield False if the build was stopped before one was free."""
+        token = self._acquire()
+        try:
+            yield token is not None
+        finally:
+            if token is not None:
+                self._release(token)
+
+    @contextmanager
+    def tools(
+        self, step: Step, variables: Mapping[str, str]
+    ) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
+        """Yield the environment of a step, based on `variables`, and the descriptors that it inherits."""
+        found = without_job_variables(variables)
+        if step.label != BUILD:
+            yield self._without_jobserver(found, 1), ()
+        elif self._pool is not None and self._tool(step) in self._jobserver_tools:
+            found["MAKEFLAGS"] = self._flags.line(self.jobs, self._pool.auth)
+            yield found, self._pool.descriptors
+        else:
+            with self._share() as jobs:
+                yield self._without_jobserver(found, jobs), ()
+
+    def stop(self) -> None:
+        """Let no further package start."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Return the tokens of a parent make and stop."""
+        self.stop()
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self._wake.set()
+        if self._pool is not None:
+            self._pool.wake()
+        for thread in self._threads:
+            thread.join()
+        if self._pool is not None:
+            if self._pool.joined:
+                self._return_to_pool(len(self._free_tokens))
+            self._pool.close()
+
+    def _without_jobserver(self, variables: dict[str, str], jobs: int) -> dict[str, str]:
+        """Return the environment of a program without jobserver; `cmake --build` reads its number of jobs."""
+        flags = self._flags.line()
+        return {
+            **variables,
+            **({"MAKEFLAGS": flags} if flags else {}),
+            "CMAKE_BUILD_PARALLEL_LEVEL": str(jobs),
+        }
+
+    def _tool(self, step: Step) -> str:
+        return "ninja" if (step.cwd / "build.ninja").is_file() else "make"
+
+    def _acquire(self) -> bytes | None:
+        ticket = object()
+        with self._changed:
+            self._begin()
+            self._waiting.append(ticket)
+            self._changed.notify_all()
+            while not self._stopped and not self._may_begin(ticket):
+                self._changed.wait()
+            self._waiting.remove(ticket)
+            token = None if self._stopped else self._free_tokens.pop()
+            self._running += token is not None
+            self._changed.notify_all()
+        self._wake.set()
+        return token
+
+    def _begin(self) -> None:
+        """Start the threads with the first package; a build with nothing to do needs none."""
+        if self._threads:
+            return
+        self._short = self._is_short()
+        self._threads.append(threading.Thread(target=self._watch, daemon=True))
+        if self._pool is not None:
+            self._threads.append(threading.Thread(target=self._collect, args=(self._pool,), daemon=True))
+        for thread in self._threads:
+            thread.start()
+
+    def _may_begin(self, ticket: object) -> bool:
+        return bool(self._free_tokens) and self._waiting[0] is ticket and not (self._short and self._running)
+
+    def _release(self, token: bytes) -> None:
+        with self._changed:
+            self._free_tokens.append(token)
+            self._running -= 1
+            self._changed.notify_all()
+        self._wake.set()
+
+    @contextmanager
+    def _share(self) -> Iterator[int]:
+        """Yield the number of jobs for a tool without jobserver support: the free tokens, up to its share.
+
+        It does not wait for more: two packages that hold tokens and wait for each other would deadlock.
+        """
+        taken: list[bytes] = []
+        with self._changed:
+            share = self.jobs // max(1, self._running + len(self._waiting))
+            while len(taken) < share - 1 and not self._short:
+                if self._free_tokens:
+                    taken.append(self._free_tokens.pop())
+                elif self._pool and (token := self._pool.take_now()):
+                    taken.append(token)
+                else:
+                    break
+        try:
+            yield 1 + len(taken)
+        finally:
+            with self._changed:
+                self._free_tokens += taken
+                self._changed.notify_all()
+            self._wake.set()
+
+    def _collect(self, pool: TokenPool) -> None:
+        """Take tokens out of the pool while packages wait for one or memory is short."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closed or self._wants_tokens())
+                if self._closed:
+                    return
+            token = pool.take()
+            with self._changed:
+                if self._closed and not pool.joined:
+                    return
+                if token:
+                    self._free_tokens.append(token)
+                self._changed.notify_all()
+            self._wake.set()
+
+    def _wants_tokens(self) -> bool:
+        return self._short or len(self._waiting) > len(self._free_tokens)
+
+    def _watch(self) -> None:
+        """Check memory and load periodically, and put tokens that no package waits for into the pool."""
+        is_short, checked = self._short, time.monotonic()
+        while not self._closed:
+            woken = self._wake.wait(_PERIOD_SECONDS)
+            if woken and not self._closed:
+                self._wake.clear()
+                time.sleep(_PAUSE_SECONDS)
+            # Not at every wake-up, since a check reads some twenty files.
+            if time.monotonic() - checked >= _PERIOD_SECONDS:
+                is_short, checked = self._is_short(), time.monotonic()
+            with self._changed:
+                self._short = is_short
+                if not woken:
+                    self._replace_lost()
+                if not is_short:
+                    self._return_to_pool(len(self._free_tokens) - len(self._waiting))
+                self._changed.notify_all()
+
+    def _replace_lost(self) -> None:
+        """Create new tokens if none is left though nothing runs: a tool was killed while holding them."""
+        lost = bool(self._waiting) and not self._running and not self._free_tokens
+        self._idle_checks = self._idle_checks + 1 if lost else 0
+        if self._idle_checks > 1:
+            self._free_tokens += [TOKEN] * self.jobs
+
+    def _return_to_pool(self, count: int) -> None:
+        if self._pool is not None and count > 0:
+            tokens = [token for token in self._free_tokens if token != _IMPLICIT_TOKEN]
+            returned = self._pool.give(b"".join(tokens[:count]))
+            self._free_tokens = [_IMPLICIT_TOKEN] * (len(self._free_tokens) - len(tokens)) + tokens[returned:]
+
+
+def without_job_variables(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment without job settings of a parent make or the user."""
+    return {name: value for name, value in variables.items() if name not in _JOB_VARIABLES}
+
+
+_JOB_VARIABLES = frozenset({"MAKEFLAGS", "MFLAGS", "CMAKE_BUILD_PARALLEL_LEVEL"})
+"""Variables that set the number of jobs, which forge replaces."""

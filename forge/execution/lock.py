@@ -1,0 +1,63 @@
+"""The lock on a build folder; processes left running by a killed build are terminated first."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from forge.base.errors import ForgeError, Problem, WorkspaceError
+from forge.base.files import naming
+from forge.execution.started import StartedProcesses
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+LOCK = ".forge_lock"
+
+
+@contextlib.contextmanager
+def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
+    """Lock a build folder, waiting for another forge if necessary; the lock ends with the process.
+
+    Leaving by an interrupt or an internal error terminates all processes started in the folder, in any group.
+    Raises WorkspaceError if the folder is locked and `wait` is False, OSError if it is not writable.
+    """
+    descriptor = os.open(build / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+    with os.fdopen(descriptor, "r+", encoding="utf-8") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = lock.read() or "?"
+            if not wait:
+                hint = "try again later, omit '--no-wait', or choose another '--build-base'"
+                message = f"the build folder '{build}' is locked by process {holder}"
+                raise WorkspaceError(Problem(message, hint=hint)) from None
+            sys.stderr.write(f"waiting for process {holder}, which has locked the build folder '{build}'\n")
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        started = StartedProcesses(build)
+        lock.seek(0)
+        if lock.read():
+            started.end()
+        started.forget()
+        with naming(build / LOCK):
+            _write_holder(lock.fileno(), str(os.getpid()))
+        try:
+            yield
+        except ForgeError:
+            raise
+        except BaseException:
+            started.end(gently=True)
+            raise
+        finally:
+            started.forget()
+            with contextlib.suppress(OSError):
+                _write_holder(lock.fileno(), "")
+
+
+def _write_holder(descriptor: int, text: str) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, text.encode(), 0)

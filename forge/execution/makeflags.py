@@ -1,0 +1,87 @@
+"""Parse the MAKEFLAGS of a parent make or the user, and format them for child tools; pure."""
+
+from __future__ import annotations
+
+import re
+
+from forge.base.frozen import frozen
+
+AUTH = "--jobserver-auth="
+_FORMER_AUTH = "--jobserver-fds="
+_LETTERS = re.compile(r"[A-Za-z]+(\d+(\.\d+)?)?")
+_VALUE = {"--jobs": "j", "--load-average": "l", "--max-load": "l"}
+_WHOLE = re.compile(r"[0-9]{1,9}")
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
+@frozen
+class MakeFlags:
+    """The parsed flags of MAKEFLAGS.
+
+    `jobs` and `load` are None if absent or not a number; `auth` is the jobserver's address, either 'R,W' (two
+    descriptors) or 'fifo:PATH'. `rest` are all other flags: make writes its one-letter flags first, without a
+    dash, and variables last, after '--'.
+    """
+
+    jobs: int | None = None
+    load: float | None = None
+    auth: str | None = None
+    rest: tuple[str, ...] = ()
+
+    def line(self, jobs: int | None = None, auth: str | None = None) -> str:
+        """Return the MAKEFLAGS value for child tools, with only these job settings."""
+        own = [f"-j{jobs}"] if jobs else []
+        own += [AUTH + auth] if auth else []
+        # make interprets a first word without a dash as one-letter flags.
+        first = 1 if self.rest and not self.rest[0].startswith("-") and "=" not in self.rest[0] else 0
+        return " ".join((*self.rest[:first], *own, *self.rest[first:]))
+
+
+def read_make_flags(text: str) -> MakeFlags:
+    """Parse MAKEFLAGS; the last of repeated flags wins, as in make."""
+    options, separator, variables = re.sub(r"^--\s", " -- ", text).partition(" -- ")
+    flags = options.split()
+    values: dict[str, str] = {}
+    rest: list[str] = []
+    while flags:
+        flag = flags.pop(0)
+        name, equals, value = flag.partition("=")
+        if flag.startswith((AUTH, _FORMER_AUTH)):
+            values["auth"] = value
+        elif name in _VALUE:
+            values[_VALUE[name]] = value if equals else _next_number(flags)
+        elif (match := _jobs_or_load(flag, first=not rest)) is not None:
+            letters, letter, number = match
+            values[letter] = number or _next_number(flags)
+            rest += [letters] if letters else []
+        else:
+            rest.append(flag)
+    if separator:
+        rest += ["--", *variables.split()]
+    return MakeFlags(_whole(values.get("j")), _number(values.get("l")), values.get("auth"), tuple(rest))
+
+
+def _jobs_or_load(flag: str, *, first: bool) -> tuple[str, str, str] | None:
+    """Split '-kj8' into ('-k', 'j', '8'); return None if the flag contains neither j nor l."""
+    dash = flag.startswith("-") and not flag.startswith("--")
+    letters = flag[1:] if dash else flag
+    if not (dash or first) or not _LETTERS.fullmatch(letters):
+        return None
+    found = re.fullmatch(r"([A-Za-z]*?)([jl])(\d+(?:\.\d+)?)?", letters)
+    if not found:
+        return None
+    letters, letter, number = found.groups()
+    return (("-" if dash and letters else "") + letters, letter, number or "")
+
+
+def _next_number(flags: list[str]) -> str:
+    return flags.pop(0) if flags and _NUMBER.fullmatch(flags[0]) else ""
+
+
+def _whole(text: str | None) -> int | None:
+    """Return the number of jobs, or None for '-j' alone, which means unlimited."""
+    return int(text) if text and _WHOLE.fullmatch(text) and int(text) else None
+
+
+def _number(text: str | None) -> float | None:
+    return float(text) if text else None

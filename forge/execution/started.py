@@ -1,0 +1,226 @@
+"""Record the processes started by a build, so that the next build can terminate those left over by a kill.
+
+A killed forge cannot terminate its child processes, which would continue to write into the build folders. So
+each process is recorded by its id and start time, and the next forge terminates the recorded ones. No other
+process is ever signalled: neither one that merely has the variables of a build, such as a shell that has
+sourced its `environment.sh`, nor an ancestor of this forge.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+NOTES = ".forge_processes"
+VARIABLE = "FORGE_BUILD_FOLDER"
+"""An environment variable of the programs of a build: the absolute path of the build folder."""
+
+_TIMEOUT_SECONDS = 5.0
+_GENTLE_SECONDS = 1.0
+_PROCESSES = Path("/proc")
+
+
+@frozen
+class Process:
+    """A process according to /proc; `started` is in clock ticks since boot."""
+
+    number: int
+    started: int
+    parent: int
+    group: int
+    session: int
+    ended: bool
+
+
+class StartedProcesses:
+    """The recorded processes of one build folder."""
+
+    def __init__(self, build: Path) -> None:
+        """Store the folder; the file is created with the first record."""
+        self._build = build
+        self._machine = _machine()
+
+    def note(self, number: int) -> None:
+        """Record a child process that has just been started; does nothing without /proc."""
+        process = _read_process(number)
+        if process is not None and self._machine:
+            self._write([process])
+
+    def note_descendants(self) -> None:
+        """Record the descendants of recorded processes, which are unknown once their parents have ended."""
+        recorded = self._read()
+        if recorded:
+            table = _all()
+            self._write(_with_descendants(_noted_processes(table, recorded, self._build), table))
+
+    def end(self, *, gently: bool = False) -> None:
+        """Kill all recorded processes and their descendants, and wait a limited time for them to end.
+
+        With `gently`, send SIGTERM first and SIGKILL after a while.
+        """
+        recorded = self._read()
+        if not recorded:
+            return
+        begun = time.monotonic()
+        found: set[tuple[int, int]] = set()
+        terminated: set[tuple[int, int]] = set()
+        while time.monotonic() < begun + _TIMEOUT_SECONDS:
+            table = _all()
+            known = [process for process in table.values() if (process.number, process.started) in found]
+            living = _with_descendants((*known, *_noted_processes(table, recorded, self._build)), table)
+            if not living:
+                return
+            found = {(process.number, process.started) for process in living}
+            kill = not gently or time.monotonic() > begun + _GENTLE_SECONDS
+            for process in living:
+                if kill:
+                    _send(process, signal.SIGKILL)
+                elif (process.number, process.started) not in terminated:
+                    terminated.add((process.number, process.started))
+                    _send(process, signal.SIGTERM)
+            time.sleep(0.01)
+
+    def forget(self) -> None:
+        """Remove the records; processes that still run are left alone."""
+        with contextlib.suppress(OSError):
+            self._path.unlink()
+
+    @property
+    def _path(self) -> Path:
+        return self._build / NOTES
+
+    def _write(self, processes: Iterable[Process]) -> None:
+        """Append lines in one write, so that writers do not interleave; ignore errors such as a full disk."""
+        lines = "".join(f"{process.number} {process.started} {self._machine}\n" for process in processes)
+        with contextlib.suppress(OSError):
+            descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            try:
+                os.write(descriptor, lines.encode())
+            finally:
+                os.close(descriptor)
+
+    def _read(self) -> dict[int, set[int]]:
+        """Return the start times of the processes recorded on this machine, by process id."""
+        recorded: dict[int, set[int]] = {}
+        try:
+            lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            return recorded
+        for line in lines:
+            number, started, machine = (*line.split(" ", 2), "", "", "")[:3]
+            if machine == self._machine and number.isdecimal() and started.isdecimal():
+                recorded.setdefault(int(number), set()).add(int(started))
+        return recorded
+
+
+def _machine() -> str:
+    """Return an id of the boot and PID namespace in which process ids are valid, or '' without /proc."""
+    try:
+        boot = (_PROCESSES / "sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        return f"{boot} {(_PROCESSES / 'self/ns/pid').readlink()}"
+    except OSError:
+        return ""
+
+
+def _read_process(number: int) -> Process | None:
+    """Return the process with this id, or None."""
+    try:
+        stat_line = (_PROCESSES / str(number) / "stat").read_bytes()
+    except OSError:
+        return None
+    # The program name in parentheses comes first and may contain any character.
+    words = stat_line.rpartition(b")")[2].split()
+    state, (parent, group, session) = words[0], map(int, words[1:4])
+    return Process(number, int(words[19]), parent, group, session, ended=state in {b"Z", b"X"})
+
+
+def _all() -> dict[int, Process]:
+    """Return all processes by their ids."""
+    numbers = (int(name) for name in os.listdir(_PROCESSES) if name.isdecimal())  # noqa: PTH208  (names alone)
+    return {number: process for number in numbers if (process := _read_process(number))}
+
+
+def _noted_processes(
+    table: Mapping[int, Process], recorded: Mapping[int, set[int]], build: Path
+) -> tuple[Process, ...]:
+    """Return the recorded processes, and those in groups and sessions that these lead or led."""
+    return tuple(process for process in table.values() if _is_noted(process, table, recorded, build))
+
+
+def _is_noted(
+    process: Process, table: Mapping[int, Process], recorded: Mapping[int, set[int]], build: Path
+) -> bool:
+    for number in {process.number, process.group, process.session} & recorded.keys():
+        leader = table.get(number)
+        if leader is not None:
+            if leader.started in recorded[number]:
+                return True
+        # The leader has ended. Its id is not reused while the group has members, but these may belong to a
+        # newer group with a reused id. So the process must also have the build folder in its environment.
+        elif process.started >= min(recorded[number]) and _has_build_variable(process, build):
+            return True
+    return False
+
+
+def _has_build_variable(process: Process, build: Path) -> bool:
+    """Return True if the process has the build folder in its environment."""
+    mark = f"{VARIABLE}={build}".encode(errors="surrogateescape")
+    try:
+        return mark in (_PROCESSES / str(process.number) / "environ").read_bytes().split(b"\0")
+    except OSError:
+        return False
+
+
+def _with_descendants(processes: Iterable[Process], table: Mapping[int, Process]) -> list[Process]:
+    """Return the living processes and their descendants, without this process and its ancestors."""
+    protected = _self_and_ancestors(table)
+    children: dict[int, list[Process]] = {}
+    for process in table.values():
+        children.setdefault(process.parent, []).append(process)
+    found: dict[int, Process] = {}
+    waiting = list(processes)
+    while waiting:
+        process = waiting.pop()
+        if process.number not in found and process.number not in protected:
+            found[process.number] = process
+            waiting += children.get(process.number, ())
+    return [process for process in found.values() if not process.ended]
+
+
+def _self_and_ancestors(table: Mapping[int, Process]) -> set[int]:
+    """Return the ids of this process and its ancestors."""
+    own = {os.getpid()}
+    process = table.get(os.getpid())
+    while process is not None and process.parent not in own:
+        own.add(process.parent)
+        process = table.get(process.parent)
+    return own
+
+
+def _send(process: Process, number: signal.Signals) -> None:
+    """Send a signal to this process, but not to another one that reuses its id."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        try:
+            descriptor = os.pidfd_open(process.number)
+        except (AttributeError, OSError):
+            descriptor = None
+        try:
+            now = _read_process(process.number)
+            if now is None or now.started != process.started:
+                return
+            if descriptor is None:
+                os.kill(process.number, number)
+            else:
+                signal.pidfd_send_signal(descriptor, number)
+        finally:
+            if descriptor is not None:
+                os.close(descriptor)

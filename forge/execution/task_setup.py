@@ -1,0 +1,154 @@
+"""The lifecycle of a build task: back up the installed files, set up the environment, install and record."""
+
+from __future__ import annotations
+
+import functools
+import os
+import shlex
+from contextlib import closing
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.build import installation, rollback
+from forge.build.up_to_date import FOR_COMPILERS
+from forge.environment.sourcing import build_environment, package_edits
+from forge.execution.runner import ProcessRunner, TaskLifecycle, unwrapped
+from forge.execution.started import VARIABLE, StartedProcesses
+from forge.toolchain.interpreter import own_command
+from forge.toolchain.programs import CMAKE_TYPES
+from forge.workspace.model import RUN_KINDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.base.layout import Layout
+    from forge.build.audit.tracing import Audit
+    from forge.build.model import BuildRecord
+    from forge.build.state import Records
+    from forge.build.tasks import Task
+    from forge.cache.package_cache import PackageCache
+    from forge.environment.dsv import Edit, Script
+    from forge.execution.job_pool import JobPool
+    from forge.toolchain.compiler_probe import Toolchain
+    from forge.toolchain.interpreter import Interpreter
+    from forge.workspace.resolve import DependencyResolution
+
+
+@frozen
+class TaskSetup:
+    """The state shared by all tasks of a build; `variables` is the environment below their dependencies'."""
+
+    resolution: DependencyResolution
+    layout: Layout
+    interpreter: Interpreter
+    variables: Mapping[str, str]
+    records: Records
+    cache: PackageCache | None = None
+    audit: Audit | None = None
+    """Traces the file accesses of steps; then each package starts in an empty build folder."""
+    edits: Callable[[str, Path], tuple[Edit | Script, ...]] = field(
+        default_factory=lambda: functools.cache(package_edits)
+    )
+    """Returns an installed package's changes of the environment; cached, as only dependents request it."""
+
+    def runner(self, job_pool: JobPool, toolchain: Toolchain | None) -> ProcessRunner:
+        """Return a runner that starts programs on this machine."""
+        launch = self.audit.launch if self.audit is not None else unwrapped
+        return ProcessRunner(self.lifecycle(toolchain), job_pool, StartedProcesses(self.layout.build), launch)
+
+    def lifecycle(self, toolchain: Toolchain | None) -> TaskLifecycle:
+        """Return the lifecycle of tasks; `toolchain` lets new build folders skip CMake's compiler checks."""
+
+        def begin(task: Task, environment: Mapping[str, str]) -> None:
+            self._begin(task, environment)
+            # The package's own arguments and the hooks of its dependencies may select another compiler.
+            arguments = (*task.package.words("cmake-args"), *task.package.words("ament-cmake-args"))
+            same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
+            if toolchain is not None and same_compilers and task.package.build_type in CMAKE_TYPES:
+                toolchain.seed(self.records.source(task), task.build_dir, self.variables)
+
+        return TaskLifecycle(self._environment, begin, self._install, self._undo, self._restore, self._remark)
+
+    def _environment(self, task: Task) -> Mapping[str, str]:
+        below = ((need, self.layout.prefix(need)) for need in task.needs)
+        found = build_environment(below, self.variables, self.edits)
+        found[VARIABLE] = str(self.layout.build)
+        found["FORGE_COMMAND"] = shlex.join(own_command())
+        found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
+        return {name: value for name, value in found.items() if value or name in self.variables}
+
+    def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
+        self._back_up(task)
+        self.records.prepare(
+            task, self._set_by_needs(environment), from_empty=task.from_empty or self.audit is not None
+        )
+
+    def _set_by_needs(self, environment: Mapping[str, str]) -> Pairs:
+        """Return the variables that hooks of dependencies set, without path lists."""
+        return tuple(
+            (name, value)
+            for name, value in sorted(environment.items())
+            if self.variables.get(name) != value and name not in _FROM_NEEDS
+        )
+
+    def _back_up(self, task: Task) -> None:
+        self.records.begin(task)
+        rollback.back_up(task.name, self.layout, task.earlier, self.records.shared(task))
+
+    def _restore(self, task: Task) -> BuildRecord | None:
+        """Install the cached result of a task; return None and change nothing if there is none."""
+        found = self.cache.find(task) if self.cache else None
+        if found is None or self.cache is None:
+            return None
+        with closing(found):
+            self._back_up(task)
+            files, empty = self.cache.restore(task, found)
+            record = self.records.restored_record(task, found.build, files, empty)
+        self.records.restore_foreign_files(task)
+        rollback.drop(task.name, self.layout)
+        return record
+
+    def _remark(self, task: Task) -> str:
+        return self.cache.remark(task.name) if self.cache else ""
+
+    def _install(self, task: Task) -> BuildRecord:
+        needs = set(task.package.manifest.names(RUN_KINDS))
+        # A dependency that an embedded package provides under another name is recorded by the package's name.
+        packages = self.resolution.packages
+        needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
+        installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
+        record = self.records.make_record(task)
+        self.records.restore_foreign_files(task)
+        rollback.drop(task.name, self.layout)
+        return self.cache.keep(task, record) if self.cache else record
+
+    def _undo(self, task: Task) -> None:
+        try:
+            rollback.restore(task.name, self.layout)
+        except OSError:
+            # The backup still exists. Until a build restores it, the package must not look installed.
+            installation.uninstall_markers(task.name, self.layout)
+            raise
+
+
+_FROM_NEEDS = frozenset(
+    {
+        *("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH"),
+        *("PKG_CONFIG_PATH", "PYTHONPATH", "FORGE_COMMAND", VARIABLE),
+    }
+)
+
+
+def _for_compilers(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables that affect compilers."""
+    return {name: value for name, value in variables.items() if name in FOR_COMPILERS}
+
+
+def _cmake_prefix_path(found: Mapping[str, str], variables: Mapping[str, str]) -> str:
+    """Return CMAKE_PREFIX_PATH with the underlays of AMENT_PREFIX_PATH, which CMake does not read."""
+    paths = found.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
+    paths += variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return os.pathsep.join(dict.fromkeys(filter(None, paths)))

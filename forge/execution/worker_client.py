@@ -1,0 +1,52 @@
+"""Run forge, or with '-m' one of its modules, in the worker named by FORGE_WORKER, else in this process.
+
+This file is a program started without site-packages; it imports as little as possible.
+"""
+
+import os
+import socket
+import sys
+
+VARIABLE = "FORGE_WORKER"
+
+
+def main(argv: "list[str]") -> int:
+    """Run the arguments in the worker and return the exit code; without a worker, execute forge."""
+    address = os.environ.get(VARIABLE)
+    if address:
+        try:
+            return _ask(address, argv)
+        except OSError:
+            # The worker is unavailable or has ended. Continue without it, only slower.
+            pass
+    home = os.path.abspath(f"{__file__}/../../..")  # noqa: PTH100
+    start = f"{home}/_ros_forge.py"
+    return os.execv(sys.executable, [sys.executable, start, *argv])  # noqa: S606  (no shell is wanted)
+
+
+def receive_exactly(connection: socket.socket, size: int) -> bytes:
+    """Return `size` bytes; raises OSError if the connection closes before."""
+    received = b""
+    while len(received) < size:
+        chunk = connection.recv(size - len(received))
+        if not chunk:
+            raise OSError("the connection ended")
+        received += chunk
+    return received
+
+
+def _ask(address: str, argv: "list[str]") -> int:
+    import json  # noqa: PLC0415  (3 ms, needed only with a worker)
+
+    cwd = os.getcwd()  # noqa: PTH109  (pathlib would double the start)
+    call = {"argv": argv, "cwd": cwd, "environment": dict(os.environ)}
+    request = json.dumps(call).encode()
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.connect(address)
+        socket.send_fds(connection, [len(request).to_bytes(4, "big")], [1, 2])
+        connection.sendall(request)
+        return receive_exactly(connection, 1)[0]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,4 @@
+"""Output of a build: console, status lines, logs, JSON events, charts.
+
+All reporters listen to the events in `build.events`.
+"""

@@ -1,0 +1,242 @@
+"""Renders the dependency graph as colcon's matrix, Graphviz dot or Mermaid."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.graph import closures, reduced
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
+from forge.workspace.selection import name_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import PurePath
+
+    from forge.workspace.model import Package
+
+LEGEND = (
+    "+ marks the package itself",
+    "* marks a package that depends on it directly",
+    ". marks a package that depends on it indirectly",
+    "",
+)
+_COLOURS = {"build": "#0000ff", "run": "#ff0000", "test": "#d2b48c"}
+_KINDS = {"build": BUILD_KINDS, "run": RUN_KINDS, "test": TEST_KINDS}
+_ESCAPED = re.compile(r'["\\]')
+"""Characters that end a Graphviz string or have a meaning in it; names may contain any."""
+_GREY = '[color = "gray" fontcolor = "gray"]'
+
+
+@frozen
+class Chart:
+    """All nodes in topological order, their dependencies and packages, and the selected nodes."""
+
+    ordered: Sequence[str]
+    needs: Mapping[str, frozenset[str]]
+    packages: Mapping[str, Package]
+    selected: frozenset[str]
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Return the selected nodes in topological order."""
+        return tuple(node for node in self.ordered if node in self.selected)
+
+
+@frozen
+class _Edge:
+    start: str
+    end: str
+    categories: tuple[str, ...]
+    direct: bool
+
+
+def matrix(chart: Chart) -> Iterator[str]:
+    """Yield a row for each node that marks the columns that depend on it."""
+    below = dict(closures(chart.needs, chart.ordered))
+    shown = chart.shown
+    width = max((len(name_of(node)) for node in shown), default=0) + 2
+    for row in shown:
+        cells = (_cell(row, column, chart, below) for column in shown)
+        yield f"{name_of(row):<{width}}{''.join(cells)}"
+
+
+def density(chart: Chart) -> float:
+    """Return the percentage of possible dependencies that exist, directly or indirectly."""
+    shown = chart.shown
+    below = dict(closures(chart.needs, chart.ordered))
+    cells = [_cell(row, column, chart, below) for row in shown for column in shown if row != column]
+    return 200.0 * (1.0 - cells.count(" ") / len(cells)) if cells else 0.0
+
+
+def dot(chart: Chart, *, cluster: bool = False, skipped: bool = False, legend: bool = False) -> Iterator[str]:
+    """Yield the lines of a digraph: edges colored by category, dashed if they skip hidden packages."""
+    nodes = [node for node in reversed(chart.ordered) if skipped or node in chart.selected]
+    labels = _labels(nodes, chart, skipped=skipped)
+    yield "digraph graphname {"
+    if cluster and nodes:
+        yield from _clusters(nodes, labels, chart)
+    else:
+        yield from (f"  {_id(labels[node])};" for node in nodes)
+    for edge in _edges(chart, frozenset(nodes), skipped=skipped):
+        alpha = "" if {edge.start, edge.end} <= chart.selected else "77"
+        colours = ":".join(_COLOURS[category] + alpha for category in edge.categories)
+        style = "" if edge.direct else ', style="dashed"'
+        start, end = (labels[node][0] for node in (edge.start, edge.end))
+        yield f'  "{start}" -> "{end}" [color="{colours}"{style}];'
+    if legend:
+        yield from _legend()
+    yield "}"
+
+
+def mermaid(chart: Chart) -> Iterator[str]:
+    """Yield the lines of a flowchart with an arrow to each dependency, without implied ones."""
+    shown = tuple(reversed(chart.shown))
+    numbers = {node: number for number, node in enumerate(shown)}
+    yield "flowchart TD"
+    yield from (f'  p{number}["{_in_mermaid(name_of(node))}"]' for node, number in numbers.items())
+    needs = drawn_needs(chart)
+    yield from (f"  p{numbers[node]} --> p{numbers[need]}" for node in shown for need in needs[node])
+
+
+def drawn_needs(chart: Chart) -> dict[str, tuple[str, ...]]:
+    """Return the dependencies among selected nodes, also over hidden ones, without implied ones."""
+    below = closures(chart.needs, chart.ordered)
+    return reduced({node: below[node] for node in chart.shown}, chart.shown)
+
+
+def printable(text: str) -> str:
+    """Replace invisible characters and those that XML does not allow."""
+    return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
+
+
+def plain(chart: Chart) -> dict[str, object]:
+    """Return the graph as values for JSON."""
+    edges = _edges(chart, chart.selected, skipped=False)
+    paths = {node: str(chart.packages[node].path) for node in chart.shown}
+    return {
+        "packages": [{"name": name_of(node), "path": path} for node, path in paths.items()],
+        "dependencies": [
+            {
+                "from": name_of(edge.start),
+                "to": name_of(edge.end),
+                "categories": list(edge.categories),
+                "direct": edge.direct,
+            }
+            for edge in edges
+        ],
+    }
+
+
+def _cell(row: str, column: str, chart: Chart, below: Mapping[str, frozenset[str]]) -> str:
+    if column == row:
+        return "+"
+    if row in chart.needs[column]:
+        return "*"
+    return "." if row in below[column] else " "
+
+
+def _edges(chart: Chart, nodes: frozenset[str], *, skipped: bool) -> Iterator[_Edge]:
+    """Yield direct edges between the nodes, then those that skip hidden packages."""
+    direct = [
+        _Edge(node, need, _categories(chart, node, need), direct=True)
+        for node in reversed(chart.ordered)
+        if node in nodes
+        for need in sorted(chart.needs[node] & nodes)
+    ]
+    yield from direct
+    if skipped or len(nodes) == len(chart.ordered):
+        return
+    known = {(edge.start, edge.end) for edge in direct}
+    below = closures(chart.needs, chart.ordered)
+    for node in reversed(chart.ordered):
+        if node in nodes:
+            yield from _indirect(chart, node, nodes, known, below)
+
+
+def _indirect(
+    chart: Chart,
+    node: str,
+    nodes: frozenset[str],
+    known: set[tuple[str, str]],
+    below: Mapping[str, frozenset[str]],
+) -> Iterator[_Edge]:
+    found: dict[str, set[str]] = {}
+    for need in sorted(chart.needs[node] - nodes):
+        for end in sorted(below[need] & nodes):
+            if (node, end) not in known:
+                found.setdefault(end, set()).update(_categories(chart, node, need))
+    for end, categories in found.items():
+        yield _Edge(node, end, tuple(word for word in _COLOURS if word in categories), direct=False)
+
+
+def _categories(chart: Chart, node: str, need: str) -> tuple[str, ...]:
+    """Return the categories of a dependency; edges without a tag, such as to an alias, count as build."""
+    manifest = chart.packages[node].manifest
+    found = (word for word, kinds in _KINDS.items() if name_of(need) in manifest.names(kinds))
+    return tuple(found) or ("build",)
+
+
+def _labels(nodes: Sequence[str], chart: Chart, *, skipped: bool) -> dict[str, tuple[str, str]]:
+    """Return the ID and attributes of each node; duplicate names get a numeric suffix."""
+    names = [name_of(node) for node in nodes]
+    if len(set(names)) < len(names):
+        numbers = {node: number for number, node in enumerate(sorted(nodes), 1)}
+        return {node: (f"{name_of(node)}_{numbers[node]}", f' [label = "{name_of(node)}"]') for node in nodes}
+    grey = {node: _GREY for node in nodes if skipped and node not in chart.selected}
+    return {node: (node, grey.get(node, "")) for node in nodes}
+
+
+def _id(label: tuple[str, str]) -> str:
+    name, attributes = label
+    return f'"{name}"{attributes}'
+
+
+def _clusters(nodes: Iterable[str], labels: Mapping[str, tuple[str, str]], chart: Chart) -> Iterator[str]:
+    """Yield the nodes grouped by folder, those of the common folder ungrouped."""
+    folders: dict[PurePath, list[str]] = {}
+    for node in nodes:
+        folders.setdefault(chart.packages[node].path.parent, []).append(node)
+    common = _common(list(folders))
+    for number, (folder, members) in enumerate(folders.items()):
+        frame = folder != common
+        if frame:
+            yield f"  subgraph cluster_{number} {{"
+            label = _ESCAPED.sub(r"\\\g<0>", folder.relative_to(common).as_posix())
+            yield f'    label = "{label}";'
+        indent = "    " if frame else "  "
+        yield from (f"{indent}{_id(labels[node])};" for node in members)
+        if frame:
+            yield "  }"
+
+
+def _common(folders: Sequence[PurePath]) -> PurePath:
+    """Return the deepest common folder."""
+    first, *others = folders
+    candidates = (first, *first.parents)
+    return next(folder for folder in candidates if all(other.is_relative_to(folder) for other in others))
+
+
+def _legend() -> Iterator[str]:
+    """Yield an edge of each kind between invisible nodes."""
+    yield "  subgraph cluster_legend {"
+    yield "    color=gray"
+    yield '    label="Legend";'
+    yield "    margin=0;"
+    yield '    node [label="", shape=none];'
+    points = ["_legend_first", *(f"_legend_{word}" for word in _COLOURS), "_legend_last"]
+    for (word, colour), start, end in zip(_COLOURS.items(), points, points[1:], strict=False):
+        yield f'    {start} -> {end} [label="{word} dep.", color="{colour}"];'
+    yield f'    {points[-2]} -> {points[-1]} [label="indirect dep.", style="dashed"];'
+    yield "    {"
+    yield "      rank=same;"
+    yield from (f"      {point};" for point in points)
+    yield "    }"
+    yield "  }"
+
+
+def _in_mermaid(text: str) -> str:
+    """Escape a text for quotation marks in Mermaid."""
+    safe = frozenset("_-. ")
+    return "".join(char if char.isalnum() or char in safe else f"#{ord(char)};" for char in printable(text))

@@ -1,0 +1,191 @@
+"""Renders a dependency graph into strings for SVG and HTML templates."""
+
+from __future__ import annotations
+
+import re
+from html import unescape
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.text import duration
+from forge.output.charts.charts import drawn_needs, printable
+from forge.output.charts.layering import lay_out
+from forge.workspace.resolve import INTERFACE_GROUP
+from forge.workspace.selection import name_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from forge.output.charts.charts import Chart
+    from forge.output.charts.layering import Spot
+    from forge.workspace.model import Package
+
+_KINDS = {"ament_cmake": "cmake", "cmake": "cmake", "ament_python": "python", "python": "python"}
+KINDS = {"interfaces": "interfaces", "cmake": "CMake", "python": "Python", "other": "other"}
+"""Kinds of packages distinguished in the legend."""
+
+_LETTER, _SMALL = 8.4, 11 / 13
+"""Width of an average letter in the widest likely font; relative size of times."""
+_SHARES = {**dict.fromkeys("fijlrt.-()", 0.6), **dict.fromkeys("mwMWQ%@", 1.5)}
+_PADDING, _HEIGHT, _TALLEST = 12.0, 26.0, 46.0
+_MARGIN, _LEGEND = 24.0, 28.0
+
+
+@frozen
+class Node:
+    """A box: its index in build order, texts, kind and position."""
+
+    number: int
+    name: str
+    time: str
+    kind: str
+    layer: int
+    x: str
+    y: str
+    width: str
+    height: str
+    text_x: str
+    time_x: str
+    middle: str
+
+
+@frozen
+class Line:
+    """An edge from a dependency to its dependent, by index, with its SVG path."""
+
+    need: int
+    user: int
+    path: str
+
+
+@frozen
+class Picture:
+    """All values of the template."""
+
+    nodes: tuple[Node, ...]
+    lines: tuple[Line, ...]
+    kinds: tuple[tuple[str, str], ...]
+    """CSS class and name of the kinds that occur."""
+    width: str
+    height: str
+    legend: str
+    """Vertical position of the legend, where the page has no other."""
+    timed: bool
+
+
+def drawn(chart: Chart, seconds: Mapping[str, float]) -> Picture:
+    """Return the picture of the selected nodes; heights show build times.
+
+    Edges implied by others are left out; edges over hidden packages are included.
+    """
+    shown = chart.shown
+    needs = drawn_needs(chart)
+    times = {node: seconds[name_of(node)] for node in shown if name_of(node) in seconds}
+    longest = max(times.values(), default=0.0)
+    sizes = {node: _size(node, times, longest) for node in shown}
+    layout = lay_out(needs, sizes)
+    numbers = {node: number for number, node in enumerate(shown)}
+    used = {kind_of(chart.packages[node]) for node in shown}
+    return Picture(
+        nodes=tuple(
+            _node(chart.packages[node], number, layout.spots[node], sizes[node], times.get(node))
+            for node, number in numbers.items()
+        ),
+        lines=tuple(
+            Line(numbers[need], numbers[user], _path(points)) for (user, need), points in layout.lines.items()
+        ),
+        kinds=tuple((kind, word) for kind, word in KINDS.items() if kind in used),
+        width=_number(layout.width + 2 * _MARGIN),
+        height=_number(layout.height + 2 * _MARGIN + _LEGEND),
+        legend=_number(layout.height + 2 * _MARGIN + _LEGEND / 2),
+        timed=bool(times),
+    )
+
+
+def facts(chart: Chart, seconds: Mapping[str, float]) -> list[dict[str, object]]:
+    """Return the details of each node for the page, by index; `lines` are the drawn edges."""
+    shown = chart.shown
+    numbers = {node: number for number, node in enumerate(shown)}
+    needs = drawn_needs(chart)
+    found: list[dict[str, object]] = []
+    for node in shown:
+        package = chart.packages[node]
+        took = seconds.get(name_of(node))
+        found.append(
+            {
+                "name": printable(name_of(node)),
+                "path": printable(package.path.as_posix()),
+                "type": printable(package.type),
+                "version": printable(package.manifest.version),
+                "description": _plain_text(package.manifest.description),
+                "time": None if took is None else duration(took),
+                "needs": sorted(numbers[need] for need in chart.needs[node] if need in numbers),
+                "lines": sorted(numbers[need] for need in needs[node]),
+            }
+        )
+    return found
+
+
+def kind_of(package: Package) -> str:
+    """Return the kind of a package, a key of KINDS."""
+    if INTERFACE_GROUP in package.manifest.groups:
+        return "interfaces"
+    return _KINDS.get(package.build_type, "other")
+
+
+def _size(node: str, times: Mapping[str, float], longest: float) -> tuple[float, float]:
+    name = _width(name_of(node))
+    if node not in times or not longest:
+        return name + 2 * _PADDING, _HEIGHT
+    time = _SMALL * _width(duration(times[node]))
+    return name + time + 3 * _PADDING, _HEIGHT + _TALLEST * sqrt(times[node] / longest)
+
+
+def _plain_text(description: str) -> str:
+    """Return a description as plain text, without markup."""
+    return printable(" ".join(unescape(re.sub(r"<[^>]*>", "", description)).split()))
+
+
+def _width(text: str) -> float:
+    return sum(_LETTER * _SHARES.get(letter, 1.0 if letter.isascii() else 2.0) for letter in text)
+
+
+def _node(
+    package: Package, number: int, spot: Spot, size: tuple[float, float], seconds: float | None
+) -> Node:
+    width, height = size
+    x, middle = spot.x + _MARGIN, spot.y + _MARGIN
+    return Node(
+        number=number,
+        name=printable(package.name),
+        time="" if seconds is None else duration(seconds),
+        kind=kind_of(package),
+        layer=spot.layer,
+        x=_number(x),
+        y=_number(middle - height / 2),
+        width=_number(width),
+        height=_number(height),
+        text_x=_number(x + _PADDING),
+        time_x=_number(x + width - _PADDING),
+        middle=_number(middle),
+    )
+
+
+def _path(points: Sequence[tuple[float, float]]) -> str:
+    """Return an SVG path that is level between the first two points, curves to the third, and so on."""
+    moved = [(x + _MARGIN, y + _MARGIN) for x, y in points]
+    words = [f"M{_number(moved[0][0])} {_number(moved[0][1])}"]
+    for index, (x, y) in enumerate(moved[1:], 1):
+        before = moved[index - 1]
+        if index % 2:
+            words += [f"H{_number(x)}"] if x != before[0] else []
+        else:
+            half = _number((before[0] + x) / 2)
+            words.append(f"C{half} {_number(before[1])} {half} {_number(y)} {_number(x)} {_number(y)}")
+    return "".join(words)
+
+
+def _number(value: float) -> str:
+    """Format a number with at most one decimal."""
+    return f"{value:.1f}".removesuffix(".0")

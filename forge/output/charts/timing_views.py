@@ -1,0 +1,359 @@
+"""Renders the times of a build into strings for the report, and into a Perfetto trace."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.text import duration
+from forge.cache.model import RESTORED
+from forge.output.charts.charts import printable
+from forge.output.charts.timings import ABORTED, FAILED, FINISHED, TAKEN, at_work, critical_path, rows, waited
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from forge.output.charts.timings import Build, MachineUse, PackageRun, StepRun
+
+_KINDS = {"cmake": "configure", "install": "install"}
+STEP_KINDS = {"configure": "configure", "build": "build", "install": "install", "waiting": "begin and end"}
+"""Kinds of steps distinguished in the legend; the last is forge's own work around them."""
+
+_SLOWEST_STEPS = 25
+_SIGNS = {True: "+", False: "\N{MINUS SIGN}"}
+_LEAST_CHANGE = _LEAST_WAIT = 0.05
+"""Seconds below which changes are considered noise."""
+_GIGA = 1e9
+
+
+@frozen
+class Piece:
+    """A segment of a bar, in percent."""
+
+    kind: str
+    left: str
+    width: str
+
+
+@frozen
+class Bar:
+    """A package in the chart: its index in order of start, texts, and position in percent."""
+
+    number: int
+    name: str
+    outcome: str
+    critical: bool
+    embedded: bool
+    took: str
+    left: str
+    width: str
+    pieces: tuple[Piece, ...]
+
+
+@frozen
+class Row:
+    """A package in the table; pairs contain a number for sorting and its text."""
+
+    number: int
+    name: str
+    critical: bool
+    took: tuple[float, str]
+    last: tuple[float, str]
+    change: tuple[float, str]
+    waited: tuple[float, str]
+
+
+@frozen
+class StepRow:
+    """A step in the list of the slowest ones."""
+
+    number: int
+    name: str
+    step: str
+    took: str
+
+
+@frozen
+class Strip:
+    """A quantity over time: a path in a box of 1000 by 100, and its maximum and mean."""
+
+    name: str
+    path: str
+    most: str
+    mean: str
+
+
+@frozen
+class Page:
+    """All values of the template."""
+
+    headline: str
+    remarks: tuple[str, ...]
+    bars: tuple[Bar, ...]
+    rows: tuple[Row, ...]
+    steps: tuple[StepRow, ...]
+    strips: tuple[Strip, ...]
+    critical: tuple[tuple[int, str, str], ...]
+    """Index, name and duration of the packages on the critical path."""
+    critical_took: str
+    fresh: tuple[str, ...]
+    skipped: tuple[str, ...]
+
+
+def page(build: Build) -> Page:
+    """Return the values of the template."""
+    path = critical_path(build.packages)
+    numbers = {run.name: number for number, run in enumerate(build.packages)}
+    critical = {run.name for run in path}
+    return Page(
+        headline=_headline(build),
+        remarks=tuple(_remarks(build)),
+        bars=tuple(_bar(number, run, build.ended, critical) for number, run in enumerate(build.packages)),
+        rows=_rows(build, critical),
+        steps=tuple(_slowest_steps(build)),
+        strips=tuple(_strips(build)),
+        critical=tuple((numbers[run.name], printable(run.name), duration(run.seconds)) for run in path),
+        critical_took=duration(sum(run.seconds for run in path)),
+        fresh=tuple(map(printable, build.fresh)),
+        skipped=tuple(map(printable, build.skipped)),
+    )
+
+
+def facts(build: Build) -> dict[str, object]:
+    """Return the data of the page's scripts: packages by index, times in seconds."""
+    numbers = {run.name: number for number, run in enumerate(build.packages)}
+    runs = {run.name: run for run in build.packages}
+    return {
+        "seconds": build.ended,
+        "packages": [
+            {
+                "name": printable(run.name),
+                "embedded": run.embedded,
+                "outcome": run.outcome,
+                "reason": printable(run.reason),
+                "begun": round(run.begun, 3),
+                "took": duration(run.seconds),
+                "last": None if run.last is None else duration(run.last),
+                "change": _change(run)[1],
+                "waited": duration(waited(run, runs)) if waited(run, runs) >= _LEAST_WAIT else None,
+                "needs": [numbers[need] for need in run.needs],
+                "steps": [
+                    {"label": printable(step.label), "took": duration(step.seconds), "code": step.code}
+                    for step in run.steps
+                ],
+            }
+            for run in build.packages
+        ],
+        "atWork": at_work(build.packages),
+        "processors": build.use.processors if build.use else 0,
+        "memory": build.use.memory if build.use else 0,
+        "samples": build.use.samples if build.use else (),
+    }
+
+
+def trace(build: Build) -> dict[str, object]:
+    """Return the build in the trace event format of Perfetto and chrome://tracing."""
+    return {"displayTimeUnit": "ms", "traceEvents": list(_trace_events(build))}
+
+
+def _headline(build: Build) -> str:
+    count = len(build.packages)
+    return f"{count} package{'' if count == 1 else 's'} in {duration(build.seconds)}"
+
+
+def _remarks(build: Build) -> Iterator[str]:
+    """Yield sentences about results, utilization and changes since earlier builds."""
+    outcomes = [run.outcome for run in build.packages]
+    counts = {
+        "built": outcomes.count(FINISHED),
+        RESTORED: outcomes.count(TAKEN),
+        "failed": outcomes.count(FAILED),
+        "aborted": outcomes.count(ABORTED),
+        "not started": len(build.skipped),
+        "fresh": len(build.fresh),
+    }
+    if set(outcomes) != {FINISHED} or build.skipped or build.fresh:
+        yield ", ".join(f"{count} {word}" for word, count in counts.items() if count) + "."
+    if build.packages and build.ended:
+        busy = sum(run.seconds for run in build.packages) / build.ended
+        text = f"On average {busy:.1f} packages ran in parallel"
+        if build.use and build.use.samples:
+            mean = _mean_busy(build.use)
+            text += f", and {mean:.1f} of {build.use.processors} processors were busy"
+        yield text + "."
+    yield from (f"{outcome.words}." for outcome in build.outcomes)
+    known = [run for run in build.packages if run.last is not None and run.outcome == FINISHED]
+    if known:
+        now, then = sum(run.seconds for run in known), sum(run.last or 0.0 for run in known)
+        few = f"{len(known)} of them" if len(known) < len(build.packages) else "They"
+        change = f"{duration(abs(now - then))} {'less' if now < then else 'more'}"
+        yield f"{few} took {duration(now)} in total, {change} than in their previous builds."
+
+
+def _bar(number: int, run: PackageRun, whole: float, critical: set[str]) -> Bar:
+    return Bar(
+        number=number,
+        name=printable(run.name),
+        outcome=run.outcome,
+        critical=run.name in critical,
+        embedded=run.embedded,
+        took=duration(run.seconds),
+        left=_percent(run.begun, whole),
+        width=_percent(run.seconds, whole),
+        pieces=tuple(
+            Piece(
+                kind_of(step),
+                _percent(step.begun - run.begun, run.seconds),
+                _percent(step.seconds, run.seconds),
+            )
+            for step in run.steps
+        ),
+    )
+
+
+def kind_of(step: StepRun) -> str:
+    """Return the kind of a step, a key of STEP_KINDS, or 'failed'."""
+    if step.code:
+        return FAILED
+    return _KINDS.get(step.label, "build")
+
+
+def _rows(build: Build, critical: set[str]) -> tuple[Row, ...]:
+    runs = {run.name: run for run in build.packages}
+    numbered = [
+        Row(
+            number=number,
+            name=printable(run.name),
+            critical=run.name in critical,
+            took=_timed(run.seconds),
+            last=(-1.0, "") if run.last is None else _timed(run.last),
+            change=_change(run),
+            waited=_timed(waited(run, runs)),
+        )
+        for number, run in enumerate(build.packages)
+    ]
+    return tuple(sorted(numbered, key=lambda row: (-row.took[0], row.name)))
+
+
+def _slowest_steps(build: Build) -> Iterator[StepRow]:
+    steps = [(-step.seconds, number, step) for number, run in enumerate(build.packages) for step in run.steps]
+    for _, number, step in sorted(steps, key=lambda item: item[:2])[:_SLOWEST_STEPS]:
+        name = printable(build.packages[number].name)
+        yield StepRow(number, name, printable(step.label), duration(step.seconds))
+
+
+def _change(run: PackageRun) -> tuple[float, str]:
+    """Return how much slower a package was than in its previous build."""
+    if run.last is None or run.outcome != FINISHED:
+        return 0.0, ""
+    change = run.seconds - run.last
+    if abs(change) < _LEAST_CHANGE:
+        return change, "unchanged"
+    return change, f"{_SIGNS[change > 0]}{duration(abs(change))}"
+
+
+def _timed(seconds: float) -> tuple[float, str]:
+    return round(seconds, 3), duration(seconds)
+
+
+def _strips(build: Build) -> Iterator[Strip]:
+    work = at_work(build.packages)
+    most = max((count for _, count in work), default=0)
+    if most and build.ended:
+        mean = sum(run.seconds for run in build.packages) / build.ended
+        yield Strip("packages at work", _stairs(work, most, build.ended), str(most), f"{mean:.1f}")
+    if build.use and build.use.samples and build.ended:
+        yield from _strips_of_machine(build.use, build.ended)
+
+
+def _strips_of_machine(use: MachineUse, whole: float) -> Iterator[Strip]:
+    times, busy, used = zip(*use.samples, strict=True)
+    most = f"{max(busy):.1f} of {use.processors}"
+    path = _slope(zip(times, busy, strict=True), use.processors, whole)
+    yield Strip("processors busy", path, most, f"{_mean_busy(use):.1f}")
+    most = f"{max(used) / _GIGA:.1f} of {use.memory / _GIGA:.1f} GB"
+    path = _slope(zip(times, used, strict=True), use.memory, whole)
+    yield Strip("memory in use", path, most, f"{sum(used) / len(used) / _GIGA:.1f} GB")
+
+
+def _mean_busy(use: MachineUse) -> float:
+    """Return the average number of busy processors; samples cover the time before them."""
+    whole, before = 0.0, 0.0
+    for time, busy, _ in use.samples:
+        whole += busy * (time - before)
+        before = time
+    return whole / before if before else 0.0
+
+
+def _stairs(work: Sequence[tuple[float, int]], most: int, whole: float) -> str:
+    words = ["M0 100"]
+    for time, count in work:
+        words.append(f"H{_thousandth(time, whole)}V{_down(count, most)}")
+    return "".join((*words, "V100Z"))
+
+
+def _slope(samples: Iterable[tuple[float, float]], most: float, whole: float) -> str:
+    """Return an area path below values that each cover the time before them."""
+    words = ["M0 100"]
+    for time, value in samples:
+        words.append(f"V{_down(value, most)}H{_thousandth(time, whole)}")
+    return "".join((*words, "V100Z"))
+
+
+def _thousandth(time: float, whole: float) -> str:
+    return f"{min(1000.0, max(0.0, 1000 * time / whole)):.1f}"
+
+
+def _down(value: float, most: float) -> str:
+    return f"{100 - 100 * min(1.0, value / most):.1f}" if most else "100"
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * part / whole:.3f}%" if whole else "0%"
+
+
+def _trace_events(build: Build) -> Iterator[Mapping[str, object]]:
+    """Yield packages in as many rows as ran in parallel, their steps, and counters."""
+    yield _naming("process_name", 1, 0, "build")
+    in_row = rows(build.packages)
+    for row in range(max(in_row.values(), default=-1) + 1):
+        yield _naming("thread_name", 1, row, f"job {row + 1}")
+    for run in build.packages:
+        details = {"outcome": run.outcome, "reason": run.reason, "needs": run.needs, "last": run.last}
+        yield _stretch(run.name, "package", (run.begun, run.seconds), in_row[run.name], details)
+        for step in run.steps:
+            yield _stretch(
+                step.label, "step", (step.begun, step.seconds), in_row[run.name], {"code": step.code}
+            )
+    yield _naming("process_name", 2, 0, "critical path")
+    for run in critical_path(build.packages):
+        yield {**_stretch(run.name, "package", (run.begun, run.seconds), 0, {}), "pid": 2}
+    for time, count in at_work(build.packages):
+        yield _counter("packages at work", time, count)
+    for time, busy, used in build.use.samples if build.use else ():
+        yield _counter("processors busy", time, busy)
+        yield _counter("memory in use", time, used)
+
+
+def _naming(what: str, process: int, row: int, name: str) -> Mapping[str, object]:
+    return {"ph": "M", "name": what, "pid": process, "tid": row, "args": {"name": name}}
+
+
+def _stretch(
+    name: str, category: str, span: tuple[float, float], row: int, details: Mapping[str, object]
+) -> Mapping[str, object]:
+    begun, seconds = (round(time * 1e6) for time in span)
+    return {
+        "ph": "X",
+        "name": name,
+        "cat": category,
+        "pid": 1,
+        "tid": row,
+        "ts": begun,
+        "dur": seconds,
+        "args": details,
+    }
+
+
+def _counter(name: str, time: float, value: float) -> Mapping[str, object]:
+    return {"ph": "C", "name": name, "pid": 1, "tid": 0, "ts": round(time * 1e6), "args": {name: value}}

@@ -1,0 +1,233 @@
+"""Parses the events.jsonl of a build into the times of packages and steps."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+from forge.base.frozen import frozen
+from forge.cache.model import RESTORED
+from forge.toolchain.compiler_launchers.outcome import LauncherSummary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+FINISHED, FAILED, ABORTED, TAKEN = "finished", "failed", "aborted", "taken"
+"""Results of packages; TAKEN means restored from the package cache."""
+
+
+@frozen
+class StepRun:
+    """A step of a package. Times are seconds since the first event; `code` is None if it was aborted."""
+
+    label: str
+    begun: float
+    ended: float
+    code: int | None
+
+    @property
+    def seconds(self) -> float:
+        """The duration."""
+        return self.ended - self.begun
+
+
+@frozen
+class PackageRun:
+    """A package that was started. `needs` are the packages of this build that it waited for.
+
+    `last` is the duration of its previous build, None if unknown.
+    """
+
+    name: str
+    embedded: bool
+    reason: str
+    begun: float
+    ended: float
+    outcome: str
+    steps: tuple[StepRun, ...]
+    needs: tuple[str, ...]
+    last: float | None
+
+    @property
+    def seconds(self) -> float:
+        """The duration."""
+        return self.ended - self.begun
+
+
+@frozen
+class MachineUse:
+    """The number of processors, the bytes of memory, and samples: time, busy processors, bytes in use."""
+
+    processors: int
+    memory: int
+    samples: tuple[tuple[float, float, int], ...]
+
+
+@frozen
+class Build:
+    """A build: packages in order of their start, and those up to date or skipped.
+
+    `ended` is the time of the last event, `seconds` the duration of the command.
+    """
+
+    packages: tuple[PackageRun, ...]
+    fresh: tuple[str, ...]
+    skipped: tuple[str, ...]
+    ended: float
+    seconds: float
+    code: int
+    use: MachineUse | None
+    outcomes: tuple[LauncherSummary, ...] = ()
+
+
+def read_build(lines: Iterable[str]) -> Build:
+    """Parse the events of one run; an incomplete last line is ignored."""
+    events = [event for line in lines if (event := _parsed(line))]
+    by_package: dict[str, list[Mapping[str, Any]]] = {}
+    for event in events:
+        if "package" in event:
+            by_package.setdefault(event["package"], []).append(event)
+    ended = events[-1]["time"] if events else 0.0
+    summary = next((event for event in events if event["event"] == "Summary"), {})
+    usage = next((event for event in events if event["event"] == "Usage"), None)
+    planned = {event["package"]: event.get("needs", ()) for event in events if event["event"] == "Planned"}
+    started = {event["package"] for event in events if event["event"] == "Started"}
+    runs = [
+        _package(own, ended, _waited_for(name, planned, started))
+        for name, own in by_package.items()
+        if name in started
+    ]
+    return Build(
+        packages=tuple(sorted(runs, key=lambda run: run.begun)),
+        fresh=tuple(name for name, own in by_package.items() if _first(own, "Fresh")),
+        skipped=tuple(name for name, own in by_package.items() if _first(own, "Skipped")),
+        ended=ended,
+        seconds=summary.get("seconds", ended),
+        code=summary.get("code", 0),
+        use=_use(usage) if usage else None,
+        outcomes=tuple(_outcome(event) for event in events if event["event"] == "Launcher"),
+    )
+
+
+def critical_path(packages: Sequence[PackageRun]) -> tuple[PackageRun, ...]:
+    """Return the chain of dependent packages with the longest total duration.
+
+    It is a lower bound of the build time with any number of processors.
+    """
+    runs = {run.name: run for run in packages}
+    length: dict[str, float] = {}
+    before: dict[str, str | None] = {}
+    # Dependencies start before their dependents, so that the order of starts is topological.
+    for run in packages:
+        longest = max(run.needs, key=lambda need: (length[need], need), default=None)
+        before[run.name] = longest
+        length[run.name] = run.seconds + (length[longest] if longest else 0.0)
+    name = max(length, key=lambda name: (length[name], name), default=None)
+    chain: list[PackageRun] = []
+    while name is not None:
+        chain.append(runs[name])
+        name = before[name]
+    return tuple(reversed(chain))
+
+
+def waited(run: PackageRun, runs: Mapping[str, PackageRun]) -> float:
+    """Return how long a package waited for a free job after its dependencies had finished."""
+    return max(0.0, run.begun - max((runs[need].ended for need in run.needs), default=0.0))
+
+
+def rows(packages: Iterable[PackageRun]) -> dict[str, int]:
+    """Assign each package the first free row at its start; there are as many rows as parallel packages."""
+    ends: list[float] = []
+    found: dict[str, int] = {}
+    for run in packages:
+        row = next((row for row, end in enumerate(ends) if end <= run.begun), len(ends))
+        ends[row : row + 1] = [run.ended]
+        found[run.name] = row
+    return found
+
+
+def at_work(packages: Iterable[PackageRun]) -> tuple[tuple[float, int], ...]:
+    """Return the number of running packages at each time it changed."""
+    changes: dict[float, int] = {0.0: 0}
+    for run in packages:
+        changes[run.begun] = changes.get(run.begun, 0) + 1
+        changes[run.ended] = changes.get(run.ended, 0) - 1
+    count, found = 0, []
+    for time in sorted(changes):
+        count += changes[time]
+        found.append((time, count))
+    return tuple(found)
+
+
+def _parsed(line: str) -> Mapping[str, Any] | None:
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None
+    return event if isinstance(event, dict) and {"event", "time"} <= event.keys() else None
+
+
+def _package(events: Sequence[Mapping[str, Any]], ended: float, needs: frozenset[str]) -> PackageRun:
+    started, end = _first(events, "Started") or {}, _first(events, "Finished")
+    planned = _first(events, "Planned") or {}
+    stop = end or _first(events, "Aborted") or {"time": ended}
+    return PackageRun(
+        name=started["package"],
+        embedded=started["embedded"],
+        reason=started["reason"],
+        begun=started["time"],
+        ended=stop["time"],
+        outcome=_outcome_of(end),
+        steps=tuple(_steps(events, stop["time"])),
+        needs=tuple(sorted(needs)),
+        last=planned.get("last"),
+    )
+
+
+def _outcome_of(end: Mapping[str, Any] | None) -> str:
+    if end is None:
+        return ABORTED
+    if end["code"]:
+        return FAILED
+    return TAKEN if end.get("cache") == RESTORED else FINISHED
+
+
+def _steps(events: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRun]:
+    open_step: Mapping[str, Any] | None = None
+    for event in events:
+        if event["event"] == "StepStarted":
+            open_step = event
+        elif event["event"] == "StepFinished" and open_step:
+            yield StepRun(open_step["step"], open_step["time"], event["time"], event["code"])
+            open_step = None
+    if open_step:
+        yield StepRun(open_step["step"], open_step["time"], ended, None)
+
+
+def _waited_for(name: str, planned: Mapping[str, Sequence[str]], started: set[str]) -> frozenset[str]:
+    """Return the packages of the build that a package waited for, also indirectly through ones up to date."""
+    found: set[str] = set()
+    waiting = list(planned.get(name, ()))
+    while waiting:
+        need = waiting.pop()
+        if need in started:
+            found.add(need)
+        else:
+            waiting += planned.get(need, ())
+    return frozenset(found)
+
+
+def _first(events: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] | None:
+    return next((event for event in events if event["event"] == word), None)
+
+
+def _use(event: Mapping[str, Any]) -> MachineUse:
+    samples = tuple((float(time), float(busy), int(used)) for time, busy, used in event["samples"])
+    return MachineUse(event["processors"], event["memory"], samples)
+
+
+def _outcome(event: Mapping[str, Any]) -> LauncherSummary:
+    return LauncherSummary(
+        **{each.name: event[each.name] for each in fields(LauncherSummary) if each.name in event}
+    )

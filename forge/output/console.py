@@ -1,0 +1,352 @@
+"""Prints events and the summary in colcon's format.
+
+As in colcon, progress goes to stdout and failures go to stderr.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Protocol
+
+from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
+from forge.base.signals import ignore_closed_output
+from forge.base.text import Excerpt, duration
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
+from forge.build.shell_command import environment_file, step_line
+from forge.build.tasks import CONFIGURE, TEST_FAILURES
+from forge.cache.model import RESTORED
+from forge.toolchain.cmake_warnings import UnusedVariables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from forge.build.events import Event
+    from forge.build.tasks import BuildPlan
+    from forge.output.diagnosis import FirstError
+    from forge.toolchain.compiler_launchers.outcome import LauncherSummary
+    from forge.workspace.model import Package
+
+HANDLERS = {
+    "console_start_end": True,
+    "console_stderr": True,
+    "summary": True,
+    "status": True,
+    "console_direct": False,
+    "console_cohesion": False,
+    "console_package_list": False,
+    # Accepted for compatibility with colcon, without effect except for compile_commands.
+    "log": True,
+    "event_log": True,
+    "log_command": True,
+    "store_result": True,
+    "compile_commands": True,
+    "desktop_notification": False,
+    "parallel_status": False,
+    "terminal_title": False,
+}
+"""The event handlers of --event-handlers and their defaults."""
+
+_PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
+"""The event handlers that print text on stdout."""
+
+
+def handlers_of(words: Sequence[str]) -> dict[str, bool]:
+    """Return the state of each event handler; raises SelectionError for unknown ones."""
+    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
+    raise_if_any(
+        (
+            Problem(
+                f"--event-handlers expects names followed by '+' or '-', not '{word}'",
+                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
+            )
+            for word in unknown
+        ),
+        SelectionError,
+    )
+    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
+
+
+def without_prose(handlers: Mapping[str, bool]) -> dict[str, bool]:
+    """Return the event handlers with those disabled that print text on stdout."""
+    return {**handlers, **dict.fromkeys(_PROSE, False)}
+
+
+class Screen(Protocol):
+    """The output of a report; with `quiet_starts`, another view shows running packages."""
+
+    quiet_starts: bool
+
+    def write(self, content: bytes, *, stderr: bool = False) -> None:
+        """Write bytes unchanged, because output of packages may have any encoding."""
+
+
+class _Plain:
+    """Writes to stdout and stderr."""
+
+    quiet_starts = False
+
+    def write(self, content: bytes, *, stderr: bool = False) -> None:
+        stream = sys.stderr if stderr else sys.stdout
+        with ignore_closed_output(1):
+            sys.stdout.flush()
+        with ignore_closed_output(2 if stderr else 1):
+            binary = getattr(stream, "buffer", None)
+            if binary is None:
+                stream.write(content.decode(errors="replace"))
+            else:
+                binary.write(content)
+            stream.flush()
+
+
+PLAIN: Screen = _Plain()
+
+
+@frozen
+class Tally:
+    """The results of packages, as sorted names; embedded packages that are up to date are left out."""
+
+    finished: tuple[str, ...] = ()
+    unchanged: tuple[str, ...] = ()
+    embedded: tuple[str, ...] = ()
+    """Embedded packages that finished."""
+    failed: tuple[str, ...] = ()
+    aborted: tuple[str, ...] = ()
+    stderr: tuple[str, ...] = ()
+    """Packages that wrote to stderr."""
+    test_failures: tuple[str, ...] = ()
+    restored: tuple[str, ...] = ()
+    """Packages restored from the cache, including embedded ones."""
+    not_processed: tuple[str, ...] = ()
+
+
+@frozen
+class PackageFailure:
+    """The first error of a failed package, a hint, and a command that repeats the failed step."""
+
+    error: FirstError | None
+    repeat: str | None
+    hint: str | None = None
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The lines of the first error."""
+        return self.error.lines if self.error else ()
+
+
+class ConsoleReporter:
+    """Prints events and collects results; owned by the main loop."""
+
+    def __init__(
+        self,
+        plan: BuildPlan,
+        packages: Mapping[str, Package],
+        handlers: dict[str, bool],
+        logs: Path | None,
+        shared: frozenset[str] = frozenset(),
+    ) -> None:
+        """Start with no results.
+
+        `logs` is the log folder named in failures, `shared` the CMake variables passed to all packages.
+        """
+        self.screen = PLAIN
+        self.python = "python3"
+        """The workspace's interpreter, for hints."""
+        self.outcomes: tuple[LauncherSummary, ...] = ()
+        """The summaries of compiler launchers."""
+        self.packages = packages
+        self._tasks = plan.tasks
+        self._on = handlers
+        self.logs = logs
+        self._output: dict[str, Excerpt] = {}
+        self._unused = UnusedVariables(shared)
+        self._configured: set[str] = set()
+        self._stderr: set[str] = set()
+        self._listed = False
+        self._finished: list[str] = []
+        self._failed: dict[str, PackageFailure] = {}
+        self._aborted: list[str] = []
+        self._skipped: list[str] = []
+        self._fresh = list(plan.fresh)
+        self._failed_tests: set[str] = set()
+        self._restored: list[str] = []
+
+    @property
+    def failed_tests(self) -> frozenset[str]:
+        """The packages with failed tests, whose test programs themselves ran successfully."""
+        return frozenset(self._failed_tests)
+
+    @property
+    def exit_code(self) -> int:
+        """0, 1 if a package failed, 2 if all failures are errors in interface definitions."""
+        if not self._failed:
+            return 0
+        errors = [fault.error for fault in self._failed.values()]
+        return 2 if all(error and error.interface for error in errors) else 1
+
+    @property
+    def tally(self) -> Tally:
+        """The results so far."""
+        return Tally(
+            finished=tuple(sorted(name for name in self._finished if not self._embedded(name))),
+            unchanged=tuple(sorted(name for name in self._fresh if not self._embedded(name))),
+            embedded=tuple(sorted(filter(self._embedded, self._finished))),
+            failed=tuple(sorted(self._failed)),
+            aborted=tuple(sorted(self._aborted)),
+            stderr=tuple(sorted(self._stderr)),
+            test_failures=tuple(sorted(self._failed_tests)),
+            restored=tuple(sorted(self._restored)),
+            not_processed=tuple(sorted(self._skipped)),
+        )
+
+    def fault(self, task: str) -> PackageFailure | None:
+        """Return the failure of a package, None if it did not fail."""
+        return self._failed.get(task)
+
+    def show(self, event: Event) -> None:
+        """Print an event."""
+        match event:
+            case Started(task):
+                self._list()
+                self._start(task)
+            case Output(task, lines, stderr):
+                self._take(task, lines, stderr=stderr)
+            case Finished():
+                self._finish(event)
+            case Aborted(task, seconds):
+                self._aborted.append(task)
+                self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
+            case Skipped(task):
+                self._skipped.append(task)
+            case Fresh(task):
+                self._fresh.append(task)
+            case StepFinished(task, step, code):
+                if step.label == CONFIGURE:
+                    self._configured.add(task)
+                # Of repeated steps, only the last result counts.
+                failed = step.meaning(code) == TEST_FAILURES
+                (self._failed_tests.add if failed else self._failed_tests.discard)(task)
+            case StepStarted():
+                pass
+
+    def summarise(self, seconds: float) -> None:
+        """Print the summary; embedded packages are counted separately."""
+        if not self._on["summary"]:
+            return
+        tally = self.tally
+        unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
+        self._out(f"\nSummary: {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
+        brought = len(tally.embedded)
+        if brought:
+            self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} finished")
+        if tally.restored:
+            self._out(f"  {_count(tally.restored)} came from the cache")
+        for outcome in self.outcomes:
+            self._out(f"  {outcome.words}")
+        for names, words in (
+            (tally.failed, "failed"),
+            (tally.aborted, "aborted"),
+            (tally.stderr, "had stderr output"),
+            (tally.test_failures, f"had {TEST_FAILURES}"),
+        ):
+            if names:
+                self._out(f"  {_count(names)} {words}: {' '.join(names)}")
+        if tally.not_processed:
+            self._out(f"  {_count(tally.not_processed)} not processed")
+        if self._unused.names:
+            self._out(f"  CMake variables not used by any package: {' '.join(self._unused.names)}")
+
+    def _start(self, task: str) -> None:
+        if not self.screen.quiet_starts:
+            self._progress(f"Starting >>> {self._label(task)}")
+
+    def _list(self) -> None:
+        """Print the packages in topological order once, for console_package_list."""
+        if self._on["console_package_list"] and not self._listed:
+            own = [task.package for task in self._tasks.values() if not task.embedded]
+            self._out("\n".join(("Topological order", *(f"- {one.name} ({one.type})" for one in own))))
+        self._listed = True
+
+    def _progress(self, line: str) -> None:
+        if self._on["console_start_end"]:
+            self._out(line)
+
+    def _out(self, line: str) -> None:
+        self.screen.write(f"{line}\n".encode())
+
+    def _label(self, task: str) -> str:
+        return f"{task} (embedded)" if self._embedded(task) else task
+
+    def _embedded(self, name: str) -> bool:
+        return self.packages[name].embedded
+
+    def _take(self, task: str, lines: bytes, *, stderr: bool) -> None:
+        self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
+        if self._on["console_direct"] and not self._embedded(task):
+            self.screen.write(lines, stderr=stderr)
+
+    def _close(self, task: str) -> None:
+        """Print the output of a package as a block, depending on the event handlers."""
+        output = self._output.get(task, Excerpt())
+        errors = output.errors
+        if task in self._configured:
+            errors = self._unused.take(errors)
+        if errors:
+            self._stderr.add(task)
+        if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
+            self.screen.write(f"--- output: {task}\n".encode() + output.everything + b"---\n")
+        elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
+            self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
+            self.screen.write(errors, stderr=True)
+            self.screen.write(b"---\n", stderr=True)
+
+    def _finish(self, event: Finished) -> None:
+        task = event.task
+        self._close(task)
+        if event.code:
+            self._fail(event)
+            return
+        self._finished.append(task)
+        self._output.pop(task, None)
+        remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
+        if event.cache == RESTORED:
+            self._restored.append(task)
+            remark = f"\t[ {RESTORED} ]"
+        self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
+
+    def _fail(self, event: Finished) -> None:
+        """Print the package, step, first error, log and a command to repeat the step."""
+        from forge.output.diagnosis import first_error  # noqa: PLC0415  (only needed after failures)
+
+        task = event.task
+        text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
+        error = first_error(text.split("\n"), self.packages[task].path.as_posix())
+        repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
+        hint = self._hint(task, text)
+        self._failed[task] = PackageFailure(error, repeat, hint)
+        lines = [
+            f"Failed   <<< {self._label(task)} [{duration(event.seconds)}, exited with code {event.code}]"
+        ]
+        if error:
+            lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
+            lines += [f"    {line}" for line in error.lines]
+        if hint:
+            lines.append(f"  hint: {hint}")
+        if self.logs:
+            lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
+        if repeat:
+            lines.append(f"  repeat: {repeat}")
+        self.screen.write(("\n".join(lines) + "\n").encode(), stderr=True)
+
+    def _hint(self, task: str, text: str) -> str | None:
+        """Return a remedy if the cause of a failure is known."""
+        from forge.output.failure_context import failure_context  # noqa: PLC0415
+        from forge.output.failure_hints import hint_of  # noqa: PLC0415  (only needed after failures)
+
+        return hint_of(text, failure_context(self.packages[task], self.packages, self.python))
+
+
+def _count(names: Sequence[str]) -> str:
+    return f"{len(names)} package{'' if len(names) == 1 else 's'}"

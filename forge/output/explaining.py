@@ -1,0 +1,44 @@
+"""Describes a plan: why packages are built or up to date, and their commands."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, SelectionError
+from forge.base.layout import SCRATCH_DIR
+from forge.build.shell_command import LAST_COMMAND, step_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.base.layout import Layout
+    from forge.build.tasks import BuildPlan
+
+
+def explain(plan: BuildPlan) -> Iterator[str]:
+    """Yield a line for each package of the plan with the reason."""
+    for name in plan.fresh:
+        yield f"{name}: fresh"
+    for name, task in plan.tasks.items():
+        yield f"{name}: {'maybe' if task.conditional else 'build'}, {task.reason}"
+
+
+def commands(plan: BuildPlan) -> Iterator[str]:
+    """Yield all commands of the plan in order, as shell command lines."""
+    for name, task in plan.tasks.items():
+        yield f"# {name}"
+        yield from (step_line(step) for step in task.steps)
+
+
+def last_command(layout: Layout, package: str) -> str:
+    """Return a command line that repeats the last step of a package; raises SelectionError for none."""
+    try:
+        return (
+            (layout.build_dir(package) / SCRATCH_DIR / LAST_COMMAND).read_text(encoding="utf-8").rstrip("\n")
+        )
+    except OSError:
+        problem = Problem(
+            f"no step of '{package}' has run in '{layout.build}'",
+            hint=f"forge build --packages-up-to {package}",
+        )
+        raise SelectionError(problem) from None

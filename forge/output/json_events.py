@@ -1,0 +1,161 @@
+"""Events as JSON lines, in the log and with --json on stdout.
+
+docs/reference/events.md documents the format, which is stable.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EXIT_INTERRUPTED
+from forge.base.graph import reduced
+from forge.base.signals import ignore_closed_output
+from forge.base.text import split_lines
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from forge.base.errors import Problem
+    from forge.build.events import Event
+    from forge.build.tasks import BuildPlan, Step
+    from forge.output.charts.sampling import Usage
+    from forge.output.console import ConsoleReporter
+    from forge.testing.showing import Failure
+    from forge.workspace.model import Package
+
+
+class JsonEvents:
+    """Writes the JSON lines of one run; owned by the main loop."""
+
+    def __init__(
+        self,
+        plan: BuildPlan,
+        packages: Mapping[str, Package],
+        *,
+        log: Callable[[bytes], object] | None = None,
+        printed: bool = False,
+        output: bool = False,
+    ) -> None:
+        """Start the clock; write to `log`, and if `printed` to stdout, with package output if `output`."""
+        self._plan = plan
+        self._packages = packages
+        self._log = log
+        self._printed = printed
+        self._output = output
+        self._begun = time.monotonic()
+
+    def announce(self, *, steps: bool = False, seconds: Mapping[str, float] | None = None) -> None:
+        """Write the plan, with the commands of each package if `steps`.
+
+        `seconds` contains the duration of the last build of packages.
+        """
+        last = seconds or {}
+        needs = reduced({name: task.needs for name, task in self._plan.tasks.items()}, [*self._plan.tasks])
+        for name in self._plan.fresh:
+            self._emit("Fresh", name)
+        for name, task in self._plan.tasks.items():
+            commands = {"steps": [_step(step) for step in task.steps]} if steps else {}
+            known = {"last": round(last[name], 3)} if name in last else {}
+            planned = {"reason": task.reason, "conditional": task.conditional, "needs": needs[name]}
+            self._emit("Planned", name, **planned, **known, **commands)
+
+    def write(self, event: Event, report: ConsoleReporter, why: Problem | None = None) -> None:
+        """Write one event with the report's result; `why` is the reason if a package could not be started."""
+        match event:
+            case Started(name):
+                self._emit("Started", name, reason=self._plan.tasks[name].reason)
+            case Fresh(name):
+                self._emit("Fresh", name)
+            case StepStarted(name, step):
+                self._emit("StepStarted", name, **_step(step))
+            case StepFinished(name, step, code):
+                self._emit("StepFinished", name, step=step.label, code=code)
+            case Output(name, lines, stderr):
+                self._print_output(name, lines, stderr=stderr)
+            case Finished():
+                self._finish(event, report, why)
+            case Aborted(name, seconds):
+                self._emit("Aborted", name, seconds=round(seconds, 3))
+            case Skipped(name, because):
+                self._emit("Skipped", name, because=because)
+
+    def report_failures(self, failures: Iterable[Failure]) -> None:
+        """Write a line for each failed test."""
+        for failure in failures:
+            self._emit(
+                "TestFailure",
+                failure.package,
+                test=failure.test,
+                message=list(failure.lines),
+                repeat=failure.repeat,
+            )
+
+    def report_usage(self, usage: Usage) -> None:
+        """Write the use of processors and memory during the run."""
+        samples = [[round(time - self._begun, 3), round(busy, 2), used] for time, busy, used in usage.samples]
+        self._emit("Usage", None, processors=usage.processors, memory=usage.memory, samples=samples)
+
+    def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
+        """Write the results, ending with a Summary; `code` overrides the exit code of the report."""
+        for outcome in report.outcomes:
+            counted = {name: number for name, number in asdict(outcome).items() if number is not None}
+            self._emit("Launcher", None, **counted)
+        log = str(report.logs) if report.logs else None
+        if isinstance(sys.exc_info()[1], KeyboardInterrupt):
+            code = EXIT_INTERRUPTED
+        elif code is None:
+            code = report.exit_code
+        self._emit("Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally))
+
+    def _print_output(self, name: str, lines: bytes, *, stderr: bool) -> None:
+        """Print the output of a program if requested; log files contain it separately."""
+        for line in split_lines(lines) if self._printed and self._output else ():
+            text = line.decode(errors="replace")
+            self._print(self._line("Output", name, line=text, stderr=stderr))
+
+    def _finish(self, event: Finished, report: ConsoleReporter, why: Problem | None) -> None:
+        name, fault = event.task, report.fault(event.task)
+        values: dict[str, object] = {
+            "code": event.code,
+            "seconds": round(event.seconds, 3),
+            "log": str(report.logs / name) if report.logs else None,
+            "test_failures": name in report.failed_tests,
+        }
+        if event.cache:
+            values["cache"] = event.cache
+        if fault:
+            values |= {
+                "step": event.step.label if event.step else None,
+                "error": [why.message] if why else list(fault.lines),
+                "hint": why.hint if why else fault.hint,
+                "repeat": fault.repeat,
+            }
+        self._emit("Finished", name, **values)
+
+    def _emit(self, event: str, name: str | None, **values: object) -> None:
+        line = self._line(event, name, **values)
+        if self._log:
+            self._log(line)
+        if self._printed:
+            self._print(line)
+
+    def _line(self, event: str, name: str | None, **values: object) -> bytes:
+        whole: dict[str, object] = {"event": event, "time": round(time.monotonic() - self._begun, 6)}
+        if name is not None:
+            whole |= {"package": name, "embedded": self._packages[name].embedded}
+        return json.dumps({**whole, **values}).encode() + b"\n"
+
+    def _print(self, line: bytes) -> None:
+        with ignore_closed_output(1):
+            sys.stdout.write(line.decode())
+            # Readers of a pipe process each line immediately.
+            sys.stdout.flush()
+
+
+def _step(step: Step) -> dict[str, object]:
+    return {"step": step.label, "argv": step.argv, "cwd": str(step.cwd)}

@@ -1,0 +1,4 @@
+"""The programs and the machine that a build uses: CMake, compilers, Python, processors and memory.
+
+May import the packages above it in docs/explanation/architecture.md, up to `workspace`.
+"""

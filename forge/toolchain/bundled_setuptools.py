@@ -1,0 +1,59 @@
+"""Provides forge's setuptools to interpreters without one that can build wheels.
+
+Examples are fresh virtual environments, and Ubuntu's Python without python3-wheel.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
+from pathlib import Path
+
+_PROBE = """import importlib.util, os, sys
+sys.path = [entry for entry in sys.path if entry]
+home, other = (
+    os.path.dirname(found.origin) if (found := importlib.util.find_spec(name)) and found.origin else ""
+    for name in ("setuptools", "wheel")
+)
+able = home and (other or os.path.exists(home + "/command/bdist_wheel.py"))
+print("%d.%d.%d" % sys.version_info[:3], "able" if able else "lacking")
+"""
+_NEEDED = ("setuptools", "pkg_resources", "_distutils_hack", "setuptools-*.dist-info")
+
+
+def setuptools_path(python: str, folder: Path) -> Path | None:
+    """Return a PYTHONPATH folder with forge's setuptools; None if it is not needed or not compatible."""
+    if Path(python).parent == Path(sys.executable).parent:
+        return None
+    asked = subprocess.run(
+        (python, "-c", _PROBE), capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+    version, _, word = asked.stdout.strip().partition(" ")
+    own = _own_setuptools(version) if word == "lacking" else None
+    if own is None:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    for pattern in _NEEDED:
+        for path in own.glob(pattern):
+            link = folder / path.name
+            link.unlink(missing_ok=True)
+            link.symlink_to(path)
+    return folder
+
+
+def _own_setuptools(version: str) -> Path | None:
+    """Return the folder of forge's setuptools if it builds wheels and supports that version of Python."""
+    from packaging.specifiers import SpecifierSet  # noqa: PLC0415  (rarely needed)
+
+    found = find_spec("setuptools")
+    if found is None or found.origin is None:
+        return None
+    home = Path(found.origin).parent
+    try:
+        required = distribution("setuptools").metadata["Requires-Python"] or ""
+    except PackageNotFoundError:
+        return None
+    fits = SpecifierSet(required).contains(version)
+    return home.parent if fits and (home / "command/bdist_wheel.py").is_file() else None

@@ -1,0 +1,73 @@
+"""CMake's warning about unused variables.
+
+Variables in --cmake-args apply to all packages, but only some of them use each variable. These warnings are
+hidden for single packages, and reported once if no package used a variable.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+_WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
+_WANTING = frozenset({"-D", "-C", "-G", "-T", "-A", "-P", "-U", "--toolchain", "--preset"})
+"""Options of CMake whose value is a separate argument."""
+
+_DEFINITION = re.compile(r"-D([^:=]+)")
+_COMPLAINT = re.compile(
+    rb"CMake Warning(?: \(unused-cli\))?:\r?\n"
+    rb"  Manually-specified variables were not used by the project:\r?\n\r?\n"
+    rb"((?:    \S+\r?\n)+)(?:\r?\n)*"
+)
+
+
+def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
+    """Yield arguments that CMake treats as a path, but that look like definitions."""
+    for before, word in zip(("", *words), words, strict=False):
+        if _WITHOUT_D.match(word) and before not in _WANTING:
+            hint = f"write -D{word}"
+            yield Problem(f"--cmake-args contains '{word}', which CMake treats as a path", hint=hint)
+
+
+def defined(arguments: Sequence[str]) -> frozenset[str]:
+    """Return the names defined by CMake arguments: -DNAME=VALUE or -D NAME:TYPE=VALUE."""
+    joined = re.sub(r"(?m)^-D\n", "-D", "\n".join(arguments))
+    return frozenset(match[1] for match in map(_DEFINITION.match, joined.split("\n")) if match)
+
+
+class UnusedVariables:
+    """Collects variables passed to all packages that no package uses."""
+
+    def __init__(self, shared: frozenset[str]) -> None:
+        """`shared` are the names passed to all packages."""
+        self._shared = shared
+        self._used: set[str] = set()
+        self._asked = False
+
+    def take(self, output: bytes) -> bytes:
+        """Return the output of a configured package without warnings about shared variables."""
+        unused: set[str] = set()
+
+        def without_shared(match: re.Match[bytes]) -> bytes:
+            names = match[1].decode(errors="replace").split()
+            unused.update(names)
+            own = [name for name in names if name not in self._shared]
+            if not own:
+                return b""
+            lines = "".join(f"    {name}\n" for name in own).encode()
+            return match[0].replace(match[1], lines)
+
+        rest = _COMPLAINT.sub(without_shared, output)
+        self._used |= self._shared - unused
+        self._asked = True
+        return rest
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables that no package used, sorted; empty before a package was configured."""
+        return tuple(sorted(self._shared - self._used)) if self._asked else ()

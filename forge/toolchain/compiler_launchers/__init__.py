@@ -1,0 +1,1 @@
+"""Compiler launchers: programs that cache compilations or distribute them to other machines."""

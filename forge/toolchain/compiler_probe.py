@@ -1,0 +1,149 @@
+"""Detects compilers once per build folder and reuses the result for new packages.
+
+When CMake configures a new folder, it detects the compilers with about ten small compilations: 0.2 s per
+package. It stores the results in CMakeFiles/VERSION/ and in its cache, and trusts them in a folder that
+contains both. A reference project that only enables C and C++ is configured once for each set of options,
+compilers and variables; its results are copied into new folders whose CMakeLists.txt cannot require others.
+ROS's own ament also searches Python in every package, which starts the interpreter five times: these results
+are copied, too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import subprocess
+import threading
+from typing import TYPE_CHECKING
+
+from forge.base.files import read_text, replace_file
+from forge.toolchain.programs import calls_make
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+
+FOLDER = "forge_toolchain"
+
+_PROJECT = """\
+# forge detects the compilers here, once for all packages.
+cmake_minimum_required(VERSION 3.18)
+project(forge_toolchain C CXX)
+"""
+_FIND_PYTHON = "find_package(Python3 COMPONENTS Interpreter QUIET)\n"
+# Entries of the reference project itself, and those set for each package.
+_OWN = re.compile(
+    r"^(forge_toolchain_.*|CMAKE_PROJECT_.*|CMAKE_HOME_DIRECTORY|CMAKE_CACHEFILE_DIR|CMAKE_INSTALL_PREFIX"
+    r"|CMAKE_FIND_PACKAGE_REDIRECTS_DIR|CMAKE_NUMBER_OF_MAKEFILES|CMAKE_(C|CXX)_FLAGS):"
+)
+_ANY = re.compile(r"(?!//|#)[^:]+:")
+_OF_PYTHON = re.compile(r"_?Python3_\w+:|CMAKE_CACHE_\w+_VERSION:")
+"""Entries for a project without compilers; CMake considers a cache without its version outdated."""
+_COMMENT = re.compile(r"#\[\[.*?\]\]|#[^\n]*", re.DOTALL)
+_HARMLESS = re.compile(
+    r"\s*(cmake_minimum_required\s*\([^()]*\)|set\s*\(\s*(?!CMAKE_|ENV\b)\w+[^()$]*\))", re.IGNORECASE
+)
+_NO_LANGUAGE = re.compile(r"\bNONE\b")
+_BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
+
+
+class Toolchain:
+    """The detection results for one build; the first package that needs them runs the reference project."""
+
+    def __init__(
+        self,
+        build: Path,
+        cmake: Path,
+        arguments: tuple[str, ...],
+        identity: Pairs,
+        python: Path | None = None,
+    ) -> None:
+        """Identify the results by CMake's arguments, the programs and the variables; run nothing.
+
+        `python` is the interpreter that packages search, None if none does.
+        """
+        if python is not None:
+            arguments = (f"-DPython3_EXECUTABLE={python}", *arguments)
+        self._asks_python = python is not None
+        self._project = _PROJECT + (_FIND_PYTHON if self._asks_python else "")
+        key = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in identity)))
+        self._home = build / FOLDER / hashlib.blake2b(key.encode(), digest_size=8).hexdigest()
+        self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
+        self._lock = threading.Lock()
+        self._asked = False
+
+    def seed(self, source: Path, build: Path, variables: Mapping[str, str]) -> bool:
+        """Copy the results into a new build folder; return whether that was done."""
+        project = None if (build / "CMakeCache.txt").exists() else _usual_project(source)
+        if project is None:
+            return False
+        compiles = not _NO_LANGUAGE.search(project)
+        if not (compiles or self._asks_python):
+            return False
+        with self._lock:
+            if not self._asked:
+                self._configure(variables)
+                self._asked = True
+        answers = self._results()
+        if answers is None:
+            return False
+        if not compiles:
+            replace_file(build / "CMakeCache.txt", self._cache(_OF_PYTHON))
+            return True
+        (build / "CMakeFiles").mkdir(parents=True, exist_ok=True)
+        target = build / "CMakeFiles" / answers.name
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(answers, target, ignore=shutil.ignore_patterns("CompilerId*"))
+        replace_file(build / "CMakeCache.txt", self._cache())
+        return True
+
+    def _configure(self, variables: Mapping[str, str]) -> None:
+        """Configure the reference project, unless an earlier build did."""
+        if self._results() is not None:
+            return
+        shutil.rmtree(self._home, ignore_errors=True)
+        replace_file(self._home / "CMakeLists.txt", self._project.encode())
+        subprocess.run(
+            self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
+        )
+
+    def _results(self) -> Path | None:
+        """Return the folder of results; None if there are none and packages detect compilers themselves."""
+        build = self._home / "build"
+        # Written last, and only if both compilers work.
+        if not any((build / name).is_file() for name in ("build.ninja", "Makefile")):
+            return None
+        return next(build.glob("CMakeFiles/[0-9]*"), None)
+
+    def _cache(self, wanted: re.Pattern[str] = _ANY) -> bytes:
+        """Return the matching entries of the reference project's cache, except its own."""
+        text = (self._home / "build" / "CMakeCache.txt").read_text(encoding="utf-8")
+        lines = [line for line in text.splitlines() if wanted.match(line) and not _OWN.match(line)]
+        return ("\n".join(lines) + "\n").encode()
+
+
+def uses_default_toolchain(source: Path) -> bool:
+    """Tell whether a package enables compilers without prior commands that may affect them.
+
+    Packages that set a toolchain or compiler, or include a file before project(), are detected by CMake; so
+    are packages that call make, because they use another build tool.
+    """
+    project = _usual_project(source)
+    return project is not None and not _NO_LANGUAGE.search(project)
+
+
+def _usual_project(source: Path) -> str | None:
+    """Return the project() call that no prior command affects, or None."""
+    try:
+        text = _COMMENT.sub("", read_text(source / "CMakeLists.txt"))
+    except OSError:
+        return None
+    if calls_make(text):
+        return None
+    while match := _HARMLESS.match(text):
+        text = text[match.end() :]
+    project = _BEGINS_WITH_PROJECT.match(text)
+    return project.group() if project else None

@@ -1,0 +1,68 @@
+"""Searches package config files below a prefix like CMake's find_package."""
+
+from __future__ import annotations
+
+import os
+from bisect import bisect_left
+from itertools import islice
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+_INSIDE = ("", "/cmake", "/CMake")
+_LIBRARIES = ("lib64", "lib32", "libx32", "lib", "share")
+
+
+def prefixes_of_path(folders: Sequence[str]) -> tuple[str, ...]:
+    """Return the prefixes that CMake derives from PATH: the parents of 'bin' and 'sbin'."""
+    pairs = (folder.rstrip("/").rpartition("/") for folder in folders)
+    return tuple(dict.fromkeys(above or "/" for above, _, last in pairs if last in {"bin", "sbin"}))
+
+
+class ConfigSearch:
+    """Searches config files; folders are read once."""
+
+    def __init__(self) -> None:
+        """Start with an empty cache."""
+        self._entries: dict[str, list[tuple[str, str]]] = {}
+
+    def folder(self, prefix: str, name: str) -> str:
+        """Return the real folder of a package's config file below a prefix, '' if there is none."""
+        files = (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
+        for folder in self._candidates(prefix, name.lower()):
+            if any(os.path.isfile(f"{folder}/{file}") for file in files):  # noqa: PTH113
+                return os.path.realpath(folder)
+        return ""
+
+    def _candidates(self, prefix: str, name: str) -> Iterator[str]:
+        """Yield the folders below a prefix that CMake searches, ignoring the case of the name."""
+        yield from (f"{prefix}{below}" for below in _INSIDE)
+        for entry in self._named(prefix, name):
+            yield from (f"{prefix}/{entry}{below}" for below in _INSIDE)
+        for base in self._bases(prefix):
+            yield from (f"{base}/cmake/{entry}" for entry in self._named(f"{base}/cmake", name))
+            for entry in self._named(base, name):
+                yield from (f"{base}/{entry}{below}" for below in _INSIDE)
+
+    def _bases(self, prefix: str) -> Iterator[str]:
+        yield from (
+            f"{prefix}/lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry
+        )
+        yield from (f"{prefix}/{base}" for base in _LIBRARIES)
+
+    def _named(self, folder: str, name: str) -> Iterator[str]:
+        listed = self._listed(folder)
+        for low, entry in islice(listed, bisect_left(listed, (name, "")), None):
+            if not low.startswith(name):
+                break
+            yield entry
+
+    def _listed(self, folder: str) -> list[tuple[str, str]]:
+        """Return the entries of a folder as (lower-case name, name), sorted."""
+        if folder not in self._entries:
+            try:
+                self._entries[folder] = sorted((entry.lower(), entry) for entry in os.listdir(folder))  # noqa: PTH208  (only names)
+            except OSError:
+                self._entries[folder] = []
+        return self._entries[folder]

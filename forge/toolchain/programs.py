@@ -1,0 +1,311 @@
+"""Finds the programs of a build: CMake, Ninja, make and compilers."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
+from forge.toolchain.compiler_launchers.choice import not_found
+from forge.toolchain.program_lookup import ProgramLookup
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from forge.base.frozen import Pairs
+    from forge.workspace.model import Package
+
+CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
+
+_CMAKE_HINT = (
+    "install it with forge, `pip install 'ros-forge[cmake]'`, or with your distribution's cmake package"
+)
+_COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
+_PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE)
+
+
+@frozen
+class Tools:
+    """The programs found; `ninja` and `make` are None if they are not installed.
+
+    `only_make` are packages that call $(MAKE), so that other generators cannot build them.
+    """
+
+    cmake: Path
+    ninja: Path | None = None
+    make: Path | None = None
+    only_make: frozenset[str] = frozenset()
+    launcher: Path | None = None
+
+
+def find_tools(packages: Iterable[Package], variables: Mapping[str, str], launcher: str = "") -> Tools | None:
+    """Return the programs to build `packages`, None if none of them needs CMake.
+
+    `launcher` is the name of the compiler launcher, if any. Raises EnvironmentFault with all missing
+    programs.
+    """
+    needy = [package for package in packages if package.build_type in CMAKE_TYPES]
+    if not needy:
+        return None
+    cmake = find_cmake(variables)
+    ninja = find_ninja(variables)
+    make = find_program("make", variables)
+    problems = []
+    if cmake is None:
+        problems.append(no_cmake(needy))
+    elif not (ninja or make or "CMAKE_GENERATOR" in variables):
+        problems.append(no_builder(needy))
+    before_compilers = find_program(launcher, variables) if launcher else None
+    if launcher and before_compilers is None:
+        problems.append(not_found(launcher))
+    texts = [(package, _project_text(package)) for package in needy if not package.embedded]
+    compiled = [package for package, text in texts if _compiles(text)]
+    if compiled and not _has_compiler(variables):
+        problems.append(no_compiler(compiled))
+    raise_if_any(problems, EnvironmentFault)
+    assert cmake is not None  # noqa: S101  (checked above)
+    only_make = frozenset(package.name for package, text in texts if calls_make(text))
+    return Tools(cmake, ninja, make, only_make, before_compilers)
+
+
+def no_cmake(needy: Sequence[Package]) -> Problem:
+    """Return a problem for missing CMake."""
+    return Problem(f"CMake not found; {_dependents(needy)} it", hint=_CMAKE_HINT)
+
+
+def no_builder(needy: Sequence[Package]) -> Problem:
+    """Return a problem for missing Ninja and make."""
+    hint = "install Ninja with `pip install ninja`, or make with your distribution's package"
+    return Problem(f"neither Ninja nor make found; {_dependents(needy)} one", hint=hint)
+
+
+def no_compiler(needy: Sequence[Package]) -> Problem:
+    """Return a problem for a missing compiler."""
+    hint = "install g++ or clang++, for example with `apt install g++` or `dnf install gcc-c++`, or set CXX"
+    return Problem(f"no C++ compiler found; {_dependents(needy)} one", hint=hint)
+
+
+def compiled_packages(packages: Iterable[Package]) -> list[Package]:
+    """Return the packages whose project() enables a language."""
+    needy = (package for package in packages if package.build_type in CMAKE_TYPES)
+    return [package for package in needy if _compiles(_project_text(package))]
+
+
+def compiler_words(variables: Mapping[str, str]) -> list[str]:
+    """Return the C++ compiler command: CXX, else the first compiler on PATH; empty without one."""
+    if variables.get("CXX", "").strip():
+        return variables["CXX"].split()
+    found = (shutil.which(name, path=variables.get("PATH", os.defpath)) for name in _COMPILERS)
+    return [name for name in found if name][:1]
+
+
+def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return PATH with a folder in front that contains only `ninja`; empty if it is already first.
+
+    Packages that run CMake themselves, as for an external project, then use the same Ninja.
+    """
+    path = variables.get("PATH", os.defpath)
+    if ninja is None or shutil.which("ninja", path=path) == str(ninja):
+        return {}
+    link = folder / ninja.name
+    if not (link.is_symlink() and link.readlink() == ninja):
+        folder.mkdir(parents=True, exist_ok=True)
+        link.unlink(missing_ok=True)
+        link.symlink_to(ninja)
+    return {"PATH": f"{folder}{os.pathsep}{path}"}
+
+
+def find_ctest(variables: Mapping[str, str]) -> Path:
+    """Return CTEST_COMMAND, else the ctest next to CMake, else from PATH; raises EnvironmentFault."""
+    named = variables.get("CTEST_COMMAND")
+    if named:
+        return Path(named)
+    cmake = find_cmake(variables)
+    beside = cmake.with_name("ctest") if cmake else None
+    found = beside if beside and beside.is_file() else find_program("ctest", variables)
+    if found is None:
+        raise EnvironmentFault(Problem("ctest, which is part of CMake, not found", hint=_CMAKE_HINT))
+    return found
+
+
+def identities(
+    tools: Tools | None, python: Path, variables: Mapping[str, str], arguments: Sequence[str] = ()
+) -> Pairs:
+    """Return the programs whose replacement changes build results, each with its identity.
+
+    `arguments` are CMake's arguments for all packages.
+    """
+    found = {"python": _identity(python)}
+    lookup = ProgramLookup(variables)
+    if tools:
+        found["cmake"] = _identity(tools.cmake)
+        for name, program in (("ninja", tools.ninja), ("make", tools.make)):
+            if program:
+                found[name] = _identity(program)
+    for name, variable in _COMPILING.items() if tools else ():
+        found |= _behind(name, variables.get(variable) or name, lookup)
+    for variable in _NAMED_PROGRAMS:
+        if variables.get(variable, "").strip():
+            found |= _behind(variable, variables[variable], lookup)
+    flags = " ".join((*arguments, *(variables.get(name, "") for name in _FLAGS)))
+    for linker in dict.fromkeys(re.findall(_USE_LINKER, flags)) if "-fuse-ld" in flags else ():
+        for name in (linker, f"ld.{linker}", f"ld64.{linker}"):
+            if identity := lookup.identity(name):
+                found[name] = identity
+    return tuple(sorted(found.items()))
+
+
+def condensed(tools: Pairs) -> Pairs:
+    """Return the programs for the build records, with binutils condensed into one hash."""
+    beside = "\0".join(f"{name} {identity}" for name, identity in tools if name in _BINUTILS)
+    digest = hashlib.blake2b(beside.encode(errors="surrogateescape"), digest_size=8).hexdigest()
+    return tuple(sorted((*(pair for pair in tools if pair[0] not in _BINUTILS), (BINUTILS, digest))))
+
+
+def programs_in(arguments: Sequence[str], lookup: ProgramLookup) -> Pairs:
+    """Return the programs named in CMake definitions such as -DCMAKE_C_COMPILER=clang."""
+    found: dict[str, str] = {}
+    for name, value in definitions(arguments):
+        if name.endswith(_PROGRAM_VARIABLES) or value.startswith("/"):
+            found |= _behind(name, value.replace(";", " "), lookup)
+    return tuple(sorted(found.items()))
+
+
+def definitions(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield name and value of each -D definition in CMake's arguments, in one or two arguments."""
+    words = iter(arguments)
+    for word in words:
+        text = next(words, "") if word == "-D" else word[2:] if word.startswith("-D") else ""
+        name, separator, value = text.partition("=")
+        if separator:
+            yield name.partition(":")[0], value
+
+
+def cmake_root(cmake: Path) -> Path | None:
+    """Return the folder of CMake's modules; None if it is not next to the program."""
+    roots = sorted((cmake.resolve().parents[1] / "share").glob("cmake*"))
+    return next((root for root in roots if (root / "Modules" / "CMakeDetermineSystem.cmake").is_file()), None)
+
+
+def _behind(name: str, words: str, lookup: ProgramLookup) -> dict[str, str]:
+    """Return the programs in a command: the first one under the given name, others with a number."""
+    found: dict[str, str] = {}
+    for word in words.split():
+        for identity in lookup.behind(word) if not word.startswith("-") else ():
+            if identity not in found.values():
+                found[f"{name} {len(found) + 1}" if found else name] = identity
+    return found
+
+
+def program_of(identity: str) -> str:
+    """Return the path in one of `identities`."""
+    return identity.removesuffix(_GONE) if identity.endswith(_GONE) else identity.rsplit(" ", 2)[0]
+
+
+_GONE = " is not there"
+
+BINUTILS = "binutils"
+_BINUTILS = frozenset({"ar", "as", "ld", "nm", "objcopy", "ranlib", "strip"})
+_COMPILING = {"cc": "CC", "c++": "CXX", **{name: name.upper() for name in sorted(_BINUTILS)}}
+"""Compilers and binutils, and the variables that override them."""
+_NAMED_PROGRAMS = (
+    *("ASM", "CCACHE_COMPILER", "CPP", "CUDACXX", "CUDAHOSTCXX", "FC", "HIPCXX", "ISPC"),
+    *("LDCXXSHARED", "LDSHARED", "OBJC", "OBJCXX", "PKG_CONFIG"),
+)
+"""Variables that name build programs."""
+_FLAGS = ("CFLAGS", "CXXFLAGS", "LDFLAGS", "LDSHARED")
+_USE_LINKER = r"-fuse-ld=([^\s\"';]+)"
+_PROGRAM_VARIABLES = (
+    *("_COMPILER", "_LAUNCHER", "_LINKER", "_AR", "_RANLIB", "_NM", "_OBJCOPY", "_OBJDUMP", "_READELF"),
+    *("_STRIP", "_EXECUTABLE", "_PROGRAM", "_COMMAND", "_EMULATOR", "_ADDR2LINE"),
+)
+"""Suffixes of CMake variables that name programs."""
+
+
+def _identity(program: Path) -> str:
+    try:
+        status = program.stat()
+    except OSError:
+        return f"{program}{_GONE}"
+    return f"{program.resolve()} {status.st_size} {status.st_mtime_ns}"
+
+
+def find_program(program: str, variables: Mapping[str, str]) -> Path | None:
+    """Return a program from PATH, else from the folder of the interpreter that runs forge."""
+    here = str(Path(sys.executable).parent)
+    found = shutil.which(program, path=os.pathsep.join([variables.get("PATH", os.defpath), here]))
+    return Path(found) if found else None
+
+
+def find_ninja(variables: Mapping[str, str]) -> Path | None:
+    """Return NINJA, as in Meson, else the wheel's next to the interpreter, else from PATH.
+
+    The wheel's Ninja supports the jobserver; that of a distribution rarely does, and would build the last
+    large package with the few jobs that were free when it started.
+    """
+    named = variables.get("NINJA")
+    if named:
+        return Path(named)
+    beside = Path(sys.executable).with_name("ninja")
+    if importlib.util.find_spec("ninja") is not None and beside.is_file():
+        return beside
+    return find_program("ninja", variables)
+
+
+def find_cmake(variables: Mapping[str, str]) -> Path | None:
+    """Return CMAKE_COMMAND, else CMake from PATH, else the wheel's.
+
+    The wheel's command is a Python script; return the program that it starts.
+    """
+    named = variables.get("CMAKE_COMMAND")
+    if named:
+        return Path(named)
+    found = find_program("cmake", variables)
+    if found is None or found.parent == Path(sys.executable).parent:
+        wheel = importlib.util.find_spec("cmake")
+        for folder in (wheel and wheel.submodule_search_locations) or ():
+            program = Path(folder) / "data" / "bin" / "cmake"
+            if program.is_file():
+                return program
+    return found
+
+
+def _has_compiler(variables: Mapping[str, str]) -> bool:
+    if "CXX" in variables or "CC" in variables:
+        return True
+    path = variables.get("PATH", os.defpath)
+    return any(shutil.which(compiler, path=path) for compiler in _COMPILERS)
+
+
+def calls_make(text: str) -> bool:
+    """Tell whether a CMakeLists.txt calls $(MAKE), which only makefiles support, as for external projects."""
+    return "$(MAKE)" in text
+
+
+def _project_text(package: Package) -> str:
+    """Return the text of a package's CMakeLists.txt, empty if it is unreadable."""
+    return text_or_nothing(package.path / "CMakeLists.txt")
+
+
+def _compiles(text: str) -> bool:
+    """Tell whether project() enables a language, which it does unless it specifies NONE."""
+    project = _PROJECT.search(text)
+    return bool(text) and (project is None or "NONE" not in project.group(1).split())
+
+
+def _dependents(packages: Sequence[Package]) -> str:
+    if not packages:
+        return "CMake packages need"
+    first = f"'{packages[0].name}'"
+    rest = len(packages) - 1
+    if not rest:
+        return f"{first} needs"
+    return f"{first} and {rest} more package{'s' if rest > 1 else ''} need"

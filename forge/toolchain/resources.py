@@ -1,0 +1,156 @@
+"""The resources available to this process: processors, memory and load, within cgroups and affinity.
+
+Functions take the root folder as a parameter, so that tests can simulate other machines.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path("/")
+_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+_LEAST_SHARE, _LEAST_BYTES = 0.1, 1 << 30
+
+
+@frozen
+class Memory:
+    """Bytes of memory: the total within limits, and the available part."""
+
+    total: int
+    available: int
+
+
+@frozen
+class MemoryLimit:
+    """The memory use above which new jobs wait: a share, or bytes; no limit if both are None."""
+
+    share: float | None = None
+    size: int | None = None
+
+    def exceeded(self, memory: Memory) -> bool:
+        """Tell whether memory use is above the limit."""
+        used = memory.total - memory.available
+        return (self.share is not None and used > self.share * memory.total) or (
+            self.size is not None and used > self.size
+        )
+
+
+def default_memory_limit(memory: Memory) -> MemoryLimit:
+    """Return the default limit, which keeps 10 % or 1 GiB free, whichever is less."""
+    return MemoryLimit(size=memory.total - int(min(_LEAST_SHARE * memory.total, _LEAST_BYTES)))
+
+
+def memory_limit(text: str) -> MemoryLimit:
+    """Parse '80%', '12G' or 'none'; raises ValueError for anything else."""
+    if text == "none":
+        return MemoryLimit()
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(%|[KMGT]?)(?:i?B)?", text, re.IGNORECASE)
+    if not found or not float(found[1]):
+        raise ValueError(text)
+    number, unit = float(found[1]), found[2].upper()
+    return MemoryLimit(share=number / 100) if unit == "%" else MemoryLimit(size=int(number * _UNITS[unit]))
+
+
+def processors(root: Path = ROOT) -> int:
+    """Return the number of usable processors; fractional cgroup quotas are rounded up."""
+    usable = len(os.sched_getaffinity(0))
+    for folder in _folders("cpu", root):
+        quota, period = _quota(folder)
+        if quota > 0 and period > 0:
+            usable = min(usable, -(-quota // period))
+    return max(1, usable)
+
+
+def memory(root: Path = ROOT) -> Memory | None:
+    """Return the minimum of the machine's and the cgroups' memory; None if it is unknown."""
+    fields = dict(re.findall(r"^(\w+):\s+(\d+) kB", _text(root / "proc/meminfo"), re.MULTILINE))
+    if "MemTotal" not in fields or "MemAvailable" not in fields:
+        return None
+    found = Memory(int(fields["MemTotal"]) << 10, int(fields["MemAvailable"]) << 10)
+    for folder in _folders("memory", root):
+        limit = _first_number(folder, "memory.max", "memory.limit_in_bytes")
+        used = _first_number(folder, "memory.current", "memory.usage_in_bytes")
+        if 0 < limit < found.total and used >= 0:
+            left = max(0, limit - used + _reclaimable(folder))
+            found = Memory(limit, min(found.available, left))
+    return found
+
+
+def load(root: Path = ROOT) -> float:
+    """Return the load average of the last minute; 0 if it is unknown."""
+    first = _text(root / "proc/loadavg").partition(" ")[0]
+    return float(first) if first else 0.0
+
+
+def shortage(limit: MemoryLimit | None, load_limit: float | None) -> bool:
+    """Tell whether to start no new jobs because of memory use or load."""
+    if load_limit is not None and load() >= load_limit:
+        return True
+    now = memory()
+    return now is not None and (limit or default_memory_limit(now)).exceeded(now)
+
+
+def _folders(controller: str, root: Path) -> Iterator[Path]:
+    """Yield the folders of our cgroup and its parents that may limit `controller`, for cgroup v2 and v1."""
+    groups = {}
+    for line in _text(root / "proc/self/cgroup").splitlines():
+        _, controllers, path = line.split(":", 2)
+        groups.update(dict.fromkeys(controllers.split(","), path))
+    for line in _text(root / "proc/self/mountinfo").splitlines():
+        mount, _, system = line.partition(" - ")
+        kind, _, options = system.split(" ", 2)
+        name = "" if kind == "cgroup2" else controller
+        if kind in {"cgroup", "cgroup2"} and name in groups and (not name or name in options.split(",")):
+            top, point = mount.split(" ")[3:5]
+            yield from _upwards(root / point.lstrip("/"), top, groups[name])
+
+
+def _upwards(point: Path, top: str, group: str) -> Iterator[Path]:
+    """Yield a cgroup's folder below its mount `point`, which shows the cgroup `top`, and its parents.
+
+    In a container the mount may show our cgroup as its root.
+    """
+    inside = group.removeprefix(top.rstrip("/")).strip("/") if group.startswith(top) else ""
+    folder = point / inside
+    while True:
+        yield folder
+        if folder == point:
+            return
+        folder = folder.parent
+
+
+def _quota(folder: Path) -> tuple[int, int]:
+    words = _text(folder / "cpu.max").split()
+    if words:
+        return (int(words[0]) if words[0].isdigit() else -1), int(words[1])
+    return _first_number(folder, "cpu.cfs_quota_us"), _first_number(folder, "cpu.cfs_period_us")
+
+
+def _reclaimable(folder: Path) -> int:
+    """Return the bytes of a cgroup that can be reclaimed: page cache and kernel caches."""
+    found = re.findall(r"^(\w+) (\d+)$", _text(folder / "memory.stat"), re.MULTILINE)
+    values: dict[str, str] = dict(found)
+    # In version 1, only the names with the prefix total_ include child groups.
+    names = ("inactive_file", "active_file", "slab_reclaimable")
+    return sum(int(values.get(f"total_{name}", values.get(name, "0"))) for name in names)
+
+
+def _first_number(folder: Path, *names: str) -> int:
+    """Return the number in the first existing file; -1 for none and for 'max'."""
+    first = next((text for name in names if (text := _text(folder / name).strip())), "")
+    return int(first) if first.isdigit() else -1
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""

@@ -1,0 +1,200 @@
+"""Finds packages: walks below the base paths and identifies each folder."""
+
+from __future__ import annotations
+
+import glob
+import os
+import stat
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem
+from forge.base.files import unfit
+from forge.base.layout import PACKAGE
+from forge.workspace.identification import TELLING, identify, read_package
+from forge.workspace.identity import NOTHING
+from forge.workspace.model import Dependency, Kind, Package, Workspace
+from forge.workspace.overrides import Overrides
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from forge.workspace.identity import Identity
+
+_READ_BY_TOOLS = (
+    *("CMakeLists.txt", "setup.cfg", "pyproject.toml", "MANIFEST.in", ".cmake", ".in", ".py"),
+    *(".c", ".cc", ".cpp", ".cxx", ".h", ".hh", ".hpp", ".hxx", ".S", ".s"),
+    *(".msg", ".srv", ".action", ".idl"),
+)
+ROS_DEFAULTS = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "humble"}
+"""Defaults of variables that manifests use in conditions, for machines without ROS."""
+
+
+def discover(
+    root: Path,
+    base_paths: Iterable[str],
+    variables: Mapping[str, str],
+    *,
+    paths: Iterable[str] = (),
+    overrides: Overrides | None = None,
+) -> Workspace:
+    """Return the packages below the base paths and the packages in `paths`.
+
+    Relative paths are relative to `root`; wildcards match folders. Package paths are spelled like their base
+    path, those from `paths` are absolute. Conditions use `variables`, completed with ROS_DEFAULTS. A folder
+    that does not exist contains no packages.
+    """
+    walk = _Walk(root, {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}, overrides)
+    for path in _expanded(root, paths):
+        walk.visit(os.path.join(root, path))  # noqa: PTH118  (keeps '..' after a link)
+    for base in _expanded(root, base_paths):
+        walk.visit(base, below=True)
+    return walk.workspace()
+
+
+def discover_embedded() -> Mapping[str, Package]:
+    """Return the packages embedded in forge; an invalid one is a bug in forge."""
+    home = PACKAGE / "embedded"
+    folders = sorted(path.parent for path in home.glob("*/package.xml"))
+    packages = (read_package(home, folder, ROS_DEFAULTS) for folder in folders)
+    return {p.name: replace(p, embedded=True) for p in packages}
+
+
+def special_files(root: Path, folder: Path) -> Iterator[Problem]:
+    """Yield the named pipes and devices of a package that are named as sources are; `folder` is below `root`.
+
+    Build tools open these by themselves, and wait for a writer, or read without end.
+    """
+    waiting = [os.path.join(root, folder)]  # noqa: PTH118  (every file of a package: text is faster)
+    while waiting:
+        try:
+            with os.scandir(waiting.pop()) as found:
+                entries = sorted(found, key=lambda entry: entry.name)
+        except OSError:
+            continue  # reported when the sources are scanned
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                waiting += [] if entry.name.startswith(".") else [entry.path]
+            elif entry.name.endswith(_READ_BY_TOOLS) and not entry.is_file(follow_symlinks=False):
+                try:
+                    status = entry.stat()
+                except OSError:
+                    continue
+                if not stat.S_ISDIR(status.st_mode) and (reason := unfit(entry.path, status)):
+                    place = folder / os.path.relpath(entry.path, root / folder)
+                    yield Problem(f"cannot read the file: {reason}", Place(place))
+
+
+class _Walk:
+    """A walk over folders that visits each folder once, despite links."""
+
+    def __init__(self, root: Path, variables: Mapping[str, str], overrides: Overrides | None) -> None:
+        self.root = root
+        self.variables = variables
+        self.overrides = overrides or Overrides()
+        self.visited: set[tuple[int, int]] = set()
+        self.packages: dict[str, Package] = {}
+        self.twins: list[Package] = []
+        self.problems: list[Problem] = []
+        self.notes: list[Problem] = []
+
+    def visit(self, base: str, *, below: bool = False) -> None:
+        """Identify a folder and, unless it is a package, the folders below it."""
+        waiting = [(os.path.join(self.root, base), str(Path(base)))]  # noqa: PTH118  (10 times faster than pathlib)
+        while waiting:
+            folder, spelling = waiting.pop()
+            try:
+                entries = _entries(folder, self.visited)
+            except PermissionError as error:
+                self.notes.append(_unreadable(spelling, error))
+                continue
+            if entries is None:
+                continue
+            identity = self.identity(spelling, entries)
+            self.add(identity)
+            for name in sorted(entries, reverse=True) if below and identity.descend else ():
+                if entries[name] and not name.startswith("."):
+                    child = name if spelling == "." else f"{spelling}/{name}"
+                    waiting.append((f"{folder}/{name}", child))
+
+    def identity(self, spelling: str, entries: Mapping[str, bool]) -> Identity:
+        if TELLING.isdisjoint(entries) and not self.overrides.by_path:
+            return NOTHING
+        return identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
+
+    def add(self, identity: Identity) -> None:
+        self.problems += identity.problems
+        self.notes += identity.notes
+        package = identity.package
+        if package is not None and self.packages.setdefault(package.name, package) is not package:
+            self.twins.append(package)
+
+    def workspace(self) -> Workspace:
+        found = _with_groups([*self.packages.values(), *self.twins])
+        count = len(self.packages)
+        packages = {package.name: package for package in found[:count]}
+        notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
+        return Workspace(self.root, packages, tuple(self.problems), tuple(found[count:]), notes)
+
+
+def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
+    """Yield paths with wildcards expanded, like a shell."""
+    for path in paths:
+        if "*" not in path:
+            yield path
+            continue
+        for found in sorted(glob.glob(path, root_dir=root)):  # noqa: PTH207  (keeps the spelling)
+            if os.path.isdir(os.path.join(root, found)):  # noqa: PTH112, PTH118  (as above)
+                yield found
+
+
+def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | None:
+    """Return a mapping from names to whether they are folders, or None for missing or visited folders.
+
+    Raises PermissionError for an unreadable folder.
+    """
+    try:
+        status = os.stat(folder)  # noqa: PTH116
+        identity = (status.st_dev, status.st_ino)
+        if identity in visited:
+            return None
+        visited.add(identity)
+        with os.scandir(folder) as found:
+            return {entry.name: _is_folder(entry) for entry in found}
+    except PermissionError:
+        raise
+    except OSError:
+        # The folder was removed meanwhile, or is a dangling link.
+        return None
+
+
+def _unreadable(spelling: str, error: PermissionError) -> Problem:
+    reason = (error.strerror or str(error)).lower()
+    hint = "grant read permission, or ignore it with an empty file COLCON_IGNORE in its parent folder"
+    return Problem(f"ignoring unreadable folder: {reason}", Place(Path(spelling)), hint)
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
+
+
+def _with_groups(packages: Sequence[Package]) -> list[Package]:
+    """Return the packages with group dependencies expanded to dependencies (REP 149)."""
+    members: dict[str, list[str]] = {}
+    for package in packages:
+        for group in package.manifest.groups:
+            members.setdefault(group, []).append(package.name)
+    found = []
+    for package in packages:
+        manifest = package.manifest
+        wanted = {member for group in manifest.group_dependencies for member in members.get(group, ())}
+        if wanted:
+            kinds = frozenset({Kind.BUILD, Kind.BUILD_EXPORT, Kind.EXEC})
+            extra = tuple(Dependency(member, kinds) for member in sorted(wanted - {package.name}))
+            manifest = replace(manifest, dependencies=manifest.dependencies + extra)
+        found.append(package if manifest is package.manifest else replace(package, manifest=manifest))
+    return found

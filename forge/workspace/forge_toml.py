@@ -1,0 +1,39 @@
+"""Reads forge.toml, the settings of a workspace: options for commands, profiles and packages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.files import read_file
+from forge.base.formats import read_toml
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+FORGE_TOML = "forge.toml"
+
+
+def read_forge_toml(root: Path) -> dict[str, Any]:
+    """Return the contents of a workspace's forge.toml; raises WorkspaceError if it is malformed."""
+    path = root / FORGE_TOML
+    return read_toml(read_file(path), path) if path.exists() else {}
+
+
+def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:
+    """Return the table `key` of the file `path`; raises WorkspaceError if it is not a table."""
+    table = content.get(key)
+    if table is None:
+        return {}
+    if not isinstance(table, dict):
+        raise WorkspaceError(
+            Problem(f"'{key}' is not a table of options", Place(path), f"write 'option: value' below '{key}'")
+        )
+    return table
+
+
+def package_options(root: Path) -> dict[str, dict[str, Any]]:
+    """Return the options for single packages in forge.toml; raises WorkspaceError if it is malformed."""
+    packages = table_of(read_forge_toml(root), "packages", root / FORGE_TOML)
+    return {name: table_of(packages, name, root / FORGE_TOML) for name in packages}

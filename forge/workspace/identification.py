@@ -1,0 +1,167 @@
+"""Identifies folders: a package with package.xml, a plain CMake or Python package, or no package.
+
+The first source of both a type and a name wins, in colcon's order: colcon.pkg and *.meta files, package.xml,
+CMakeLists.txt, setup.py, and in addition pyproject.toml.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.files import read_file
+from forge.base.names import is_word
+from forge.workspace.identity import HIDDEN, NOTHING, Folder, Identity
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Package
+from forge.workspace.overrides import COLCON_PKG, read_colcon_pkg, with_overrides
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from forge.workspace.overrides import Overrides
+
+IGNORE_MARK = "COLCON_IGNORE"
+ROS_MARKS = ("AMENT_IGNORE", "CATKIN_IGNORE")
+FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
+PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml"})
+TELLING = (
+    frozenset({IGNORE_MARK, *ROS_MARKS, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"}) | PLAIN
+)
+"""A folder without any of these names is not a package, unless a *.meta file declares it."""
+
+
+def identify(
+    root: Path, path: Path, entries: Collection[str], variables: Mapping[str, str], overrides: Overrides
+) -> Identity:
+    """Return the identity of the folder `path` below `root` with the names `entries`.
+
+    Conditions of a package.xml use `variables`. Problems are returned, never raised.
+    """
+    if IGNORE_MARK in entries or not set(FOREIGN_INSTALLS).isdisjoint(entries):
+        return HIDDEN
+    folder = Folder(path, root / path, entries)
+    try:
+        own = _colcon_pkg(folder)
+        said = overrides.placed(folder.place)
+        conflicts = _claim(folder, own, said, overrides)
+        identity = _identify(folder, variables)
+        package = identity.package
+        if package is not None:
+            _check_name(package)
+            sources = (own, overrides.named(package.name), said)
+            identity = replace(identity, package=with_overrides(package, sources))
+    except WorkspaceError as error:
+        return Identity(problems=_relative(error.problems, folder))
+    except OSError as error:
+        file = os.path.relpath(error.filename, folder.place) if error.filename else "package.xml"
+        what = "the manifest" if file == "package.xml" else "the file"
+        return Identity(problems=(Problem(f"cannot read {what}: {error.strerror}", Place(path / file)),))
+    return replace(identity, notes=(*conflicts, *identity.notes))
+
+
+def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Package:
+    """Return the package whose package.xml is in `folder`; raises WorkspaceError."""
+    path = folder / "package.xml"
+    try:
+        content = read_file(root / path)
+    except OSError as error:
+        raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Place(path))) from None
+    manifest = parse_manifest(content, path, variables)
+    actions = root / folder / "action"
+    has_actions = actions.is_dir() and next(actions.glob("*.action"), None) is not None
+    return Package(folder, manifest, has_actions=has_actions)
+
+
+def _colcon_pkg(folder: Folder) -> dict[str, Any]:
+    there = COLCON_PKG in folder.entries and (folder.place / COLCON_PKG).exists()
+    return read_colcon_pkg(folder.place) if there else {}
+
+
+def _check_name(package: Package) -> None:
+    """Raise WorkspaceError for names that are unsafe in paths, scripts or CMake."""
+    if not is_word(package.name):
+        message = f"invalid package name '{package.name}'"
+        hint = (
+            f"write 'name: NAME' into '{package.path / COLCON_PKG}', with letters, digits, '_', '-' and '.'"
+        )
+        raise WorkspaceError(Problem(message, Place(package.manifest.path), hint))
+
+
+def _claim(
+    folder: Folder, own: Mapping[str, Any], placed: Mapping[str, Any], overrides: Overrides
+) -> tuple[Problem, ...]:
+    """Record the type and name that users assign; the first one wins, conflicts are returned."""
+    conflicts = []
+    for said in (own, placed):
+        for key in ("type", "name"):
+            value, known = said.get(key), getattr(folder, key)
+            if value and known is None:
+                setattr(folder, key, str(value))
+            elif value and known != value:
+                message = f"the {key} '{known}' in {COLCON_PKG} overrides '{value}' in a *.meta file"
+                conflicts.append(Problem(message, Place(folder.path)))
+    if folder.name and folder.type is None:
+        said_type = overrides.named(folder.name).get("type")
+        folder.type = str(said_type) if said_type else None
+    return tuple(conflicts)
+
+
+def _identify(folder: Folder, variables: Mapping[str, str]) -> Identity:
+    claimed = folder.type or folder.name
+    identity = _as_ros(folder, variables)
+    if identity is None and not PLAIN.isdisjoint(folder.entries):
+        # Imported lazily, because few workspaces have plain packages.
+        from forge.workspace.plain_packages import identify_plain  # noqa: PLC0415
+
+        identity = identify_plain(folder)
+    if identity is not None:
+        return identity
+    return _incomplete(folder, "its other files do not determine the rest") if claimed else NOTHING
+
+
+def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
+    """Return the identity according to package.xml and marker files of ROS tools, or None.
+
+    Both are ignored if the user assigned another type.
+    """
+    if folder.type not in {None, "ros"} and not str(folder.type).startswith("ros."):
+        return None
+    whole = folder.type in {None, "ros"}
+    hidden = whole and any((folder.place / mark).exists() for mark in ROS_MARKS if mark in folder.entries)
+    if not hidden and "package.xml" in folder.entries:
+        return Identity(_ros_package(folder, variables))
+    if hidden or "manifest.xml" in folder.entries:
+        # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.
+        return HIDDEN
+    return None if whole else _incomplete(folder, "package.xml is missing")
+
+
+def _ros_package(folder: Folder, variables: Mapping[str, str]) -> Package:
+    """Return the package described by package.xml, with the name and type assigned by the user."""
+    package = read_package(folder.place, Path(), variables)
+    manifest = replace(package.manifest, path=folder.path / "package.xml")
+    if folder.name:
+        manifest = replace(manifest, name=folder.name)
+    if folder.type and folder.type != "ros":
+        manifest = replace(manifest, build_type=folder.type.removeprefix("ros."))
+    return replace(package, path=folder.path, manifest=manifest)
+
+
+def _incomplete(folder: Folder, why: str) -> Identity:
+    assigned = f"type '{folder.type}'" if folder.type else f"name '{folder.name}'"
+    note = Problem(f"the folder was assigned the {assigned}, but is not a package: {why}", Place(folder.path))
+    return Identity(descend=True, notes=(note,))
+
+
+def _relative(problems: tuple[Problem, ...], folder: Folder) -> tuple[Problem, ...]:
+    """Return the problems with paths spelled like the folder."""
+    return tuple(
+        replace(problem, place=replace(problem.place, path=folder.path / Path(problem.place.path).name))
+        if problem.place
+        else problem
+        for problem in problems
+    )

@@ -1,0 +1,168 @@
+"""Loads a workspace: discovers packages, resolves dependencies, orders and selects."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+from forge.base.env_vars import home
+from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any, share_hints
+from forge.base.frozen import frozen
+from forge.base.graph import ordered_names
+from forge.environment.prefixes import find_underlays, provider, system_prefixes
+from forge.workspace.discovery import discover, discover_embedded
+from forge.workspace.filters import filter_limits
+from forge.workspace.overrides import read_overrides
+from forge.workspace.resolve import (
+    ALL_KINDS,
+    DependencyResolution,
+    break_test_cycles,
+    resolve_dependencies,
+)
+from forge.workspace.selection import ignored, select, twin
+from forge.workspace.versions import unmet_versions
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from forge.workspace.model import Package, Selection, Workspace
+    from forge.workspace.selection import Query, SearchPaths
+
+
+@frozen
+class Loaded:
+    """A workspace with its packages in topological order and the selection among them.
+
+    `packages`, `needs` and `ordered` have a node for each package: its name, except for duplicates in
+    listings (see forge.workspace.selection).
+    """
+
+    workspace: Workspace
+    resolution: DependencyResolution
+    selection: Selection
+    packages: Mapping[str, Package]
+    needs: Mapping[str, frozenset[str]]
+    ordered: tuple[str, ...]
+    doubts: tuple[Problem, ...] = ()
+    """Warnings; in a listing also unreadable manifests."""
+
+
+def load_workspace(
+    root: Path,
+    query: Query,
+    variables: Mapping[str, str],
+    *,
+    embedded: bool = False,
+    install: Path | None = None,
+) -> Loaded:
+    """Return the workspace described by the query, and print warnings.
+
+    `embedded` adds forge's embedded packages; `install` is the workspace's install folder, which is not used
+    as an underlay. Commands without it list packages, including several with the same name and with invalid
+    manifests. Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same
+    name; SelectionError for names that cannot be selected.
+    """
+    loaded = inspect_workspace(root, query, variables, embedded=embedded, install=install)
+    warn(loaded.doubts)
+    return loaded
+
+
+def inspect_workspace(
+    root: Path,
+    query: Query,
+    variables: Mapping[str, str],
+    *,
+    embedded: bool = False,
+    install: Path | None = None,
+) -> Loaded:
+    """Like load_workspace, but do not print warnings."""
+    found = find_packages(root, query.search, variables)
+    workspace = _without(found, ignored(query, found.packages))
+    whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
+    resolution, circles = break_test_cycles(whole)
+    listing = install is None
+    twins = workspace.twins if listing else ()
+    packages = {**resolution.packages, **{twin(other.name, other.path): other for other in twins}}
+    needs = _needs(resolution, twins)
+    limits = filter_limits(query.filters, root, workspace.packages, resolution.needs)
+    ordered = ordered_names(needs)
+    selection, warnings = select(query, ordered, needs, limits, found.packages)
+    clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
+    if not listing:
+        raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
+    doubts = (*workspace.notes, *circles, *unmet_versions(workspace.packages))
+    faults = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
+    return Loaded(workspace, resolution, selection, packages, needs, ordered, (*faults, *doubts, *warnings))
+
+
+_current: set[str] = set()
+_previous: set[str] = set()
+"""Warnings of the current and of the previous build of a watch; other commands have only one build."""
+
+
+def warn(problems: Iterable[Problem]) -> None:
+    """Print warnings on stderr; omit repeated ones, and print a shared hint only once."""
+    texts = {problem.render("warning"): problem for problem in problems}
+    for problem in share_hints(problem for text, problem in texts.items() if text not in _previous):
+        print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)
+    _current.update(texts)
+
+
+def forget_old_warnings() -> None:
+    """Start a new build of a watch, which does not repeat warnings of the previous build."""
+    _previous.clear()
+    _previous.update(_current)
+    _current.clear()
+
+
+def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:
+    """Return all packages below the search paths; raises WorkspaceError for invalid package options."""
+    overrides = read_overrides(root, search.metas, home(variables) if search.user_metas else None)
+    return discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
+
+
+def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
+    """Return the workspace without packages of these names."""
+    if not names:
+        return workspace
+    packages = {name: package for name, package in workspace.packages.items() if name not in names}
+    twins = tuple(other for other in workspace.twins if other.name not in names)
+    return replace(workspace, packages=packages, twins=twins)
+
+
+def _provision(
+    workspace: Workspace, variables: Mapping[str, str], install: Path, *, embedded: bool
+) -> DependencyResolution:
+    if not embedded:
+        return resolve_dependencies(workspace.packages, {}, lambda _: None)
+    underlays = find_underlays(variables, install)
+    # If this workspace is sourced, its own results are on PATH.
+    system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
+    return resolve_dependencies(
+        workspace.packages, discover_embedded(), cache(lambda name: provider(name, underlays, system))
+    )
+
+
+def _needs(resolution: DependencyResolution, twins: Iterable[Package]) -> Mapping[str, frozenset[str]]:
+    """Return the graph including duplicates of a name: dependents of the name depend on all of them."""
+    others: dict[str, set[str]] = {}
+    for other in twins:
+        others.setdefault(other.name, set()).add(twin(other.name, other.path))
+    if not others:
+        return resolution.needs
+    needs = dict(resolution.needs)
+    for other in twins:
+        wanted = frozenset(other.manifest.names(ALL_KINDS)) - {other.name}
+        needs[twin(other.name, other.path)] = wanted & resolution.packages.keys()
+    return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
+
+
+def _clash(first: Package, second: Package) -> Problem:
+    return Problem(
+        f"two packages are named '{first.name}': '{first.path}' and '{second.path}'",
+        Place(second.manifest.path),
+        f"rename one, or ignore one by creating an empty file '{second.path}/COLCON_IGNORE'",
+    )

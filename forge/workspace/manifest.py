@@ -1,0 +1,317 @@
+"""Parses package.xml formats 1, 2 and 3 (REP 127, 140, 149) into a Manifest.
+
+All structural errors are reported together; semantic checks run only on a valid structure.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean, is_word
+from forge.base.xml import Element, parse_xml
+from forge.workspace.conditions import ConditionError, holds
+from forge.workspace.model import Dependency, Export, Kind, Manifest, Person
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+DEPENDENCY_KINDS: dict[str, frozenset[Kind]] = {
+    "build_depend": frozenset({Kind.BUILD}),
+    "buildtool_depend": frozenset({Kind.BUILDTOOL}),
+    "build_export_depend": frozenset({Kind.BUILD_EXPORT}),
+    "buildtool_export_depend": frozenset({Kind.BUILDTOOL_EXPORT}),
+    "exec_depend": frozenset({Kind.EXEC}),
+    "depend": frozenset({Kind.BUILD, Kind.BUILD_EXPORT, Kind.EXEC}),
+    "run_depend": frozenset({Kind.BUILD_EXPORT, Kind.EXEC}),
+    "test_depend": frozenset({Kind.TEST}),
+    "doc_depend": frozenset({Kind.DOC}),
+}
+VERSION_WORDS = ("lt", "lte", "eq", "gte", "gt")
+
+_EVERY = frozenset({1, 2, 3})
+_LATER = frozenset({2, 3})
+_VERSIONED = frozenset(f"version_{word}" for word in VERSION_WORDS)
+_MANY = 10**6
+
+
+@frozen
+class _Tag:
+    """Constraints on a child of <package>, according to the REP of its format."""
+
+    formats: frozenset[int] = _EVERY
+    least: int = 0
+    most: int = _MANY
+    attributes: frozenset[str] = frozenset()
+    nested: bool = False
+
+
+_DEPENDENCY = _Tag(attributes=_VERSIONED)
+_TAGS: dict[str, _Tag] = {
+    "name": _Tag(least=1, most=1),
+    "version": _Tag(least=1, most=1, attributes=frozenset({"compatibility"})),
+    "description": _Tag(least=1, most=1, nested=True),
+    "maintainer": _Tag(least=1, attributes=frozenset({"email"})),
+    "license": _Tag(least=1),
+    "url": _Tag(attributes=frozenset({"type"})),
+    "author": _Tag(attributes=frozenset({"email"})),
+    "build_depend": _DEPENDENCY,
+    "buildtool_depend": _DEPENDENCY,
+    "test_depend": _DEPENDENCY,
+    "conflict": _DEPENDENCY,
+    "replace": _DEPENDENCY,
+    "run_depend": _Tag(formats=frozenset({1}), attributes=_VERSIONED),
+    "build_export_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
+    "buildtool_export_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
+    "exec_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
+    "depend": _Tag(formats=_LATER, attributes=_VERSIONED),
+    "doc_depend": _Tag(formats=_LATER, attributes=_VERSIONED),
+    "group_depend": _Tag(formats=frozenset({3})),
+    "member_of_group": _Tag(formats=frozenset({3})),
+    "export": _Tag(most=1, nested=True),
+}
+_CONDITIONAL = frozenset({*DEPENDENCY_KINDS, "conflict", "replace", "group_depend", "member_of_group"})
+_HINTS = {"run_depend": "use <exec_depend>", "exec_depend": 'use <run_depend>, or format="3"'}
+_LICENSE_3 = frozenset({"file", "type", "source-files"})
+
+_NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_-]*")
+_USUAL_NAME = re.compile(r"[a-z][a-z0-9_-]*")
+_VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
+_EMAIL = re.compile(r"[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{2,}")
+
+
+def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> Manifest:
+    """Return the manifest with its conditions evaluated under `variables`.
+
+    Raises WorkspaceError with all structural errors or, if there are none, all semantic errors.
+    """
+    return _Reader(parse_xml(content, path), content, path, variables).read()
+
+
+class _Reader:
+    """Parses one manifest and collects problems."""
+
+    def __init__(self, root: Element, content: bytes, path: Path, variables: Mapping[str, str]) -> None:
+        self.root = root
+        self.content = content
+        self.path = path
+        self.variables = variables
+        self.format = 1
+        self.lines: list[str] = []
+        self.problems: list[Problem] = []
+        self.warnings: list[Problem] = []
+
+    def read(self) -> Manifest:
+        if self.root.tag != "package":
+            self.fault(self.root, f"the root element is '{self.root.tag}', not 'package'")
+            raise WorkspaceError(*self.problems)
+        self.read_format()
+        self.check_structure()
+        self.check_texts()
+        raise_if_any(self.problems, WorkspaceError)
+        manifest = self.manifest()
+        self.check_meaning(manifest)
+        raise_if_any(self.problems, WorkspaceError)
+        return manifest
+
+    def read_format(self) -> None:
+        written = self.root.attributes.get("format", "1")
+        if written in {"1", "2", "3"}:
+            self.format = int(written)
+        else:
+            self.fault(self.root, f"unknown package format '{written}'", 'write <package format="3">')
+            raise WorkspaceError(*self.problems)
+
+    def check_structure(self) -> None:
+        counts: dict[str, int] = {}
+        for child in self.root.children:
+            counts[child.tag] = counts.get(child.tag, 0) + 1
+            tag = _TAGS.get(child.tag)
+            if tag is None:
+                self.fault(child, f"unknown element '{child.tag}'", did_you_mean(child.tag, _TAGS))
+            elif self.format not in tag.formats:
+                message = f"element '{child.tag}' is not part of format {self.format}"
+                self.fault(child, message, _HINTS.get(child.tag))
+            else:
+                self.check_element(child, tag)
+        for name, tag in _TAGS.items():
+            if counts.get(name, 0) < tag.least:
+                self.fault(self.root, f"element '{name}' is missing")
+            if counts.get(name, 0) > tag.most:
+                self.fault(list(self.root.all(name))[1], f"element '{name}' appears more than once")
+
+    def check_element(self, child: Element, tag: _Tag) -> None:
+        allowed = tag.attributes
+        if self.format == 3 and child.tag in _CONDITIONAL:  # noqa: PLR2004  (format version)
+            allowed |= {"condition"}
+        if self.format == 3 and child.tag == "license":  # noqa: PLR2004
+            allowed |= _LICENSE_3
+        for attribute in child.attributes:
+            if attribute not in allowed and attribute != "xmlns" and ":" not in attribute:
+                self.fault(child, f"element '{child.tag}' has an unknown attribute '{attribute}'")
+        if child.children and not tag.nested:
+            self.fault(child.children[0], f"element '{child.tag}' must contain only text")
+
+    def check_texts(self) -> None:
+        for child in self.root.all("name"):
+            name = child.text.strip()
+            if not _NAME.fullmatch(name):
+                hint = "use lower-case letters, digits, '_' and '-', and start with a letter"
+                self.fault(child, f"invalid package name '{name}'", hint)
+            elif not _USUAL_NAME.fullmatch(name):
+                self.warn(child, f"package name '{name}' does not follow the convention of lower-case names")
+        for child in self.root.all("description"):
+            if not child.inner.strip():
+                self.fault(child, "element 'description' is empty")
+        for child in self.root.all("license"):
+            if not child.text.strip():
+                self.fault(child, "element 'license' is empty")
+        self.check_versions()
+        self.check_people()
+
+    def check_versions(self) -> None:
+        for child in self.root.all("version"):
+            for version in filter(None, (child.text.strip(), child.attributes.get("compatibility"))):
+                if not _VERSION.fullmatch(version):
+                    self.fault(
+                        child,
+                        f"version '{version}' does not consist of three numbers separated by dots",
+                        "for example 1.2.3",
+                    )
+            if not child.text.strip():
+                self.fault(child, "element 'version' is empty", "for example 1.2.3")
+
+    def check_people(self) -> None:
+        for child in (*self.root.all("maintainer"), *self.root.all("author")):
+            email = child.attributes.get("email")
+            if not child.text.strip():
+                self.fault(child, f"element '{child.tag}' has no name")
+            if child.tag == "maintainer" and not email:
+                self.fault(child, "element 'maintainer' needs an attribute 'email'")
+            elif email is not None and not _EMAIL.fullmatch(email):
+                self.fault(child, f"invalid email address '{email}'", "for example name@example.com")
+
+    def manifest(self) -> Manifest:
+        exports = tuple(self.exports())
+        return Manifest(
+            name=self.text("name"),
+            version=self.text("version"),
+            description=" ".join(next(self.root.all("description")).inner.split()),
+            build_type=self.build_type(exports),
+            dependencies=tuple(self.dependencies()),
+            path=self.path,
+            format=self.format,
+            maintainers=tuple(
+                Person(child.text.strip(), child.attributes.get("email"))
+                for child in self.root.all("maintainer")
+            ),
+            licenses=tuple(child.text.strip() for child in self.root.all("license")),
+            group_dependencies=tuple(self.active_texts("group_depend")),
+            groups=tuple(self.active_texts("member_of_group")),
+            exports=exports,
+            warnings=tuple(self.warnings),
+        )
+
+    def text(self, tag: str) -> str:
+        return next(self.root.all(tag)).text.strip()
+
+    def texts(self, tag: str) -> Iterator[str]:
+        return (child.text.strip() for child in self.root.all(tag))
+
+    def active_texts(self, tag: str) -> Iterator[str]:
+        return (child.text.strip() for child in self.root.all(tag) if self.active(child))
+
+    def dependencies(self) -> Iterator[Dependency]:
+        for child in self.root.children:
+            kinds = DEPENDENCY_KINDS.get(child.tag)
+            # Conditions of <conflict> and <replace> are validated, too.
+            if child.tag not in _CONDITIONAL or not self.active(child) or kinds is None:
+                continue
+            name = child.text.strip()
+            if not name:
+                self.warn(child, f"element '{child.tag}' is empty")
+                continue
+            if not is_word(name):
+                self.fault(
+                    child, f"invalid dependency name '{name}'", "names contain no blanks and no quotes"
+                )
+                continue
+            versions = tuple(
+                (word, child.attributes[f"version_{word}"])
+                for word in VERSION_WORDS
+                if f"version_{word}" in child.attributes
+            )
+            yield Dependency(name, kinds, versions)
+
+    def exports(self) -> Iterator[Export]:
+        for export in self.root.all("export"):
+            for child in export.children:
+                if self.active(child):
+                    yield Export(child.tag, tuple(sorted(child.attributes.items())), child.inner.strip())
+
+    def build_type(self, exports: tuple[Export, ...]) -> str:
+        """Return the last active build type (REP 149), 'catkin' without any."""
+        found = [export.content for export in exports if export.tag == "build_type"]
+        if len(found) > 1:
+            self.warn(self.root, f"several build types are active; using the last one, '{found[-1]}'")
+        return found[-1] if found else "catkin"
+
+    def active(self, child: Element) -> bool:
+        condition = child.attributes.get("condition")
+        if condition is None:
+            return True
+        try:
+            return holds(condition, self.variables)
+        except ConditionError as error:
+            message = f"cannot parse the condition '{condition}' at column {error.column}: {error}"
+            self.fault(child, message, 'for example condition="$ROS_VERSION == 2"')
+            return False
+
+    def check_meaning(self, manifest: Manifest) -> None:
+        for child in self.root.children:
+            if child.tag in DEPENDENCY_KINDS and child.text.strip() == manifest.name:
+                self.fault(child, f"package '{manifest.name}' depends on itself")
+        member, wanted = (set(self.texts(tag)) for tag in ("member_of_group", "group_depend"))
+        for group in sorted(member & wanted):
+            self.fault(self.root, f"the package depends on group '{group}' and is a member of it")
+        if self.format == 1:
+            self.check_repeated("test_depend", ("build_depend", "run_depend"))
+        else:
+            self.check_repeated("depend", ("build_depend", "build_export_depend", "exec_depend"))
+            self.check_twice("depend")
+
+    def check_repeated(self, tag: str, others: tuple[str, ...]) -> None:
+        present = {_identity(child): other for other in others for child in self.root.all(other)}
+        for child in self.root.all(tag):
+            other = present.get(_identity(child))
+            if other:
+                message = f"<{tag}>{child.text.strip()}</{tag}> repeats <{other}>"
+                self.fault(child, message, "remove one of the two")
+
+    def check_twice(self, tag: str) -> None:
+        seen = set()
+        for child in self.root.all(tag):
+            if _identity(child) in seen:
+                self.fault(
+                    child, f"<{tag}>{child.text.strip()}</{tag}> appears twice", "remove one of the two"
+                )
+            seen.add(_identity(child))
+
+    def fault(self, element: Element, message: str, hint: str | None = None) -> None:
+        self.problems.append(Problem(message, self.place(element), hint))
+
+    def warn(self, element: Element, message: str) -> None:
+        self.warnings.append(Problem(message, self.place(element)))
+
+    def place(self, element: Element) -> Place:
+        if not self.lines:
+            self.lines = self.content.decode(errors="replace").split("\n")
+        return Place(self.path, element.line, element.column, self.lines[element.line - 1].rstrip("\r"))
+
+
+def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """Return the properties that identify a dependency element: name, version attributes, condition."""
+    return child.text.strip(), tuple(sorted(child.attributes.items()))

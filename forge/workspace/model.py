@@ -1,0 +1,144 @@
+"""The contents of a workspace: packages, their manifests, the selection."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from forge.base.errors import Problem
+
+
+class Kind(Enum):
+    """The type of a dependency tag (REP 149)."""
+
+    BUILD = "build"
+    BUILD_EXPORT = "build_export"
+    BUILDTOOL = "buildtool"
+    BUILDTOOL_EXPORT = "buildtool_export"
+    EXEC = "exec"
+    TEST = "test"
+    DOC = "doc"
+
+
+BUILD_KINDS = frozenset({Kind.BUILD, Kind.BUILDTOOL})
+
+RUN_KINDS = frozenset({Kind.BUILD_EXPORT, Kind.BUILDTOOL_EXPORT, Kind.EXEC})
+
+TEST_KINDS = frozenset({Kind.TEST})
+
+
+@frozen
+class Dependency:
+    """A dependency on a package or system key, and its types."""
+
+    name: str
+    kinds: frozenset[Kind]
+    versions: tuple[tuple[str, str], ...] = ()
+    """Constraints such as ('gte', '1.2.0')."""
+
+
+@frozen
+class Person:
+    """A maintainer or an author."""
+
+    name: str
+    email: str | None = None
+
+
+@frozen
+class Export:
+    """A child of the manifest's export element: tag, attributes and inner XML, stripped."""
+
+    tag: str
+    attributes: tuple[tuple[str, str], ...]
+    content: str
+
+
+@frozen
+class Manifest:
+    """A package.xml with its conditions evaluated."""
+
+    name: str
+    version: str
+    description: str
+    build_type: str
+    dependencies: tuple[Dependency, ...]
+    path: Path
+    format: int = 3
+    maintainers: tuple[Person, ...] = ()
+    licenses: tuple[str, ...] = ()
+    group_dependencies: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    exports: tuple[Export, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+
+    def names(self, kinds: frozenset[Kind]) -> tuple[str, ...]:
+        """Return the dependencies of any of `kinds`, in the manifest's order."""
+        return tuple(d.name for d in self.dependencies if d.kinds & kinds)
+
+
+@frozen
+class Package:
+    """A buildable folder; `embedded` for packages embedded in forge."""
+
+    path: Path
+    manifest: Manifest
+    embedded: bool = False
+    has_actions: bool = False
+    """Whether there are .action files, which require interfaces that manifests usually omit."""
+    ros: bool = True
+    """Whether there is a package.xml; otherwise metadata is derived from CMake or Python files."""
+    settings: Mapping[str, object] = field(default_factory=dict, hash=False)
+    """Options for this package from colcon.pkg, *.meta and forge.toml, by name without dashes."""
+    hooks: tuple[str, ...] = ()
+    """Additional scripts, relative to the prefix, that its environment sources."""
+
+    @property
+    def name(self) -> str:
+        """The manifest's name."""
+        return self.manifest.name
+
+    @property
+    def build_type(self) -> str:
+        """The manifest's build type, such as ament_cmake."""
+        return self.manifest.build_type
+
+    @property
+    def type(self) -> str:
+        """The type as colcon names it: ros.ament_cmake, or cmake for a package without package.xml."""
+        return f"ros.{self.build_type}" if self.ros else self.build_type
+
+    def words(self, option: str) -> tuple[str, ...]:
+        """Return the package's own values of a list option."""
+        value = self.settings.get(option, ())
+        return tuple(map(str, value)) if isinstance(value, list | tuple) else (str(value),)
+
+
+@frozen
+class Workspace:
+    """All packages below the base paths, by name.
+
+    Of packages with the same name the first one counts, `twins` are the others. `problems` are invalid
+    manifests, which prevent builds. `notes` are warnings.
+    """
+
+    root: Path
+    packages: Mapping[str, Package]
+    problems: tuple[Problem, ...] = ()
+    twins: tuple[Package, ...] = ()
+    notes: tuple[Problem, ...] = ()
+
+
+@frozen
+class Selection:
+    """The selected packages in topological order; `left_out` contains the reasons for the others."""
+
+    names: tuple[str, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)

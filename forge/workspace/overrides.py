@@ -1,0 +1,162 @@
+"""Package options outside of manifests: colcon.pkg, *.meta files, forge.toml.
+
+Later sources extend lists and mappings of earlier ones and replace other values.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.files import read_file
+from forge.base.formats import read_yaml
+from forge.base.frozen import frozen
+from forge.base.names import is_below, is_word
+from forge.workspace.forge_toml import package_options
+from forge.workspace.model import Dependency, Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from forge.workspace.model import Package
+
+COLCON_PKG = "colcon.pkg"
+_CATEGORIES = {
+    "dependencies": frozenset({Kind.BUILD, Kind.EXEC, Kind.TEST}),
+    "build-dependencies": frozenset({Kind.BUILD}),
+    "run-dependencies": frozenset({Kind.EXEC}),
+    "test-dependencies": frozenset({Kind.TEST}),
+}
+NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
+"""Keys that are not options of a command."""
+
+
+@frozen
+class Overrides:
+    """Options of packages by name, and of folders by real path."""
+
+    by_name: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    by_path: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def named(self, name: str) -> Mapping[str, Any]:
+        """Return the options of a package."""
+        return self.by_name.get(name, {})
+
+    def placed(self, folder: Path) -> Mapping[str, Any]:
+        """Return the options of a folder."""
+        return self.by_path.get(os.path.realpath(folder), {}) if self.by_path else {}
+
+
+def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overrides:
+    """Read the files below `home`/metadata, each of `metas`, and forge.toml.
+
+    A folder in `metas` stands for the colcon.meta in it; missing files are ignored. Raises WorkspaceError for
+    malformed files.
+    """
+    by_name: dict[str, dict[str, Any]] = {}
+    by_path: dict[str, dict[str, Any]] = {}
+    for path in (*_user_files(home), *_files(root, metas)):
+        options = read_yaml(read_file(path), path)
+        for key, target in (("names", by_name), ("paths", by_path)):
+            for name, values in _section(options, key, path).items():
+                merged = target.setdefault(str(name) if key == "names" else _real(path, str(name)), {})
+                merge(merged, values)
+    for name, values in package_options(root).items():
+        merge(by_name.setdefault(name, {}), values)
+    return Overrides(by_name, by_path)
+
+
+def read_colcon_pkg(folder: Path) -> dict[str, Any]:
+    """Return the contents of a folder's colcon.pkg; raises WorkspaceError if it is malformed."""
+    path = folder / COLCON_PKG
+    return read_yaml(read_file(path), path)
+
+
+def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Extend lists and mappings of the same key, replace other values."""
+    for key, value in values.items():
+        old = target.get(key)
+        if isinstance(old, list) and isinstance(value, list):
+            target[key] = [*old, *value]
+        elif isinstance(old, dict) and isinstance(value, dict):
+            target[key] = {**old, **value}
+        else:
+            target[key] = value
+
+
+def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Package:
+    """Return the package with the dependencies, hooks and settings of the sources, in order.
+
+    Raises WorkspaceError for invalid names of dependencies and for hooks outside of the prefix.
+    """
+    dependencies: list[Dependency] = []
+    settings: dict[str, Any] = {}
+    hooks: list[str] = []
+    for options in sources:
+        for key, kinds in _CATEGORIES.items():
+            names = _names(options, key, package)
+            dependencies += (Dependency(name, kinds) for name in names if name != package.name)
+        hooks += _hooks(options, package)
+        merge(settings, {key: value for key, value in options.items() if key not in NO_SETTINGS})
+    if not (dependencies or settings or hooks):
+        return package
+    manifest = replace(
+        package.manifest, dependencies=(*package.manifest.dependencies, *dict.fromkeys(dependencies))
+    )
+    return replace(package, manifest=manifest, settings=settings, hooks=tuple(hooks))
+
+
+def _names(options: Mapping[str, Any], key: str, package: Package) -> list[str]:
+    names = options.get(key) or []
+    if not isinstance(names, list) or not all(isinstance(name, str) and is_word(name) for name in names):
+        raise WorkspaceError(
+            Problem(f"'{key}' of '{package.name}' is not a list of names", Place(package.path / COLCON_PKG))
+        )
+    return names
+
+
+def _hooks(options: Mapping[str, Any], package: Package) -> list[str]:
+    """Return the scripts; colcon allows a path, or a list of a path and arguments."""
+    hooks = options.get("hooks") or []
+    listed = hooks if isinstance(hooks, list) else [None]
+    firsts = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
+    paths = [path for path in firsts if isinstance(path, str) and is_below(path)]
+    if len(paths) < len(listed):
+        message = f"'hooks' of '{package.name}' is not a list of paths relative to its prefix"
+        raise WorkspaceError(
+            Problem(message, Place(package.path / COLCON_PKG), "for example 'share/NAME/hook.sh'")
+        )
+    return paths
+
+
+def _user_files(home: Path | None) -> Iterator[Path]:
+    """Yield all *.meta files below the user's folder 'metadata', except in hidden folders."""
+    if home is None:
+        return
+    for folder, names, files in os.walk(home / "metadata", followlinks=True):
+        names[:] = sorted(name for name in names if not name.startswith("."))
+        yield from (Path(folder) / file for file in sorted(files) if file.endswith(".meta"))
+
+
+def _files(root: Path, metas: Iterable[str]) -> Iterator[Path]:
+    for meta in metas:
+        path = root / meta
+        path = path / "colcon.meta" if path.is_dir() else path
+        if path.exists():
+            yield path
+
+
+def _section(options: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Mapping[str, Any]]:
+    section = options.get(key) or {}
+    if not isinstance(section, dict) or not all(isinstance(value, dict) for value in section.values()):
+        hint = f"the format is '{key}:', below it 'NAME_OR_PATH:', below that 'option: value'"
+        raise WorkspaceError(Problem(f"'{key}' is not a mapping of names to options", Place(path), hint))
+    return section
+
+
+def _real(path: Path, name: str) -> str:
+    """Return the real path of a folder named relative to a file."""
+    return os.path.realpath(path.parent / name.replace("\0", ""))

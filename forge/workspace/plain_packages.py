@@ -1,0 +1,175 @@
+"""Identifies folders without package.xml that CMake or a Python backend can build."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem
+from forge.base.files import text_or_nothing, unfit
+from forge.base.formats import read_toml
+from forge.workspace.cmake_metadata import (
+    cmake_dependencies,
+    is_catkin_toplevel,
+    names_no_literal,
+    project_name,
+)
+from forge.workspace.identity import Identity
+from forge.workspace.model import Dependency, Kind, Manifest, Package
+from forge.workspace.overrides import COLCON_PKG
+from forge.workspace.python_metadata import (
+    PythonFacts,
+    leaves_all_to_setup_cfg,
+    read_pyproject,
+    read_setup_cfg,
+    read_setup_py,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.workspace.identity import Folder
+
+
+def identify_plain(folder: Folder) -> Identity | None:
+    """Return the identity according to CMake or Python files, or None.
+
+    Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
+    """
+    for step in (_ambiguous, _cmake_package, _python_package, _project):
+        identity = step(folder)
+        if identity is not None:
+            return identity
+    return _unfit(folder)
+
+
+def _unfit(folder: Folder) -> Identity | None:
+    """Report CMake or Python files that are not regular files."""
+    notes = []
+    for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
+        try:
+            reason = unfit(folder.place / name, (folder.place / name).stat())
+        except OSError:
+            continue  # a dangling link, as catkin creates above its packages
+        if reason:
+            notes.append(Problem(f"ignored: {reason}", Place(folder.path / name)))
+    return Identity(descend=True, notes=tuple(notes)) if notes else None
+
+
+def _ambiguous(folder: Folder) -> Identity | None:
+    """Report a folder that may be a CMake or a Python package."""
+    if folder.type is not None or not folder.has("CMakeLists.txt", "setup.py", "setup.cfg"):
+        return None
+    if (
+        not leaves_all_to_setup_cfg(folder.text("setup.py"))
+        or not read_setup_cfg(folder.text("setup.cfg")).name
+    ):
+        return None
+    message = "ignored: ambiguous package with a CMakeLists.txt and a setup.cfg"
+    hint = f"set the type in '{folder.path / COLCON_PKG}': 'type: cmake' or 'type: python'"
+    return Identity(notes=(Problem(message, Place(folder.path), hint),))
+
+
+def _cmake_package(folder: Folder) -> Identity | None:
+    if not folder.may_be("cmake") or not folder.has("CMakeLists.txt"):
+        return None
+    text = folder.text("CMakeLists.txt")
+    path = folder.path / "CMakeLists.txt"
+    if is_catkin_toplevel(text):
+        return Identity(
+            descend=True, notes=(Problem("ignored: created by catkin_make above its packages", Place(path)),)
+        )
+    name = project_name(text)
+    notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
+    name = name or folder.place.resolve().name
+    # As in colcon, dependencies are not read if the user assigned both name and type.
+    assigned = folder.name and folder.type
+    wanted = set() if assigned else cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
+    kinds = frozenset({Kind.BUILD, Kind.EXEC})
+    dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
+    return Identity(_plain(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
+
+
+def _python_package(folder: Folder) -> Identity | None:
+    """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools."""
+    if not folder.may_be("python") or not folder.has("setup.py"):
+        return None
+    path = folder.path / "setup.py"
+    try:
+        facts = read_setup_py(folder.text("setup.py"))
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        line = getattr(error, "lineno", None)
+        return Identity(
+            notes=(Problem(f"cannot parse setup.py: {_reason(error)}", Place(path, line)),), descend=True
+        )
+    if facts is None:
+        return None
+    return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonFacts()), path)
+
+
+def _reason(error: Exception) -> str:
+    """Return Python's description of a syntax error."""
+    if isinstance(error, RecursionError | MemoryError):
+        return "too deeply nested"
+    return str(error.args[0]) if error.args else "not valid Python"
+
+
+def _project(folder: Folder) -> Identity | None:
+    """Read pyproject.toml, which alone is sufficient for any backend (PEP 517)."""
+    if not folder.may_be("python") or not folder.has("pyproject.toml"):
+        return None
+    facts, below = _toml_facts(folder), _cfg_facts(folder)
+    if facts is None and below.name is None:
+        return None
+    return _python(folder, (facts or PythonFacts()).over(below), folder.path / "pyproject.toml")
+
+
+def _python(folder: Folder, facts: PythonFacts, path: Path) -> Identity:
+    if folder.name and facts.name and folder.name != facts.name:
+        message = f"ignored: the assigned name '{folder.name}' differs from the Python name '{facts.name}'"
+        hint = "remove the name from colcon.pkg or the *.meta file"
+        return Identity(problems=(Problem(message, Place(path), hint),))
+    notes = () if facts.name or folder.name else (_no_literal(folder, path),)
+    name = folder.name or facts.name or folder.place.resolve().name
+    package = _plain(folder, name, "python", path, facts.dependencies)
+    manifest = replace(package.manifest, version=facts.version, maintainers=facts.maintainers)
+    return Identity(replace(package, manifest=manifest), notes=notes)
+
+
+def _cfg_facts(folder: Folder) -> PythonFacts:
+    return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonFacts()
+
+
+def _toml_facts(folder: Folder) -> PythonFacts | None:
+    if not folder.has("pyproject.toml"):
+        return None
+    return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.place / "pyproject.toml"))
+
+
+def _plain(
+    folder: Folder, name: str, build_type: str, path: Path, dependencies: tuple[Dependency, ...]
+) -> Package:
+    """Return a package without package.xml."""
+    own = tuple(dependency for dependency in dependencies if dependency.name != name)
+    return Package(folder.path, Manifest(name, "", "", build_type, own, path), ros=False)
+
+
+def _cmake_texts(folder: Path) -> Iterator[str]:
+    """Yield the CMake files below a folder except its own CMakeLists.txt and hidden folders."""
+    for place, names, files in os.walk(folder):
+        names[:] = sorted(name for name in names if not name.startswith("."))
+        for file in sorted(files):
+            path = Path(place) / file
+            if (file == "CMakeLists.txt" and path.parent != folder) or file.endswith(".cmake"):
+                yield text_or_nothing(path)
+
+
+def _no_literal(folder: Folder, path: Path) -> Problem:
+    name = folder.place.resolve().name
+    return Problem(
+        f"the project name is not a literal; using the name of the folder, '{name}'",
+        Place(path),
+        f"to use another name, add 'name: NAME' to '{folder.path / COLCON_PKG}'",
+    )

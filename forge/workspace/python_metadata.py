@@ -1,0 +1,257 @@
+"""Extracts metadata from setup.cfg, setup.py and pyproject.toml without running them.
+
+setup.py is parsed as a syntax tree: literals are used, and module variables with literal values.
+"""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+from typing import TYPE_CHECKING, Any
+
+from forge.base.frozen import frozen
+from forge.workspace.model import Dependency, Kind, Person
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+_REQUIREMENT = re.compile(r"\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
+_ASKED = re.compile(r"(~=(?=\s*\d+\.)|==|!=|<=|>=|<|>)\s*(\d{1,18}(?:\.\d{1,18})*)(?![\w.*+!-])")
+_SYMBOLS = {"==": "eq", "!=": "neq", "<=": "lte", ">=": "gte", "<": "lt", ">": "gt"}
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([^#\n]+))", re.MULTILINE)
+_TEST_EXTRAS = ("test", "tests", "testing")
+_KINDS = {
+    "setup_requires": frozenset({Kind.BUILD}),
+    "install_requires": frozenset({Kind.EXEC}),
+    "tests_require": frozenset({Kind.TEST}),
+}
+
+
+@frozen
+class PythonFacts:
+    """The metadata of a package; `name` is None if it is not a literal."""
+
+    name: str | None = None
+    version: str = ""
+    dependencies: tuple[Dependency, ...] = ()
+    maintainers: tuple[Person, ...] = ()
+
+    def over(self, below: PythonFacts) -> PythonFacts:
+        """Return this metadata with missing values taken from another."""
+        return PythonFacts(
+            self.name or below.name,
+            self.version or below.version,
+            self.dependencies or below.dependencies,
+            self.maintainers or below.maintainers,
+        )
+
+
+class _Parser(configparser.RawConfigParser):
+    """Stops at the first invalid line: collecting all errors takes quadratic time."""
+
+    def _handle_error(self, _: object, fpname: str, lineno: int, line: str) -> None:
+        error = configparser.ParsingError(fpname)
+        error.append(lineno, line)
+        raise error
+
+
+def read_setup_cfg(text: str) -> PythonFacts:
+    """Return the contents of the sections metadata and options; empty if the file is malformed."""
+    parser = _Parser()
+    try:
+        parser.read_string(text)
+    except configparser.Error:
+        return PythonFacts()
+    metadata = dict(parser["metadata"]) if parser.has_section("metadata") else {}
+    options = dict(parser["options"]) if parser.has_section("options") else {}
+    extras = "options.extras_require"
+    values: dict[str, Any] = {key: _listed(options.get(key, "")) for key in _KINDS}
+    values["extras_require"] = (
+        {key: _listed(value) for key, value in parser[extras].items()} if parser.has_section(extras) else {}
+    )
+    for key in ("name", "version", "maintainer", "maintainer_email", "author", "author_email"):
+        value = metadata.get(key) or metadata.get(key.replace("_", "-"))
+        # 'attr: module.value' would require running the module.
+        if value and not value.startswith(("attr:", "file:")):
+            values[key] = value
+    return _facts(values)
+
+
+def read_setup_py(text: str) -> PythonFacts | None:
+    """Return the arguments of the setup() call, or None without one.
+
+    Raises SyntaxError like Python.
+    """
+    tree = ast.parse(text)
+    call = next(filter(_is_setup, (node for node in ast.walk(tree) if isinstance(node, ast.Call))), None)
+    if call is None:
+        return None
+    names = dict(_constants(tree))
+    values = {word.arg: _literal(word.value, names) for word in call.keywords if word.arg}
+    return _facts({key: value for key, value in values.items() if value is not None})
+
+
+def leaves_all_to_setup_cfg(text: str) -> bool:
+    """Tell whether colcon reads only setup.cfg for a package with this setup.py."""
+    return "setup()" in text or "setup(cmdclass=cmdclass)" in text
+
+
+def read_pyproject(table: Mapping[str, Any]) -> PythonFacts | None:
+    """Return the project metadata of a pyproject.toml, None if it only configures tools (PEP 621)."""
+    project = table.get("project")
+    if not isinstance(project, dict):
+        poetry = _below(_below(table, "tool"), "poetry")
+        if isinstance(poetry.get("name"), str):
+            return PythonFacts(poetry["name"], str(poetry.get("version", "")))
+        return None
+    values: dict[str, Any] = {
+        "name": project.get("name"),
+        "version": project.get("version", ""),
+        "setup_requires": _below(table, "build-system").get("requires", []),
+        "install_requires": project.get("dependencies", []),
+        "extras_require": project.get("optional-dependencies", {}),
+    }
+    people = project.get("maintainers") or project.get("authors") or []
+    persons = tuple(
+        Person(str(person.get("name", "")), person["email"])
+        for person in (people if isinstance(people, list) else ())
+        if isinstance(person, dict) and person.get("email") and isinstance(person["email"], str)
+    )
+    return PythonFacts(maintainers=persons).over(_facts(values))
+
+
+def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return a nested table, empty if it is missing or not a table."""
+    found = table.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def mentioned_modules(text: str) -> frozenset[str]:
+    """Return the top-level modules in lines that look like imports: a superset of the imported ones."""
+    lists = (match[1] or match[2] for match in _IMPORT.finditer(text))
+    return frozenset(
+        re.split(r"[.\s]", name.strip(), maxsplit=1)[0] for said in lists for name in said.split(",")
+    )
+
+
+def imported_modules(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the top-level modules that a file imports unconditionally, with line numbers.
+
+    Imports in `try` or below TYPE_CHECKING are left out. Raises SyntaxError like Python.
+    """
+    try:
+        yield from list(_imported(ast.parse(text)))
+    except (MemoryError, RecursionError, ValueError):
+        raise SyntaxError("too deeply nested, or contains a NUL character") from None
+
+
+def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
+    for child in ast.iter_child_nodes(node):
+        match child:
+            case ast.Import(names=names):
+                yield from ((name.name.partition(".")[0], child.lineno) for name in names)
+            case ast.ImportFrom(module=str(module), level=0):
+                yield module.partition(".")[0], child.lineno
+            case ast.Try() | ast.expr():
+                pass  # the former may fail, the latter contains no statements
+            case ast.If(test=test) if "TYPE_CHECKING" in ast.dump(test):
+                pass
+            case _:
+                yield from _imported(child)
+
+
+def _facts(values: Mapping[str, Any]) -> PythonFacts:
+    """Convert setuptools' arguments; values of unexpected types are ignored."""
+    name, version = values.get("name"), values.get("version", "")
+    return PythonFacts(
+        name if isinstance(name, str) and name else None,
+        version if isinstance(version, str) else "",
+        tuple(_dependencies(values)),
+        tuple(_people(values)),
+    )
+
+
+def _dependencies(values: Mapping[str, Any]) -> Iterator[Dependency]:
+    for key, kinds in _KINDS.items():
+        yield from (Dependency(name, kinds, asked) for name, asked in _required(values.get(key, ())))
+    extras = values.get("extras_require")
+    if isinstance(extras, dict):
+        for extra in _TEST_EXTRAS:
+            needed = _required(extras.get(extra, ()))
+            yield from (Dependency(name, frozenset({Kind.TEST}), asked) for name, asked in needed)
+
+
+def _required(requirements: object) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
+    """Yield name and versions of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
+    lines = (
+        requirements.splitlines()
+        if isinstance(requirements, str)
+        else requirements
+        if isinstance(requirements, list | tuple)
+        else ()
+    )
+    for line in lines:
+        match = _REQUIREMENT.match(line) if isinstance(line, str) else None
+        if match:
+            rest = line[match.end() :].partition(";")[0].partition(" #")[0]
+            yield match[1], tuple(_versions(rest))
+
+
+def _versions(specifier: str) -> Iterator[tuple[str, str]]:
+    """Yield the version constraints of a requirement as package.xml attributes; wildcards are ignored."""
+    for symbol, version in _ASKED.findall(specifier):
+        if symbol == "~=":
+            yield "gte", version
+            *kept, last, _ = map(int, version.split("."))
+            yield "lt", ".".join(map(str, (*kept, last + 1)))
+        else:
+            yield _SYMBOLS[symbol], version
+
+
+def _people(values: Mapping[str, Any]) -> Iterator[Person]:
+    role = "maintainer" if "maintainer" in values else "author"
+    names, emails = values.get(role), values.get(f"{role}_email")
+    if isinstance(names, str) and isinstance(emails, str):
+        for name, email in zip(names.split(","), emails.split(","), strict=False):
+            yield Person(name.strip(), email.strip())
+
+
+def _listed(value: str) -> list[str]:
+    """Parse a setuptools list: one entry per line, or separated by semicolons on one line."""
+    entries: Iterable[str] = value.splitlines() if "\n" in value else value.split(";")
+    return [entry for raw in entries if (entry := raw.partition(" #")[0].strip()) and entry[0] != "#"]
+
+
+def _is_setup(call: ast.Call) -> bool:
+    match call.func:
+        case ast.Name(id="setup") | ast.Attribute(attr="setup"):
+            return True
+        case _:
+            return False
+
+
+def _constants(tree: ast.Module) -> Iterator[tuple[str, object]]:
+    """Yield module-level names bound to literals."""
+    for node in tree.body:
+        match node:
+            case (
+                ast.Assign(targets=[ast.Name(id=name)], value=value)
+                | ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value)
+            ):
+                literal = _literal(value, {})
+                if literal is not None:
+                    yield name, literal
+
+
+def _literal(node: ast.expr, names: Mapping[str, object]) -> object:
+    """Return the value of a literal, or of a name bound to one; None for anything else."""
+    if isinstance(node, ast.Name):
+        return names.get(node.id)
+    if isinstance(node, ast.List | ast.Tuple):
+        values = [_literal(element, names) for element in node.elts]
+        return [value for value in values if value is not None]
+    try:
+        return ast.literal_eval(node)
+    except (ValueError, TypeError, MemoryError, RecursionError):
+        return None

@@ -1,0 +1,269 @@
+"""Resolves dependencies to packages of the workspace, underlays, the system and embedded packages.
+
+A name is searched in the workspace, then in underlays and the system, then among the embedded packages. These
+form families (ament, lint, rosidl) that are used completely or not at all, so that two implementations of an
+API are never mixed in one build.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field, replace
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem
+from forge.base.frozen import frozen
+from forge.base.graph import order, weak_edges_on_cycles
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+FAMILY_MARKS = {
+    "ament": ("ament_cmake", "ament_cmake_core"),
+    "lint": ("ament_lint_auto",),
+    "rosidl": ("rosidl_default_generators", "rosidl_cmake"),
+}
+"""If one of these exists in the workspace, an underlay or the system, its family is not used."""
+
+ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
+"""Packages that generated code of actions refers to, and that manifests often omit."""
+
+INTERFACE_GROUP = "rosidl_interface_packages"
+
+_GENERATORS = frozenset({"rosidl_default_generators", INTERFACE_GROUP})
+"""Dependencies or groups of packages that generate code; others may just contain .action files."""
+
+ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS
+
+# Names of ROS packages rather than rosdep keys of system packages: they contain no '-', and
+# rosdep keys rarely begin or end like these.
+_ROS_BEGINNINGS = ("rcl", "rmw", "tf2", "launch", "ros2", "rosbag2", "nav2_", "moveit_", "ament_", "rosidl_")
+_ROS_ENDINGS = ("_msgs", "_interfaces", "_srvs", "_actions")
+_ROS_NAMES = frozenset(
+    {"class_loader", "cv_bridge", "demo_nodes_cpp", "demo_nodes_py", "image_transport", "message_filters"}
+    | {"pluginlib", "robot_state_publisher", "rqt", "rviz2", "turtlesim", "urdf", "xacro"}
+)
+
+
+@frozen
+class DependencyResolution:
+    """The packages of a build, including embedded ones, and the dependencies among them.
+
+    `needs` has an edge for every dependency of any type on one of `packages`. `missing` maps a package to
+    unresolved dependencies that look like ROS packages. `superseded` are embedded packages that must not be
+    installed, because another package provides their names. `postponed` are test dependencies left out of
+    `needs` to avoid cycles. `withheld` maps names of embedded packages whose family is not used to the
+    reason.
+    """
+
+    packages: Mapping[str, Package]
+    needs: Mapping[str, frozenset[str]]
+    missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    superseded: frozenset[str] = frozenset()
+    postponed: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    withheld: Mapping[str, str] = field(default_factory=dict)
+
+
+def resolve_dependencies(
+    workspace: Mapping[str, Package],
+    embedded: Mapping[str, Package],
+    provider: Callable[[str], object | None],
+) -> DependencyResolution:
+    """Return the workspace's packages with the embedded ones that they depend on, recursively.
+
+    `provider(name)` returns the prefix in which an underlay or the system has a package, else None.
+    """
+    reasons = _provided_families(workspace, provider)
+    answers, withheld = _answers(embedded, reasons)
+    packages = dict(workspace)
+    needs: dict[str, frozenset[str]] = {}
+    missing: dict[str, tuple[str, ...]] = {}
+    waiting = list(workspace)
+    while waiting:
+        name = waiting.pop()
+        if name in needs:
+            continue
+        wanted = _wanted(packages[name])
+        found = {other: _resolve(other, workspace, answers, provider) for other in wanted}
+        needs[name] = frozenset(other.name for other in found.values() if other and other.name != name)
+        unmet = [
+            other
+            for other in wanted
+            if found[other] is None and resembles_ros_name(other) and not provider(other)
+        ]
+        if unmet:
+            missing[name] = tuple(unmet)
+        for other in found.values():
+            if other and other.name not in packages:
+                packages[other.name] = other
+                waiting.append(other.name)
+    standing = {package.name for package in answers.values()}
+    superseded = (name for name in embedded if name not in standing or provider(name))
+    return DependencyResolution(
+        packages, needs, missing, frozenset(superseded) - workspace.keys(), withheld=withheld
+    )
+
+
+def break_test_cycles(
+    resolution: DependencyResolution,
+) -> tuple[DependencyResolution, tuple[Problem, ...]]:
+    """Return the resolution with test dependencies postponed that close a cycle, and warnings.
+
+    Test dependencies are needed when tests run, that is, after all packages are built. Other cycles are kept.
+    """
+    if order(resolution.needs) is not None:
+        return resolution, ()
+    weak = {name: frozenset(_only_tested(package)) for name, package in resolution.packages.items()}
+    dropped = weak_edges_on_cycles(resolution.needs, weak)
+    needs = {name: wanted - dropped.get(name, frozenset()) for name, wanted in resolution.needs.items()}
+    warnings = (
+        Problem(
+            f"test dependency of '{name}' on {_quoted(sorted(wanted))} closes a cycle and is ignored",
+            Place(resolution.packages[name].manifest.path),
+        )
+        for name, wanted in sorted(dropped.items())
+    )
+    return replace(resolution, needs=needs, postponed=dropped), tuple(warnings)
+
+
+def _only_tested(package: Package) -> set[str]:
+    """Return the dependencies that only tests need."""
+    manifest = package.manifest
+    return set(manifest.names(TEST_KINDS)) - set(manifest.names(BUILD_KINDS | RUN_KINDS))
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
+
+
+def is_ros_name(name: str) -> bool:
+    """Tell whether an unresolved dependency is certainly a ROS package."""
+    if "-" in name:
+        return False
+    return name in _ROS_NAMES or name.startswith(_ROS_BEGINNINGS) or name.endswith(_ROS_ENDINGS)
+
+
+def resembles_ros_name(name: str) -> bool:
+    """Tell whether a dependency is spelled like a ROS package; rosdep keys separate words by '-'."""
+    return is_ros_name(name) or ("_" in name and "-" not in name)
+
+
+def missing_problems(
+    resolution: DependencyResolution, names: Iterable[str]
+) -> tuple[list[Problem], list[Problem]]:
+    """Return errors and warnings for unresolved dependencies of `names`.
+
+    Missing build dependencies are errors for packages that CMake builds. They are warnings for Python
+    packages, for packages without package.xml, and for packages with group dependencies, which use available
+    members only (REP 149). Missing run dependencies are warnings, test dependencies are ignored. Names that
+    merely resemble ROS packages are at most warnings, and only for build dependencies.
+    """
+    errors: dict[str, list[str]] = {}
+    warnings: dict[str, list[str]] = {}
+    for name in names:
+        package = resolution.packages[name]
+        manifest = package.manifest
+        lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
+        required = set() if lenient else set(manifest.names(BUILD_KINDS))
+        used = set(manifest.names(BUILD_KINDS | RUN_KINDS))
+        for dependency in resolution.missing.get(name, ()):
+            sure = is_ros_name(dependency)
+            if dependency in required or (sure and dependency in used):
+                found = errors if sure and dependency in required else warnings
+                found.setdefault(dependency, []).append(name)
+    return _together(errors, resolution), _together(warnings, resolution)
+
+
+def _provided_families(
+    workspace: Mapping[str, Package], provider: Callable[[str], object | None]
+) -> dict[str, str]:
+    """Return the families provided elsewhere, with the provider."""
+    families = {}
+    for family, marks in FAMILY_MARKS.items():
+        for mark in marks:
+            if mark in workspace:
+                families[family] = f"'{mark}' is in the workspace ({workspace[mark].path})"
+            elif found := provider(mark):
+                families[family] = f"'{mark}' comes from '{found}'"
+    return families
+
+
+def _answers(
+    embedded: Mapping[str, Package], reasons: Mapping[str, str]
+) -> tuple[dict[str, Package], dict[str, str]]:
+    """Return the names that embedded packages provide, and separately those of unused families."""
+    answers: dict[str, Package] = {}
+    withheld: dict[str, str] = {}
+    for package in embedded.values():
+        exports = package.manifest.exports
+        names = _names_of(package)
+        families = (e.content for e in exports if e.tag == "forge_family")
+        reason = next((reasons[family] for family in families if family in reasons), None)
+        if reason is None:
+            answers.update(dict.fromkeys(names, package))
+        else:
+            withheld.update(dict.fromkeys(names, reason))
+    return answers, withheld
+
+
+def answered_names(embedded: Mapping[str, Package]) -> frozenset[str]:
+    """Return all names that embedded packages provide, including those of unused families."""
+    return frozenset(name for package in embedded.values() for name in _names_of(package))
+
+
+def _names_of(package: Package) -> list[str]:
+    exports = package.manifest.exports
+    return [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
+
+
+def _wanted(package: Package) -> tuple[str, ...]:
+    names = package.manifest.names(ALL_KINDS)
+    if package.has_actions and not _GENERATORS.isdisjoint((*names, *package.manifest.groups)):
+        # Except for the packages of this list.
+        names += tuple(need for need in ACTION_NEEDS if need != package.name)
+    return tuple(dict.fromkeys(names))
+
+
+def _resolve(
+    name: str,
+    workspace: Mapping[str, Package],
+    answers: Mapping[str, Package],
+    provider: Callable[[str], object | None],
+) -> Package | None:
+    if name in workspace:
+        return workspace[name]
+    if name in answers and not provider(name):
+        return answers[name]
+    return None
+
+
+def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) -> list[Problem]:
+    """Return one problem for all dependencies that the same packages lack for the same reason."""
+    groups: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    for dependency, users in sorted(found.items()):
+        reason = resolution.withheld.get(dependency, "")
+        groups.setdefault((tuple(sorted(users)), reason), []).append(dependency)
+    return [_missing(names, users, reason, resolution) for (users, reason), names in groups.items()]
+
+
+def _missing(
+    names: Sequence[str], users: Sequence[str], reason: str, resolution: DependencyResolution
+) -> Problem:
+    quoted = ", ".join(f"'{name}'" for name in names)
+    dependents = ", ".join(f"'{user}'" for user in users) + (" needs" if len(users) == 1 else " need")
+    which = "which is" if len(names) == 1 else "which are"
+    message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
+    location = Place(resolution.packages[users[0]].manifest.path)
+    if reason:
+        return Problem(
+            f"{message}; the embedded packages cannot be used, because {reason}",
+            location,
+            f"add {quoted} from the same source, or remove that package to use the embedded ones for all "
+            "(docs/explanation/embedded.md in the documentation)",
+        )
+    return Problem(
+        f"{message}, nor embedded in forge",
+        location,
+        "source an installation that contains them, or add their sources to the workspace "
+        "(docs/how-to/rclcpp.md in the documentation)",
+    )

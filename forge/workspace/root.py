@@ -1,0 +1,126 @@
+"""Finds the root of the workspace from any folder inside it.
+
+A folder that was built in or has a forge.toml is a root, else one that contains 'src'. Commands run at the
+root; paths on the command line stay relative to the folder in which they were typed.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+_MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
+
+_ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base", "--output")
+_MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
+_WITH_SHORT_OUTPUT = frozenset({"bundle", "graph"})
+"""Commands whose option -o is --output."""
+
+
+def find_root(start: Path, home: Path) -> Path:
+    """Return the root of the workspace around the absolute folder `start`, or `start` itself.
+
+    Marked folders come first: `start`, then the nearest parent with `start` below its 'src'; then a folder
+    that contains 'src' and is not a package. The home folder, the file system's root, and folders that
+    everyone may write to, such as /tmp, are used only if they are `start`.
+    """
+    if _marked(start):
+        return start
+    around = [folder for folder in start.parents if _may_be_found(folder, home)]
+    marked = [folder for folder in around if _marked(folder)]
+    sources = [folder for folder in around if start.is_relative_to(folder / "src")]
+    candidates = (
+        *(folder for folder in marked if folder in sources),
+        *(folder for folder in (start, *sources) if _has_sources(folder)),
+        *marked,
+    )
+    return next(iter(candidates), start)
+
+
+def rebase_paths(arguments: Sequence[str], origin: Path, root: Path) -> list[str]:
+    """Return a command line typed in `origin` with its paths changed to be relative to `root`."""
+    rewritten: list[str] = []
+    name, left = "", 0
+    short = not _WITH_SHORT_OUTPUT.isdisjoint(arguments)
+    for argument in arguments:
+        option, equals, value = argument.partition("=")
+        if argument.startswith("-"):
+            left = 0 if equals else _paths_after(option, short=short)
+            name = option
+            if equals and _paths_after(option, short=short):
+                argument = f"{option}={_moved(name, value, origin, root)}"  # noqa: PLW2901
+        elif left:
+            left -= 1
+            argument = _moved(name, argument, origin, root)  # noqa: PLW2901
+        rewritten.append(argument)
+    return rewritten
+
+
+@contextmanager
+def working_directory(folder: Path) -> Iterator[None]:
+    """Change the working directory temporarily; raises EnvironmentFault if that fails."""
+    try:
+        before = Path.cwd()
+    except FileNotFoundError:
+        from forge.base.errors import EnvironmentFault, Problem  # noqa: PLC0415
+
+        hint = "change to an existing folder: cd"
+        raise EnvironmentFault(Problem("the current folder has been removed", hint=hint)) from None
+    try:
+        os.chdir(folder)
+    except OSError as error:
+        # Imported here, because shell completion imports this module for each completion.
+        from forge.base.errors import EnvironmentFault, Problem  # noqa: PLC0415
+
+        raise EnvironmentFault(Problem(f"cannot change to '{folder}': {error.strerror}")) from None
+    try:
+        yield
+    finally:
+        with suppress(FileNotFoundError):  # it was removed meanwhile
+            os.chdir(before)
+
+
+def _marked(folder: Path) -> bool:
+    return any((folder / mark).is_file() for mark in _MARKS)
+
+
+def _has_sources(folder: Path) -> bool:
+    """Tell whether a folder looks like a workspace that was never built; packages may contain 'src', too."""
+    return (folder / "src").is_dir() and not (folder / "package.xml").exists()
+
+
+def _may_be_found(folder: Path, home: Path) -> bool:
+    if folder in {home, Path(folder.anchor)}:
+        return False
+    try:
+        return not folder.stat().st_mode & stat.S_ISVTX
+    except OSError:
+        return False
+
+
+def _paths_after(option: str, *, short: bool) -> int:
+    """Return how many arguments after an option are paths; abbreviated options are accepted.
+
+    `short` tells whether '-o' is --output instead of an argument for pytest.
+    """
+    if not option.startswith("--"):
+        return int(option == "-o" and short)
+    if any(known.startswith(option) for known in _ONE_PATH):
+        return 1
+    return 1_000_000 if any(known.startswith(option) for known in _MANY_PATHS) else 0
+
+
+def _moved(option: str, path: str, origin: Path, root: Path) -> str:
+    path = path.strip()
+    # An interpreter without a folder is searched on PATH.
+    elsewhere = option == "--python" and os.sep not in path
+    if elsewhere or os.path.isabs(path) or path.startswith("~"):  # noqa: PTH117  (text in, text out)
+        return path
+    moved = Path(os.path.normpath(origin / path))
+    return str(moved.relative_to(root)) if moved.is_relative_to(root) else str(moved)

@@ -1,0 +1,66 @@
+"""Decides by name and adjacent files which files of a package are not sources.
+
+Editors, indexers and virtual environments create files that builds must not depend on. A package may install
+whole folders with arbitrary names, so that a name alone is rarely sufficient.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_LITTER_FOLDERS = frozenset(
+    """.git .hg .svn .bzr __pycache__ .pytest_cache .mypy_cache .ruff_cache .hypothesis .tox .eggs
+    .ipynb_checkpoints .direnv .ccls-cache""".split()  # noqa: SIM905  (shorter than a list)
+)
+"""Private folders of version control and development tools, anywhere."""
+
+_LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE", "4913"})
+"""Ignored file names; Vim creates 4913 to test write permission."""
+
+_LITTER_OF_PROJECTS = frozenset(
+    {".idea", ".vscode", ".cache", ".clangd", ".coverage", ".venv", "node_modules", "compile_commands.json"}
+)
+"""Files of development tools next to the main file of a project; elsewhere they may be data."""
+
+_PROJECT_FILES = ("CMakeLists.txt", "package.xml", "setup.py", "pyproject.toml", "package.json")
+_STILL_OPEN = re.compile(r"\.nfs[0-9a-f]+|\.fuse_hidden[0-9a-f]+")
+"""Names of deleted files that a process still has open."""
+
+_COPY = re.compile(
+    r"\.(?P<edited>.+)\.(?:sw[a-p]|kate-swp|un~)|(?P<backup>.+?)(?:\.~\d+)?~|(?P<merged>.+)\.(?:orig|rej)"
+    r"|#(?P<saved>.+)#|\.#(?P<locked>.+)|(?P<python>.+\.py)[co]|(?P<egg>.+)\.egg-info"
+)
+"""Derived files of editors, merges and Python; ignored only next to the original file."""
+
+_SUSPECT_BEGINNINGS = (".", "#", "4913", "COLCON_IGNORE", "AMENT_IGNORE", *_LITTER_OF_PROJECTS)
+_SUSPECT_ENDINGS = ("~", ".orig", ".rej", ".pyc", ".pyo", ".egg-info")
+
+
+def is_source(name: str, beside: Callable[[str], bool]) -> bool:
+    """Tell whether a file counts as a source; `beside` tells whether a name exists in the same folder.
+
+    In doubt a file counts, because packages may install it.
+    """
+    if not (name.startswith(_SUSPECT_BEGINNINGS) or name.endswith(_SUSPECT_ENDINGS)):
+        return True
+    return not (name in _LITTER or _STILL_OPEN.fullmatch(name) or _belongs_to_another(name, beside))
+
+
+def is_source_folder(name: str, beside: Callable[[str], bool]) -> bool:
+    """Tell whether a folder may contain sources."""
+    if not name.startswith((".", "__pycache__", "node_modules")) and not name.endswith(".egg-info"):
+        return True
+    return not (name in _LITTER_FOLDERS or _belongs_to_another(name, beside))
+
+
+def _belongs_to_another(name: str, beside: Callable[[str], bool]) -> bool:
+    """Tell whether a name is derived from another file in the folder."""
+    copy = _COPY.fullmatch(name)
+    if copy is not None and beside(str(copy[copy.lastgroup or 0])):
+        return True
+    of_project = name in _LITTER_OF_PROJECTS or name.startswith(".coverage.") or name.endswith(".egg-info")
+    return of_project and any(map(beside, _PROJECT_FILES))

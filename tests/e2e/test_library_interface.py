@@ -1,0 +1,108 @@
+"""A change inside a shared library builds what depends on it only where that can make a difference."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.e2e.test_exact_installs import build, cmake, hold_against_clean
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran, Tree
+
+pytestmark = [pytest.mark.needs("cmake", "ninja", "g++")]
+
+BASE = """add_library(base SHARED base.cpp)
+target_include_directories(base PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include>)
+install(TARGETS base EXPORT base LIBRARY DESTINATION lib)
+install(EXPORT base FILE baseConfig.cmake NAMESPACE base:: DESTINATION share/base/cmake)
+install(FILES base.h DESTINATION include)"""
+CODE = """#include "base.h"
+int numbers[{count}] = {{1}};
+int base() {{ return {number}; }}
+"""
+HEADER = "int base();\nextern int numbers[];\n"
+USER = """find_package(base REQUIRED)
+add_executable({name} main.cpp)
+target_link_libraries({name} base::base)
+install(TARGETS {name} DESTINATION bin)
+{more}"""
+MAIN = "#include <base.h>\nint main() { return base() + numbers[0]; }\n"
+
+OTHERS = {
+    "a command that runs it": "add_custom_command(OUTPUT made.txt COMMAND user > made.txt || true)\n"
+    "add_custom_target(made ALL DEPENDS made.txt)\n"
+    "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/made.txt DESTINATION share)",
+    "a target that runs it": "add_custom_target(made ALL COMMAND user || true)",
+    "a command after the link": "add_custom_command(TARGET user POST_BUILD COMMAND user || true)",
+    "an installed copy": "install(IMPORTED_RUNTIME_ARTIFACTS base::base DESTINATION share)",
+    "a copied file": "get_target_property(file base::base LOCATION)\n"
+    "install(FILES ${file} DESTINATION share)",
+    "code at install time": 'install(CODE "message(STATUS x)")',
+    "a file read at configure time": "get_target_property(path base::base LOCATION)\n"
+    "file(SHA256 ${path} digest)\nfile(WRITE ${CMAKE_CURRENT_BINARY_DIR}/d.txt ${digest})\n"
+    "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/d.txt DESTINATION share)",
+    "a static library": "",
+}
+
+
+def packages(more: str = "", kind: str = "SHARED") -> dict[str, str]:
+    """Return a library, a program that links it, and one that needs that."""
+    return {
+        **cmake(
+            "base",
+            BASE.replace("SHARED", kind).replace("LIBRARY DESTINATION", "DESTINATION"),
+            languages="CXX",
+            **{"base.cpp": CODE.format(count=4, number=1), "base.h": HEADER},
+        ),
+        **cmake("user", USER.format(name="user", more=more), "base", languages="CXX", **{"main.cpp": MAIN}),
+        **cmake("top", "install(FILES x DESTINATION share/top)", "user", x="x\n"),
+    }
+
+
+def started(ran: Ran) -> list[str]:
+    """Return the packages that were built."""
+    return [line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")]
+
+
+def change(root: Path, count: int = 4, number: int = 2) -> None:
+    """Write another base.cpp."""
+    (root / "src/base/base.cpp").write_text(CODE.format(count=count, number=number))
+
+
+@pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
+def test_other_code_in_a_function_builds_the_library_alone(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    root = tree(packages())
+    build(forge, root, *options)
+    for number in (2, 3, 2):
+        change(root, number=number)
+        assert started(build(forge, root, *options)) == ["base"]
+        assert started(build(forge, root, *options)) == []
+    (root / "src/user/main.cpp").write_text(MAIN + "// edited\n")
+    assert started(build(forge, root, *options)) == ["user"]
+    change(root, number=4)
+    hold_against_clean(forge, root, *options)
+
+
+def test_another_interface_builds_what_links_it(forge: Forge, tree: Tree) -> None:
+    root = tree(packages())
+    build(forge, root)
+    change(root, number=2)
+    assert started(build(forge, root)) == ["base"]
+    change(root, count=64, number=2)
+    assert started(build(forge, root))[:2] == ["base", "user"]
+    hold_against_clean(forge, root)
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_what_may_read_or_run_the_library_is_built(forge: Forge, tree: Tree, other: str) -> None:
+    root = tree(packages(OTHERS[other], kind="STATIC" if other == "a static library" else "SHARED"))
+    build(forge, root)
+    change(root)
+    assert started(build(forge, root))[:2] == ["base", "user"]
+    hold_against_clean(forge, root)

@@ -1,0 +1,455 @@
+"""`forge build` from the command line, on packages that cost little to build."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree, Variables
+
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+file(WRITE ${{CMAKE_CURRENT_BINARY_DIR}}/{name}.txt "{name}\\n")
+install(FILES ${{CMAKE_CURRENT_BINARY_DIR}}/{name}.txt DESTINATION share/{name})
+{more}
+"""
+
+
+def files(name: str, *lines: str, more: str = "") -> dict[str, str]:
+    """Return a plain CMake package."""
+    return {
+        f"src/{name}/package.xml": manifest_text(name, *lines, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": CMAKE.format(name=name, more=more),
+    }
+
+
+@pytest.fixture
+def workspace(tree: Tree) -> Path:
+    """Return a workspace in which b needs a and c needs b."""
+    return tree({**files("a"), **files("b", "<depend>a</depend>"), **files("c", "<depend>b</depend>")})
+
+
+def test_a_workspace_is_built_in_order_into_colcons_layout(forge: Forge, workspace: Path) -> None:
+    ran = forge("build", cwd=workspace)
+    assert ran.code == 0, ran.err
+    words = [line.split("[")[0].strip() for line in ran.out.splitlines()]
+    order = ("a", "b", "c")
+    assert words[:6] == [f"{word} {name}" for name in order for word in ("Starting >>>", "Finished <<<")]
+    assert words[7] == "Summary: 3 packages finished"
+    assert (workspace / "install/b/share/b/b.txt").read_text() == "b\n"
+    assert (workspace / "install/.colcon_install_layout").read_text().strip() == "isolated"
+    assert (workspace / "build/COLCON_IGNORE").exists()
+    assert (workspace / "log/latest_build/a/stdout_stderr.log").is_file()
+    assert forge("list", "-n", cwd=workspace).out == "a\nb\nc\n"
+
+
+def test_selected_packages_need_theirs_installed(forge: Forge, workspace: Path) -> None:
+    ran = forge("build", "--packages-select", "c", cwd=workspace)
+    assert ran.code == 2
+    assert "error: 'c' needs 'a', 'b', which are not built yet" in ran.err
+    assert "forge build --packages-up-to c" in ran.err
+    assert forge("build", "--packages-up-to", "b", cwd=workspace).code == 0
+    assert forge("build", "--packages-select", "c", cwd=workspace).code == 0
+
+
+def test_what_was_warned_of_is_not_said_again_when_nothing_is_built(forge: Forge, tree: Tree) -> None:
+    workspace = tree(files("a", "<exec_depend>launch_ros</exec_depend>"))
+    first = forge("build", cwd=workspace)
+    assert first.code == 0
+    assert "warning: 'a' needs 'launch_ros', which is neither" in first.err
+    again = forge("build", cwd=workspace)
+    assert (again.code, again.err) == (0, "")
+
+
+def test_a_merged_install_and_back_is_refused(forge: Forge, workspace: Path) -> None:
+    assert forge("build", "--merge-install", "--packages-select", "a", cwd=workspace).code == 0
+    assert (workspace / "install/share/a/a.txt").is_file()
+    ran = forge("build", "--packages-select", "a", cwd=workspace)
+    assert ran.code == 2
+    assert "--merge-install" in ran.err
+
+
+def test_a_failure_is_told_with_its_place_and_stops_the_rest(forge: Forge, workspace: Path) -> None:
+    (workspace / "src/b/CMakeLists.txt").write_text('project(b NONE)\nmessage(FATAL_ERROR "no luck")\n')
+    ran = forge("build", cwd=workspace)
+    assert ran.code == 1
+    assert "Failed   <<< b" in ran.err
+    assert "first error in step 'cmake':\n    CMake Error at src/b/CMakeLists.txt:2 (message):" in ran.err
+    assert f"log: {workspace}/log/build_" in ran.err
+    assert f"repeat: . {workspace}/build/b/.forge/environment.sh && cd {workspace}/build/b && " in ran.err
+    assert "  1 package failed: b\n" in ran.out
+    assert "  1 package not processed\n" in ran.out
+    assert not (workspace / "install/b/share/b/package.sh").exists()
+
+
+def test_going_on_after_a_failure(forge: Forge, workspace: Path, tree: Tree) -> None:
+    tree(files("d", more='message(FATAL_ERROR "x")'))
+    ran = forge("build", "--continue-on-error", "--executor", "sequential", cwd=workspace)
+    assert ran.code == 1
+    assert "Finished <<< c" in ran.out
+
+
+def test_nothing_is_configured_twice_and_a_change_of_options_configures_again(
+    forge: Forge, tree: Tree
+) -> None:
+    data = "install(FILES data.txt DESTINATION share/a)"
+    workspace = tree({**files("a", more=data), "src/a/data.txt": "1\n"})
+
+    def steps(*options: str) -> str:
+        assert forge("build", *options, cwd=workspace).code == 0
+        return (workspace / "log/latest_build/a/command.log").read_text()
+
+    assert " -C " in steps()
+    (workspace / "src/a/data.txt").write_text("2\n")
+    said = steps()
+    assert " --install " in said
+    assert " -C " not in said
+    assert (workspace / "install/a/share/a/data.txt").read_text() == "2\n"
+    assert " -DX=1 -Wno-dev " in steps("--cmake-args", "-DX=1", "-Wno-dev")
+
+
+def test_force_begins_in_an_empty_build_folder(forge: Forge, workspace: Path) -> None:
+    forge("build", "--packages-select", "a", cwd=workspace)
+    left = workspace / "build/a/left.txt"
+    left.touch()
+    forge("build", "--packages-select", "a", "--force", cwd=workspace)
+    assert " -C " in (workspace / "log/latest_build/a/command.log").read_text()
+    assert not left.exists()
+
+
+def built(forge: Forge, root: Path, *options: str, env: Variables | None = None) -> list[str]:
+    """Build and return the packages that ran, in their order."""
+    ran = forge("build", *options, cwd=root, env=env)
+    assert ran.code == 0, ran.err
+    return [line.split()[2] for line in ran.out.splitlines() if line.startswith("Finished <<<")]
+
+
+def test_what_did_not_change_is_not_built(forge: Forge, workspace: Path) -> None:
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert built(forge, workspace) == []
+    (workspace / "src/b/package.xml").touch()
+    assert built(forge, workspace) == []
+    assert "1 packages" not in forge("build", cwd=workspace).out
+
+
+def test_a_change_stops_where_what_is_installed_stays_the_same(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    lists = workspace / "src/a/CMakeLists.txt"
+    lists.write_text(lists.read_text() + "# a remark\n")
+    assert built(forge, workspace) == ["a"]
+    lists.write_text(lists.read_text().replace('"a\\n"', '"other\\n"'))
+    assert built(forge, workspace) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (
+            lambda root: (root / "install/b/share/b/b.txt").unlink(),
+            "an installed file was changed or removed",
+        ),
+        (
+            lambda root: (root / "install/b/share/b/b.txt").write_text("x"),
+            "an installed file was changed or removed",
+        ),
+        (lambda root: (root / "src/b/new.txt").write_text("x"), "'new.txt' changed"),
+        (
+            lambda root: (root / "src/b/CMakeLists.txt").write_text(CMAKE.format(name="b", more="#")),
+            "'CMakeLists",
+        ),
+    ],
+)
+def test_every_damage_is_noticed_and_explained(
+    forge: Forge, workspace: Path, damage: Callable[[Path], object], reason: str
+) -> None:
+    built(forge, workspace)
+    damage(workspace)
+    ran = forge("build", "--explain", cwd=workspace)
+    assert f"b: build, {reason}" in ran.out
+    assert "a: fresh\n" in ran.out
+    assert "c: maybe, one of its dependencies is being rebuilt and may change" in ran.out
+    assert (workspace / "install/b/share/b/b.txt").read_text() == "b\n"
+    assert built(forge, workspace) == []
+
+
+def test_options_and_environment_are_noticed_but_not_being_sourced(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    assert built(forge, workspace, "--cmake-args", "-DX=1") == ["a", "b", "c"]
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert built(forge, workspace, env={"CXXFLAGS": "-O1"}) == ["a", "b", "c"]
+    built(forge, workspace)
+    own = str(workspace / "install/a")
+    sourced: Variables = {"CMAKE_PREFIX_PATH": own, "PYTHONPATH": f"{own}/lib", "AMENT_PREFIX_PATH": own}
+    assert built(forge, workspace, env=sourced) == []
+
+
+def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: Path) -> None:
+    ran = forge("build", "--dry-run", cwd=workspace)
+    assert "a: build, not built yet\n" in ran.out
+    assert f"# a\ncd {workspace}/build/a && " in ran.out
+    assert not (workspace / "install/a").exists()
+
+
+def test_the_log_level_says_why_and_what(forge: Forge, workspace: Path) -> None:
+    assert "a: build, it was" not in forge("build", "--packages-select", "a", cwd=workspace).err
+    assert "a: fresh\n" in forge("--log-level", "info", "build", cwd=workspace).err
+    ran = forge("build", "--force", "--log-level", "10", cwd=workspace)
+    assert f"cd {workspace}/build/a && " in ran.err
+    assert forge("build", cwd=workspace, env={"COLCON_LOG_LEVEL": "INFO"}).err.startswith("a: fresh\n")
+    ran = forge("build", "--log-level", "chatty", cwd=workspace)
+    assert (ran.code, "unknown log level 'chatty'" in ran.err) == (2, True)
+
+
+def test_a_step_can_be_repeated_by_hand(forge: Forge, workspace: Path) -> None:
+    (workspace / "src/a/CMakeLists.txt").write_text('project(a NONE)\nmessage(FATAL_ERROR "here")\n')
+    forge("build", cwd=workspace)
+    line = forge("build", "--print-command", "a", cwd=workspace).out
+    again = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    assert again.returncode != 0
+    assert "here" in again.stderr
+    assert forge("build", "--print-command", "b", cwd=workspace).code == 2
+
+
+def test_what_a_package_no_longer_installs_is_removed(forge: Forge, tree: Tree) -> None:
+    more = "install(FILES one.txt two.txt DESTINATION share/a/data)"
+    root = tree({**files("a", more=more), "src/a/one.txt": "1", "src/a/two.txt": "2"})
+    built(forge, root)
+    (root / "install/a/share/a/data/mine.txt").write_text("of the user")
+    tree(files("a", more=more.replace("two.txt ", "")))
+    built(forge, root)
+    assert sorted(p.name for p in (root / "install/a/share/a/data").iterdir()) == ["mine.txt", "one.txt"]
+    tree(files("a"))
+    (root / "install/a/share/a/data/mine.txt").unlink()
+    built(forge, root)
+    assert not (root / "install/a/share/a/data").exists()
+
+
+def test_files_added_under_a_glob_are_found(forge: Forge, tree: Tree) -> None:
+    more = "file(GLOB data data/*.txt)\ninstall(FILES ${data} DESTINATION share/a)"
+    root = tree({**files("a", more=more), "src/a/data/one.txt": "1"})
+    built(forge, root)
+    (root / "src/a/data/two.txt").write_text("2")
+    built(forge, root)
+    assert (root / "install/a/share/a/two.txt").is_file()
+
+
+def test_a_failed_build_is_never_fresh(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    good = (workspace / "src/b/CMakeLists.txt").read_text()
+    (workspace / "src/b/CMakeLists.txt").write_text("message(FATAL_ERROR)")
+    assert forge("build", cwd=workspace).code == 1
+    (workspace / "src/b/CMakeLists.txt").write_text(good)
+    assert built(forge, workspace) == ["b"]
+
+
+def test_a_damaged_journal_means_building_again(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    (workspace / "build/forge_journal.jsonl").write_text("nonsense")
+    assert built(forge, workspace) == ["a", "b", "c"]
+    (workspace / "build/forge_files.json").write_text("nonsense")
+    assert built(forge, workspace) == []
+
+
+def test_an_empty_folder_is_told_what_to_do(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("build", cwd=tmp_path)
+    assert ran.code == 2
+    assert "no packages found below" in ran.err
+    assert "forge pkg create" in ran.err
+    assert not (tmp_path / "build").exists()
+
+
+def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:
+    ran = forge(
+        "build", "--packages-select", "a", "--event-handlers", "console_direct+", "summary-", cwd=workspace
+    )
+    assert "-- Configuring done" in ran.out
+    assert "Summary" not in ran.out
+    ran = forge("build", "--event-handlers", "console_drect+", cwd=workspace)
+    assert (ran.code, "did you mean 'console_direct'?" in ran.err) == (2, True)
+
+
+def test_a_need_that_nobody_provides_is_told_before_cmake_runs(forge: Forge, tree: Tree) -> None:
+    root = tree(files("node", "<depend>rclcpp</depend>"))
+    ran = forge("build", cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith("src/node/package.xml: error: 'node' needs 'rclcpp', which is neither")
+    assert not (root / "build").exists()
+
+
+def test_links_into_the_sources(forge: Forge, tree: Tree) -> None:
+    more = "install(FILES data.txt DESTINATION share/a)"
+    root = tree({**files("a", more=more), "src/a/data.txt": "one"})
+    assert forge("build", "--symlink-install", cwd=root).code == 0
+    assert (root / "install/a/share/a/data.txt").is_symlink()
+
+
+def test_other_options_configure_again_though_cmake_is_told_the_same(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace)
+    assert built(forge, workspace, "--symlink-install") == ["a", "b", "c"]
+    assert (workspace / "install/a/share/a/a.txt").is_symlink()
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
+
+
+def test_a_lone_package_is_fresh_beside_its_own_results(forge: Forge, tree: Tree) -> None:
+    root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
+    assert built(forge, root) == ["a"]
+    assert built(forge, root) == []
+
+
+@pytest.mark.needs("cmake")
+def test_links_give_way_to_files_though_the_journal_was_lost(forge: Forge, workspace: Path) -> None:
+    built(forge, workspace, "--symlink-install")
+    (workspace / "build/forge_journal.jsonl").unlink()
+    assert built(forge, workspace) == ["a", "b", "c"]
+    assert not (workspace / "install/a/share/a/a.txt").is_symlink()
+
+
+def test_a_link_that_is_installed_twice_stays(forge: Forge, tree: Tree) -> None:
+    """CMake neither installs nor lists a link again that points where it did."""
+    root = tree({**files("a", more="install(FILES link.txt DESTINATION share/a)"), "src/a/to.txt": "1"})
+    (root / "src/a/link.txt").symlink_to(root / "src/a/to.txt")
+    for number in range(3):
+        (root / "src/a/other.txt").write_text(str(number))
+        assert built(forge, root) == ["a"]
+        assert (root / "install/a/share/a/link.txt").readlink() == root / "src/a/to.txt"
+
+
+@pytest.mark.needs("g++")
+def test_a_header_replaced_by_an_older_one_is_compiled(forge: Forge, tree: Tree) -> None:
+    more = "enable_language(CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x DESTINATION lib/a)"
+    texts = {"src/a/x.hpp": "#define X 1", "src/a/x.cpp": '#include "x.hpp"\nint main() { return X; }'}
+    root = tree({**files("a", more=more), **texts})
+    program = root / "install/a/lib/a/x"
+    for value in (1, 2, 3):
+        (root / "other").write_text(f"#define X {value}")
+        os.utime(root / "other", (10**9 + value, 10**9 + value))
+        (root / "other").replace(root / "src/a/x.hpp")
+        assert built(forge, root) == ["a"]
+        assert subprocess.run([program], check=False).returncode == value
+
+
+@pytest.mark.needs("g++")
+def test_flags_of_the_environment_reach_every_new_folder(forge: Forge, tree: Tree) -> None:
+    lists = (
+        "cmake_minimum_required(VERSION 3.18)\nproject(a CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x)"
+    )
+    texts = {"src/a/CMakeLists.txt": lists, "src/a/x.cpp": "int main() { return X; }"}
+    root = tree({**files("a"), **texts})
+    for value in (1, 2):
+        assert built(forge, root, env={"CXXFLAGS": f"-DX={value}"}) == ["a"]
+        assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
+
+
+@pytest.mark.needs("g++")
+def test_what_cmake_read_outside_counts(forge: Forge, tree: Tree) -> None:
+    more = "include(${CMAKE_CURRENT_SOURCE_DIR}/../../outside/words.cmake)\nfile(WRITE w.txt ${words})"
+    root = tree({**files("a", more=more), "outside/words.cmake": "set(words one)"})
+    built(forge, root)
+    (root / "outside/words.cmake").write_text("set(words two)")
+    assert built(forge, root) == ["a"]
+
+
+@pytest.mark.needs("g++")
+def test_what_was_read_outside_counts_though_the_journal_was_lost(forge: Forge, tree: Tree) -> None:
+    more = "enable_language(CXX)\nadd_executable(x x.cpp)\ninstall(TARGETS x)"
+    source = '#include "../../outside/x.hpp"\nint main() { return X; }'
+    root = tree({**files("a", more=more), "src/a/x.cpp": source})
+    (root / "outside").mkdir()
+    for value in (1, 2, 3):
+        (root / "outside/x.hpp").write_text(f"#define X {value}")
+        os.utime(root / "outside/x.hpp", (10**9, 10**9))
+        assert built(forge, root) == ["a"]
+        assert subprocess.run([root / "install/a/bin/x"], check=False).returncode == value
+        if value == 2:
+            (root / "build/forge_journal.jsonl").unlink()
+
+
+def test_what_a_killed_build_did_not_come_to_is_done_by_the_next(forge: Forge, workspace: Path) -> None:
+    assert forge("build", cwd=workspace).code == 0
+    journal = workspace / "build/forge_journal.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    ended = max(number for number, line in enumerate(lines) if line == '{"ended": true}\n')
+    journal.write_text("".join(lines[:ended]))
+    (workspace / "install/setup.sh").unlink()
+    drafts = [workspace / "install/.setup.sh.0a1b2c3d.forge-draft"]
+    drafts += [workspace / "install/b/share/b/.package.sh.0a1b2c3d.forge-draft"]
+    for draft in drafts:
+        draft.touch()
+    ran = forge("build", cwd=workspace)
+    assert ran.code == 0
+    assert "3 packages unchanged" in ran.out
+    assert (workspace / "install/setup.sh").is_file()
+    assert not any(draft.exists() for draft in drafts)
+    assert journal.read_text().splitlines()[-1] != '{"ended": false}'
+
+
+@pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
+def test_a_target_that_a_package_lacks_may_be_skipped(forge: Forge, tree: Tree, generator: str) -> None:
+    touch = 'COMMAND "${CMAKE_COMMAND}" -E touch made'
+    more = f"add_custom_target(say.it {touch})\nadd_custom_target(fail.it COMMAND false)"
+    root = tree({**files("with", more=more), **files("without", more="add_custom_target(say_it)")})
+    options = ("--continue-on-error", "--cmake-args", "-G", generator, "--cmake-target")
+    strict = forge("build", *options, "say.it", cwd=root)
+    assert strict.code == 1
+    assert "Failed   <<< without" in strict.err
+    (root / "build/with/made").unlink()
+    ran = forge("build", "--cmake-target-skip-unavailable", *options, "say.it", cwd=root)
+    assert ran.code == 0, ran.err
+    assert (root / "build/with/made").is_file()
+    assert (root / "install/without/share/without/without.txt").is_file()
+    ran = forge("build", "--cmake-target-skip-unavailable", *options, "fail.it", cwd=root)
+    assert ran.code == 1
+    assert "Failed   <<< with " in ran.err
+    assert "Failed   <<< without" not in ran.err
+
+
+def test_a_variable_that_nobody_uses_is_told_once(forge: Forge, tree: Tree) -> None:
+    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    ran = forge("build", "--cmake-args", "-DUSED=1", "-DTYPO=1", cwd=root)
+    assert ran.code == 0
+    assert ran.err == ""
+    assert "CMake variables not used by any package: TYPO\n" in ran.out
+    assert "stderr" not in ran.out
+
+
+def test_scripts_are_written_again_when_a_package_says_something_else(forge: Forge, workspace: Path) -> None:
+    assert forge("build", cwd=workspace).code == 0
+    script = workspace / "install/local_setup.sh"
+    before = script.stat().st_mtime_ns, script.read_text()
+    cmake = workspace / "src/b/CMakeLists.txt"
+    cmake.write_text(cmake.read_text() + "# changed\n")
+    assert forge("build", cwd=workspace).code == 0
+    assert (script.stat().st_mtime_ns, script.read_text()) == before
+    script.unlink()
+    cmake.write_text(cmake.read_text() + "# again\n")
+    assert forge("build", cwd=workspace).code == 0
+    assert script.read_text() == before[1]
+    cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION bin)\n")
+    assert forge("build", cwd=workspace).code == 0
+    assert "/b/bin" in script.read_text()
+
+
+def test_scripts_are_written_again_when_a_folder_appears_that_a_hook_is_about(
+    forge: Forge, tree: Tree
+) -> None:
+    hook = "install(FILES local_setup.dsv DESTINATION share/b)"
+    root = tree(
+        {**files("b", more=hook), "src/b/local_setup.dsv": "prepend-non-duplicate-if-exists;PATH;tools\n"}
+    )
+    assert forge("build", cwd=root).code == 0
+    script = root / "install/local_setup.sh"
+    assert "/b/tools" not in script.read_text()
+    cmake = root / "src/b/CMakeLists.txt"
+    cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION tools)\n")
+    assert forge("build", cwd=root).code == 0
+    assert "/b/tools" in script.read_text()

@@ -1,0 +1,146 @@
+"""`forge clean` removes what was built, asks first, and leaves everything else alone."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.testable import cmake_package
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+pytestmark = pytest.mark.needs("cmake", "ninja")
+
+
+@pytest.fixture(params=[(), ("--merge-install",)], ids=["isolated", "merged"])
+def workspace(request: pytest.FixtureRequest, forge: Forge, tree: Tree) -> Path:
+    """Return a workspace in which a and b were built, in both layouts."""
+    root = tree({**cmake_package("a"), **cmake_package("b", needs="<depend>a</depend>")})
+    assert forge("build", *request.param, cwd=root).code == 0
+    return root
+
+
+def left(root: Path) -> set[str]:
+    """Return all files that are not sources or logs."""
+    folders = [root / "build", root / "install"]
+    return {
+        path.relative_to(root).as_posix()
+        for folder in folders
+        for path in folder.rglob("*")
+        if not path.is_dir()
+    }
+
+
+def test_a_workspace_is_as_before_it_was_built(forge: Forge, workspace: Path) -> None:
+    ran = forge("clean", "workspace", "-y", cwd=workspace)
+    assert (ran.code, ran.err) == (0, "")
+    assert sorted(path.name for path in workspace.iterdir()) == ["src"]
+    assert forge("clean", "workspace", "-y", cwd=workspace).out == "nothing to remove\n"
+
+
+def test_what_forge_did_not_make_stays(forge: Forge, workspace: Path, tree: Tree) -> None:
+    mine = ("build/mine/notes", "install/mine/notes", "log/mine/notes", "install/share/mine", "build/file")
+    tree(dict.fromkeys(mine, ""))
+    ran = forge("clean", "workspace", "--yes", cwd=workspace)
+    assert all((workspace / name).is_file() for name in mine)
+    assert "not removed, because forge did not create it: build/mine\n" in ran.err
+    assert not (workspace / "install/setup.sh").exists()
+    assert left(workspace) == {name for name in mine if not name.startswith("log")}
+
+
+def test_only_some_of_the_folders(forge: Forge, workspace: Path) -> None:
+    forge("clean", "workspace", "-y", "--base-select", "log", cwd=workspace)
+    assert not (workspace / "log").exists()
+    assert (workspace / "install/setup.sh").is_file()
+    forge("clean", "workspace", "-y", "--base-select", "build", "install", cwd=workspace)
+    assert sorted(path.name for path in workspace.iterdir()) == ["src"]
+
+
+def test_a_package_goes_without_a_trace_and_comes_back(forge: Forge, workspace: Path) -> None:
+    before = left(workspace)
+    scripts = (workspace / "install/local_setup.sh").read_text()
+    ran = forge("clean", "packages", "b", "-y", cwd=workspace)
+    assert ran.code == 0
+    rest = left(workspace)
+    assert not [name for name in rest if "/b/" in name or name.endswith("/b")]
+    assert {name for name in before - rest if "/a/" in name} == set()
+    if "'b'" in scripts or "/b" in scripts:
+        assert (workspace / "install/local_setup.sh").read_text() != scripts
+    merged = ["--merge-install"] if (workspace / "install/share/a").is_dir() else []
+    ran = forge("build", *merged, cwd=workspace)
+    assert "Finished <<< b" in ran.out
+    assert "Finished <<< a" not in ran.out
+    assert left(workspace) == before
+
+
+def test_packages_may_be_selected(forge: Forge, workspace: Path) -> None:
+    ran = forge("clean", "packages", "--packages-above", "a", "--yes", cwd=workspace)
+    assert ran.code == 0
+    assert not (workspace / "build/a").exists()
+    assert not (workspace / "build/b").exists()
+
+
+def test_what_left_the_workspace_is_stale(forge: Forge, workspace: Path) -> None:
+    assert forge("clean", "stale", cwd=workspace).out == "nothing to remove\n"
+    shutil.rmtree(workspace / "src/b")
+    ran = forge("clean", "stale", "-y", cwd=workspace)
+    assert "- build/b (build folder of 'b')\n" in ran.out
+    assert "'a'" not in ran.out
+    assert not [name for name in left(workspace) if "/b/" in name or name.endswith("/b")]
+    assert (workspace / "build/a").is_dir()
+    assert forge("clean", "stale", "-y", cwd=workspace).out == "nothing to remove\n"
+
+
+def test_a_broken_manifest_makes_nothing_stale(forge: Forge, workspace: Path) -> None:
+    (workspace / "src/b/package.xml").write_text("<package/>")
+    assert forge("clean", "stale", "-y", cwd=workspace).code == 2
+    assert (workspace / "build/b").is_dir()
+
+
+@pytest.mark.parametrize(("answer", "gone"), [("", False), ("\n", False), ("n\n", False), ("Y\n", True)])
+def test_it_asks_first(
+    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch, answer: str, gone: object
+) -> None:
+    root = tree({"src/x": "", "build/a/colcon_build.rc": "0"})
+    monkeypatch.setattr(sys, "stdin", io.StringIO(answer))
+    ran = forge("clean", "workspace", cwd=root)
+    assert ran.code == 0
+    assert ran.out.startswith("- build/a (build folder of 'a')\nRemove these 1? [y/N] ")
+    assert (root / "build").exists() is not gone
+
+
+def test_words_that_make_no_sense(forge: Forge, tree: Tree) -> None:
+    root = tree({"build/a/colcon_build.rc": "0"})
+    assert forge("clean", "packages", cwd=root).code == 2
+    assert forge("clean", "workspace", "a", cwd=root).code == 2
+    ran = forge("clean", "packages", "aa", cwd=root)
+    assert (ran.code, ran.err) == (
+        2,
+        "error: package 'aa' was never built here\nhint: did you mean 'a'?\n",
+    )
+
+
+def test_links_are_removed_and_not_followed(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/x": "", "elsewhere/kept": "", "build/.built_by": "colcon", "elsewhere/.forge": ""})
+    (root / "build/a").symlink_to(root / "elsewhere")
+    assert forge("clean", "workspace", "-y", cwd=root).code == 0
+    assert (root / "elsewhere/kept").is_file()
+    assert not (root / "build").exists()
+
+
+@pytest.mark.parametrize("words", [("-y", "a", "b"), ("a", "-y", "b"), ("a", "b", "-y")])
+def test_names_may_stand_before_and_after_options(
+    forge: Forge, workspace: Path, words: tuple[str, ...]
+) -> None:
+    ran = forge("clean", "packages", *words, cwd=workspace)
+    assert ran.code == 0, ran.err
+    assert not (workspace / "build/a").exists()
+    assert not (workspace / "build/b").exists()
+    assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=workspace).code == 2

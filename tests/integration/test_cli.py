@@ -1,0 +1,121 @@
+"""The command line: greedy options, exit codes, errors."""
+
+from __future__ import annotations
+
+import errno
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import ForgeError, Place, Problem, raise_if_any, share_hints
+from forge.cli import commands, main
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge
+
+
+def test_problems_in_a_row_that_have_one_remedy_give_it_once() -> None:
+    source = [Problem("a", hint="x"), Problem("b", hint="x"), Problem("c"), Problem("d", hint="x")]
+    assert [problem.hint for problem in share_hints(source)] == [None, "x", None, "x"]
+    assert share_hints([]) == []
+
+
+def test_help_names_every_command(forge: Forge) -> None:
+    ran = forge("--help")
+    assert ran.code == 0
+    assert all(word in ran.out for word in main.COMMANDS)
+
+
+def test_a_word_that_is_no_command(forge: Forge) -> None:
+    ran = forge("xyz")
+    assert ran.code == 2
+    assert "'forge --help' lists all options" in ran.err
+
+
+def test_greedy_options_take_words_that_look_like_options() -> None:
+    parser = main.Parser()
+    parser.add_argument("--cmake-args", nargs="*")
+    parser.add_argument("--symlink-install", action="store_true")
+    parser.greedy = frozenset({"--cmake-args"})
+    options = parser.parse_args(["--cmake-args", "-DX=1", "--trace", "--symlink-install"])
+    assert [argument.lstrip() for argument in options.cmake_args] == ["-DX=1", "--trace"]
+    assert options.symlink_install
+
+
+class Failing:
+    """A command that ends in a given way."""
+
+    def __init__(self, error: BaseException) -> None:
+        """Remember how."""
+        self.error = error
+
+    def register(self, parser: main.Parser) -> None:
+        """Add nothing."""
+
+    def run(self, _options: object) -> int:
+        """Raise."""
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "text"),
+    [
+        (
+            ForgeError(Problem("one"), Problem("two", hint="do it")),
+            2,
+            "error: one\nerror: two\nhint: do it\n",
+        ),
+        (KeyboardInterrupt(), 130, ""),
+        (ValueError("surprise"), 70, "this is a bug in forge"),
+        (OSError(errno.EINVAL, "surprise"), 70, "this is a bug in forge"),
+        (
+            PermissionError(13, "Permission denied", "/x"),
+            2,
+            "error: cannot read or write '/x': permission denied\nh",
+        ),
+        (OSError(errno.ENOSPC, "No space"), 2, "error: cannot write to the standard output: no space\n"),
+    ],
+)
+def test_every_end_has_its_exit_code(
+    forge: Forge, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, text: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "forge.cli.commands.list", Failing(error))
+    monkeypatch.setattr(commands, "list", Failing(error), raising=False)
+    ran = forge("list")
+    assert ran.code == code
+    assert text in ran.err
+
+
+@pytest.mark.parametrize(
+    ("command", "usage"),
+    [
+        (("build",), "usage: forge build [OPTION ...]\n"),
+        (("info",), "usage: forge info [OPTION ...] [PKG ...]\n"),
+        (
+            ("interface", "generate"),
+            "usage: forge interface generate [OPTION ...] --output DIR [SOURCE_DIR]\n",
+        ),
+        (("pkg", "prefix"), "usage: forge pkg prefix [-h] [--share] PACKAGE\n"),
+    ],
+)
+def test_the_usage_is_a_line(forge: Forge, command: tuple[str, ...], usage: str) -> None:
+    """What must be given is in it; the options that may be are listed below."""
+    assert forge(*command, "--help").out.startswith(usage)
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    command = f"'{sys.executable}' -m forge list --base-paths forge/embedded | true; exit ${{PIPESTATUS[0]}}"
+    home = Path(main.__file__).parents[1]
+    ran = subprocess.run(["bash", "-c", command], cwd=home, capture_output=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, b"")
+
+
+def test_a_problem_renders_place_source_caret_and_hint() -> None:
+    problem = Problem("what", Place("a.msg", 3, 3, "\tx y"), "do this")
+    assert problem.render("warning") == "a.msg:3:3: warning: what\n    \tx y\n    \t ^\nhint: do this"
+    assert str(Place("a")) == "a"
+    assert str(Place("a", 1)) == "a:1"
+    raise_if_any(())

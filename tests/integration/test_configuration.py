@@ -1,0 +1,184 @@
+"""Options from files: who wins, what is told, what profiles and mixins add."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+
+@pytest.fixture
+def root(tree: Tree) -> Path:
+    """Return a workspace of packages a and b, and the user's folder 'home'."""
+    return tree(
+        {"src/a/package.xml": manifest_text("a"), "src/b/package.xml": manifest_text("b"), "home/x": ""}
+    )
+
+
+def listed(forge: Forge, root: Path, *argv: str, **env: str) -> str:
+    """Return the names that `forge list -n` prints, and what it tells."""
+    ran = forge("list", "-n", *argv, cwd=root, env={"COLCON_HOME": str(root / "home"), **env})
+    return " ".join(ran.out.split()) + ran.err
+
+
+def test_the_nearer_file_wins_and_the_command_line_over_all(forge: Forge, root: Path) -> None:
+    assert listed(forge, root) == "a b"
+    (root / "home/defaults.yaml").write_text("list: {packages-select: [a]}")
+    assert listed(forge, root) == "a"
+    (root / "colcon_defaults.yaml").write_text("list: {packages-select: [b]}")
+    assert listed(forge, root) == "b"
+    (root / "forge.toml").write_text(
+        '[list]\npackages-select = []\n[profiles.one.list]\npackages-select = ["a"]\n'
+    )
+    assert listed(forge, root) == ""
+    assert listed(forge, root, "--profile", "one") == "a"
+    assert listed(forge, root, FORGE_PROFILE="one") == "a"
+    assert listed(forge, root, "--profile", "one", "--packages-select", "b") == "b"
+
+
+def test_another_defaults_file_may_be_named(forge: Forge, root: Path) -> None:
+    (root / "mine.yaml").write_text("list: {packages-skip: [a]}")
+    assert listed(forge, root, COLCON_DEFAULTS_FILE=str(root / "mine.yaml")) == "b"
+
+
+def test_a_path_on_the_command_line_puts_those_of_files_aside(forge: Forge, root: Path) -> None:
+    (root / "colcon_defaults.yaml").write_text("list: {base-paths: [src/b]}")
+    assert listed(forge, root) == "b"
+    assert listed(forge, root, "--paths", "src/*") == "a b"
+    assert listed(forge, root, "--paths", "src/a", "--base-paths", "src/b") == "a b"
+    (root / "colcon_defaults.yaml").write_text("list: {paths: [src/b]}")
+    assert listed(forge, root, "--base-paths", "src/a") == "a"
+
+
+def test_what_no_option_takes_is_told_and_left_out(forge: Forge, root: Path) -> None:
+    (root / "colcon_defaults.yaml").write_text(
+        "list: {packages-selekt: [a], packages-skip: a, names-only: 1, metas: [2]}\n"
+        "build: {parallel-workers: many, executor: none, jobs: 2, build-base: 1}"
+    )
+    told = listed(forge, root)
+    assert told.startswith("a b")
+    assert "'forge list' has no option 'packages-selekt'\nhint: did you mean 'packages-select'?" in told
+    assert "option 'packages-skip' of 'forge list' expects a list, not 'a'" in told
+    assert "option 'names-only' of 'forge list' expects true or false, not 1" in told
+    assert "option 'metas' of 'forge list' expects a string, not [2]" in told
+    told = forge("build", "--packages-select", cwd=root).err
+    assert "option 'parallel-workers' of 'forge build' expects an integer, not 'many'" in told
+    assert "option 'executor' of 'forge build' expects one of parallel, sequential, dask, not 'none'" in told
+    assert "option 'build-base' of 'forge build' expects a string, not 1" in told
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("colcon_defaults.yaml", "a: [", "colcon_defaults.yaml:1:5: error: not well-formed YAML"),
+        ("colcon_defaults.yaml", "- a", "error: the file is not a mapping"),
+        ("colcon_defaults.yaml", "list: 1", "error: 'list' is not a table of options"),
+        ("forge.toml", "a = ", "error: not well-formed TOML"),
+        ("forge.toml", "packages = 1", "error: 'packages' is not a table of options"),
+        ("colcon.meta", "names: [a]", "error: 'names' is not a mapping of names to options"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_an_error(
+    forge: Forge, root: Path, file: str, text: str, message: str
+) -> None:
+    (root / file).write_text(text)
+    assert message in listed(forge, root)
+
+
+def test_an_empty_file_says_nothing(forge: Forge, root: Path) -> None:
+    (root / "colcon_defaults.yaml").write_text("")
+    assert listed(forge, root) == "a b"
+
+
+def test_a_profile_that_is_not_there_is_an_error(forge: Forge, root: Path) -> None:
+    (root / "forge.toml").write_text("[profiles.debug.build]\n")
+    assert "unknown profile 'debg'\nhint: did you mean 'debug'?" in listed(forge, root, "--profile", "debg")
+    assert "add a table [profiles.zzz.list]" in listed(forge, root, "--profile", "zzz")
+
+
+def test_mixins_come_before_the_command_line_and_give_way_to_its_single_values(
+    forge: Forge, root: Path
+) -> None:
+    (root / "home/mixin/.hidden").mkdir(parents=True)
+    (root / "home/mixin/.hidden/no.mixin").write_text("- nonsense")
+    (root / "home/mixin/my.mixin").write_text(
+        "list:\n  only-a: {packages-skip: [b], since: v1}\n  both: {mixin: [only-a], packages-skip: [c]}\n"
+        "  round: {mixin: [round]}\n"
+    )
+    assert listed(forge, root, "--mixin", "only-a") == "a"
+    told = listed(forge, root, "--mixin", "both", "--packages-skip", "a", "--strict")
+    assert "names 'c'" in told
+    assert listed(forge, root, "--mixin", "only-a", "--packages-skip", "a", "--since", "v2") == ""
+    assert "mixins include each other: round -> round" in listed(forge, root, "--mixin", "round")
+    told = listed(forge, root, "--mixin", "only-b")
+    assert "unknown mixin 'only-b' for 'forge list'\nhint: did you mean 'only-a'?" in told
+    (root / "colcon_defaults.yaml").write_text("list: {mixin: [only-a]}")
+    assert listed(forge, root) == "a"
+
+
+def test_mixin_files_add_to_the_users(forge: Forge, root: Path) -> None:
+    (root / "one.mixin").write_text("list: {x: {packages-select: [b]}}")
+    assert listed(forge, root, "--mixin-files", "one.mixin", "--mixin", "x") == "b"
+    assert "cannot read mixin file: No such file" in listed(
+        forge, root, "--mixin-files", "no", "--mixin", "x"
+    )
+    (root / "one.mixin").write_text("list: {x: 1}")
+    assert "'list' is not a mapping of names to options" in listed(
+        forge, root, "--mixin-files", "one.mixin", "--mixin", "x"
+    )
+
+
+def test_mixins_can_be_listed_and_shown(forge: Forge, root: Path) -> None:
+    listing = forge("mixin", "list", cwd=root).out
+    assert "build\tdebug\t(forge)\n" in listing
+    shown = forge("mixin", "show", "build", "release", cwd=root).out
+    assert shown == "build:\n- release\n  cmake-args: ['-DCMAKE_BUILD_TYPE=Release']\n"
+    assert forge("mixin", "show", cwd=root).out.count("- ") == listing.count("\n")
+    ran = forge("mixin", "show", "build", "releas", cwd=root)
+    assert (ran.code, ran.err) == (
+        2,
+        "error: unknown mixin 'releas' for 'build'\nhint: did you mean 'release'?\n",
+    )
+    assert forge("mixin", "show", "tset", cwd=root).code == 2
+
+
+def test_options_of_single_packages_come_from_four_places(forge: Forge, root: Path) -> None:
+    (root / "src/a/colcon.pkg").write_text("{cmake-args: [-D1], name: a, dependencies: [x], hooks: [h.sh]}")
+    (root / "home/metadata").mkdir()
+    (root / "home/metadata/my.meta").write_text("{names: {a: {cmake-args: [-D2]}}}")
+    (root / "colcon.meta").write_text(
+        "paths: {src/a: {cmake-args: [-D3], run-dependencies: [y], vendor: {k: 1}}}"
+    )
+    (root / "forge.toml").write_text('[packages.a]\ncmake-args = ["-D4"]\nctest-args = ["-V"]\n')
+    env = {"COLCON_HOME": str(root / "home")}
+    (said,) = json.loads(forge("info", "--json", "a", cwd=root, env=env).out)
+    assert said["metadata"]["cmake-args"] == ["-D1", "-D2", "-D4", "-D3"]
+    assert said["metadata"]["ctest-args"] == ["-V"]
+    assert said["metadata"]["vendor"] == {"k": 1}
+    assert said["dependencies"] == {"build": ["x"], "run": ["x", "y"], "test": ["x"]}
+    assert said["hooks"] == ["h.sh"]
+    (said,) = json.loads(forge("info", "--json", "a", "--ignore-user-meta", cwd=root, env=env).out)
+    assert "-D2" not in said["metadata"]["cmake-args"]
+    paragraph = forge("info", "a", cwd=root, env=env).out
+    assert "  hooks: h.sh\n  metadata:\n    cmake-args: [" in paragraph
+
+
+def test_global_options_may_stand_in_files(forge: Forge, root: Path) -> None:
+    (root / "colcon_defaults.yaml").write_text("'': {log-level: nonsense, other: 1}")
+    assert "unknown log level 'nonsense'" in forge("build", "--packages-select", cwd=root).err
+    ran = forge("--log-level", "error", "build", "--packages-select", cwd=root)
+    assert "nonsense" not in ran.err
+
+
+def test_the_tables_are_shown(forge: Forge) -> None:
+    shown = forge("extensions").out
+    assert "build types: ament_cmake ament_python cmake python\n" in shown
+    assert "shells: bash fish ps1 sh zsh\n" in shown

@@ -1,0 +1,332 @@
+"""`forge doctor` finds what is wrong, where, and says what to do; with nothing wrong it is calm."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n{lines}\n"
+SETUP = "from setuptools import find_packages, setup\nsetup(name='{name}', packages=['{name}'])\n"
+OTHER = "1.2" if sys.version_info[:2] != (1, 2) else "1.3"
+
+
+def lists(name: str, *lines: str) -> str:
+    """Return a CMakeLists.txt."""
+    return CMAKE.format(name=name, lines="\n".join(lines))
+
+
+def cmake_package(name: str, *lines: str, depends: tuple[str, ...] = ()) -> dict[str, str]:
+    """Return the files of a package that CMake builds."""
+    needed = (f"<depend>{depend}</depend>" for depend in depends)
+    return {
+        f"src/{name}/package.xml": manifest_text(name, *needed, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": lists(name, *lines),
+    }
+
+
+def python_package(name: str, text: str, *lines: str) -> dict[str, str]:
+    """Return the files of a Python package whose module holds a text."""
+    return {
+        f"src/{name}/package.xml": manifest_text(name, *lines, build_type="ament_python"),
+        f"src/{name}/setup.py": SETUP.format(name=name),
+        f"src/{name}/{name}/__init__.py": text,
+    }
+
+
+def findings(forge: Forge, root: Path, *argv: str, env: dict[str, str] | None = None) -> dict[str, Any]:
+    """Return what the doctor finds, for programs; the exit code must agree with it."""
+    ran = forge("doctor", "--json", *argv, cwd=root, env=env or {})
+    assert ran.err == ""
+    found: dict[str, Any] = json.loads(ran.out)
+    assert ran.code == (2 if found["errors"] else 0)
+    return found
+
+
+def of_topic(found: dict[str, Any], topic: str) -> list[dict[str, Any]]:
+    """Return the findings about one topic."""
+    return [finding for finding in found["findings"] if finding["topic"] == topic]
+
+
+@pytest.mark.needs("cmake", "g++")
+def test_a_good_workspace_is_told_what_was_looked_at(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), **cmake_package("b", "find_package(a REQUIRED)", depends=("a",))})
+    found = findings(forge, root)
+    assert found["errors"] == 0, found["findings"]
+    assert not [f for f in found["findings"] if f["topic"] in {"workspace", "declared", "shadows", "results"}]
+    topics = [topic["topic"] for topic in found["checked"]]
+    assert topics[:5] == ["workspace", "compiler", "cmake", "ninja", "python"]
+    assert "C++17" in found["checked"][1]["said"]
+
+
+@pytest.mark.needs("cmake", "g++")
+def test_the_last_line_says_how_it_stands(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    good = forge("doctor", cwd=root)
+    assert good.code == 0
+    assert "nothing stops a build" in good.out.splitlines()[-1]
+    (root / "src/a/package.xml").write_text("<package>", encoding="utf-8")
+    bad = forge("doctor", cwd=root)
+    assert bad.code == 2
+    assert bad.out.splitlines()[-1].startswith("1 error stops a build")
+    assert "src/a/package.xml:" in bad.out
+
+
+def test_it_works_where_there_is_no_workspace(forge: Forge, tmp_path: Path) -> None:
+    found = findings(forge, tmp_path)
+    assert found["checked"][0] == {"topic": "workspace", "said": "no packages found"}
+    home = findings(forge, tmp_path, env={"HOME": str(tmp_path)})
+    assert "not searching for packages" in home["checked"][0]["said"]
+
+
+def test_nothing_is_written_and_nothing_of_the_workspace_runs(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **python_package("p", "raise SystemExit('imported')\n"),
+            "src/p/setup.py": "open('ran', 'w')\n",
+            **cmake_package("c", 'file(WRITE ${CMAKE_SOURCE_DIR}/ran "")'),
+        }
+    )
+    before = sorted(root.rglob("*"))
+    findings(forge, root)
+    assert sorted(root.rglob("*")) == before
+
+
+def test_a_required_package_of_the_workspace_that_is_not_declared_stops_a_build(
+    forge: Forge, tree: Tree
+) -> None:
+    root = tree({**cmake_package("a"), **cmake_package("b", "# find_package(x)", "find_package(a REQUIRED)")})
+    found = findings(forge, root)
+    assert of_topic(found, "declared") == [
+        {
+            "severity": "error",
+            "topic": "declared",
+            "message": "'b' uses 'a' without declaring it in its manifest",
+            "file": "src/b/CMakeLists.txt",
+            "line": 4,
+            "hint": "add <depend>a</depend> to src/b/package.xml",
+        }
+    ]
+
+
+@pytest.mark.parametrize(
+    ("line", "severity", "tag"),
+    [
+        ("find_package(a)", "warning", "depend"),
+        ("if(X)\nfind_package(a REQUIRED)\nendif()", "warning", "depend"),
+        ("if(BUILD_TESTING)\nfind_package(a REQUIRED)\nendif()", "warning", "test_depend"),
+        ("ament_target_dependencies(main PUBLIC a)", "error", "depend"),
+        ("find_package(std_msgs REQUIRED)", "warning", None),
+        ("find_package(Threads REQUIRED)", None, None),
+        ("find_package(${name} REQUIRED)", None, None),
+    ],
+)
+def test_how_much_an_undeclared_package_matters(
+    forge: Forge, tree: Tree, line: str, severity: str | None, tag: str | None
+) -> None:
+    """What is optional may be missing, what tests need is a test_depend, what is no package is no matter."""
+    found = of_topic(findings(forge, tree({**cmake_package("a"), **cmake_package("b", line)})), "declared")
+    assert [finding["severity"] for finding in found] == ([severity] if severity else [])
+    if tag:
+        assert found[0]["hint"] == f"add <{tag}>a</{tag}> to src/b/package.xml"
+
+
+def test_what_another_dependency_brings_along_is_only_a_note(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("a"),
+            **cmake_package("b", "find_package(a REQUIRED)", depends=("a",)),
+            **cmake_package("c", "find_package(a REQUIRED)", "find_package(b REQUIRED)", depends=("b",)),
+        }
+    )
+    assert [f["severity"] for f in of_topic(findings(forge, root), "declared")] == ["note"]
+
+
+def test_imports_of_python_are_compared_with_the_manifest(forge: Forge, tree: Tree) -> None:
+    text = "import os, a.deep\ntry:\n    import b\nexcept ImportError:\n    pass\n"
+    root = tree({**python_package("a", ""), **python_package("b", ""), **python_package("c", text)})
+    found = of_topic(findings(forge, root), "declared")
+    assert [(f["message"], f["file"], f["line"], f["hint"]) for f in found] == [
+        (
+            "'c' uses 'a' without declaring it in its manifest",
+            "src/c/c/__init__.py",
+            1,
+            "add <exec_depend>a</exec_depend> to src/c/package.xml",
+        )
+    ]
+
+
+def test_what_is_declared_and_never_mentioned_is_only_a_note(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), **cmake_package("b", depends=("a",))})
+    assert [f["severity"] for f in of_topic(findings(forge, root), "declared")] == ["note"]
+    assert "mentions it" not in forge("doctor", cwd=root).out
+    assert "mentions it" in forge("doctor", "--all", cwd=root).out
+
+
+def test_modules_that_hide_others(forge: Forge, tree: Tree) -> None:
+    twin = {**python_package("b", ""), "src/b/a/__init__.py": ""}
+    root = tree({**python_package("a", ""), **twin, **python_package("logging", "")})
+    messages = [finding["message"] for finding in of_topic(findings(forge, root), "shadows")]
+    assert messages == [
+        "the Python module 'a' is in 'a' and 'b'",
+        "the module 'logging' of 'logging' hides a module of Python's standard library",
+    ]
+
+
+@pytest.mark.needs("cmake")
+def test_a_version_of_cmake_that_nobody_has(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    (root / "src/a/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 99.1)\nproject(a NONE)\n")
+    (finding,) = of_topic(findings(forge, root), "cmake")
+    assert finding["message"].startswith("'a' requires CMake 99.1, but this is ")
+    assert (finding["file"], finding["line"]) == ("src/a/CMakeLists.txt", 1)
+
+
+def test_a_compiler_that_cannot_compile_is_an_error_for_who_needs_it(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), "bin/c++": "#!/bin/sh\necho 'error: no such dialect' >&2\nexit 1\n"})
+    broken = {"CXX": str(root / "bin/c++")}
+    assert of_topic(findings(forge, root, env=broken), "compiler")[0]["severity"] == "warning"
+    (root / "src/a/CMakeLists.txt").write_text("project(a CXX)\n", encoding="utf-8")
+    (finding,) = of_topic(findings(forge, root, env=broken), "compiler")
+    assert finding["severity"] == "error"
+    assert "no such dialect" in finding["message"]
+
+
+def test_an_interpreter_that_does_not_run(forge: Forge, tree: Tree) -> None:
+    found = findings(forge, tree(cmake_package("a")), "--python", "no-such-python")
+    assert of_topic(found, "python")[0]["message"] == "python 'no-such-python' not found"
+
+
+def test_files_from_the_future(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    os.utime(root / "src/a/CMakeLists.txt", (time.time() + 3600,) * 2)
+    (finding,) = of_topic(findings(forge, root), "clock")
+    assert finding["file"] == "src/a/CMakeLists.txt"
+    assert "touch src/a/CMakeLists.txt" in finding["hint"]
+
+
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ({"ROS_VERSION": "1"}, "the environment is for ROS 1"),
+        ({"ROS_PACKAGE_PATH": "/x"}, "the environment is for ROS 1"),
+        ({"CMAKE_PREFIX_PATH": "/gone"}, "'CMAKE_PREFIX_PATH' names '/gone', which does not exist"),
+        ({"COLCON_DEFAULTS_FILE": "/gone.yaml"}, "'COLCON_DEFAULTS_FILE' names '/gone.yaml'"),
+        ({"AMENT_CURRENT_PREFIX": "/x"}, "'AMENT_CURRENT_PREFIX' is set"),
+        (
+            {"PYTHONPATH": f"/x/lib/python{OTHER}/site-packages"},
+            f"'PYTHONPATH' contains '/x/lib/python{OTHER}",
+        ),
+    ],
+)
+def test_variables_that_were_left_behind(
+    forge: Forge, tmp_path: Path, variables: dict[str, str], message: str
+) -> None:
+    found = of_topic(findings(forge, tmp_path, env=variables), "environment")
+    assert any(finding["message"].startswith(message) and finding["hint"] for finding in found), found
+
+
+def test_an_underlay_that_is_gone(forge: Forge, tmp_path: Path) -> None:
+    found = of_topic(findings(forge, tmp_path, env={"AMENT_PREFIX_PATH": "/gone"}), "underlays")
+    assert found[0]["message"] == "'AMENT_PREFIX_PATH' names '/gone', which does not exist"
+
+
+def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
+    """Modules for another Python, needs that nobody has, an order that is upside down."""
+    root = tree(
+        {
+            **cmake_package("a"),
+            "low/.colcon_install_layout": "merged\n",
+            "low/local_setup.sh": "",
+            "low/share/colcon-core/packages/x": "",
+            f"low/lib/python3.{OTHER[-1]}/site-packages/x.py": "",
+            "high/.colcon_install_layout": "merged\n",
+            "high/local_setup.sh": "",
+            "high/share/colcon-core/packages/y": "lost:x",
+        }
+    )
+    low, high = root / "low", root / "high"
+    (high / ".forge.json").write_text(json.dumps({"python": sys.executable, "underlays": [str(low)]}))
+    env = {"COLCON_PREFIX_PATH": f"{low}:{high}"}
+    messages = [
+        f["message"] for f in of_topic(findings(forge, root, "--base-paths", "src", env=env), "underlays")
+    ]
+    ours = "{}.{}".format(*sys.version_info[:2])
+    assert messages == [
+        f"'y' in '{high}' needs 'lost', which no sourced underlay contains",
+        f"the underlay '{low}' has modules for python 3.{OTHER[-1]}, but this is {ours}",
+        f"'{high}' was built on '{low}', but is sourced before it",
+    ]
+
+
+def test_folders_of_other_tools_and_of_before(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("a"),
+            "build/.built_by": "catkin_make\n",
+            "build/a/CMakeCache.txt": "CMAKE_HOME_DIRECTORY:INTERNAL=/elsewhere/src/a\n",
+            "install/.colcon_install_layout": "merged\n",
+        }
+    )
+    found = of_topic(findings(forge, root), "results")
+    assert [finding["severity"] for finding in found] == ["error", "error", "note"]
+    assert "belongs to 'catkin_make'" in found[0]["message"]
+    assert "the merged layout, not the isolated one" in found[1]["message"]
+    assert "'/elsewhere/src/a'" in found[2]["message"]
+
+
+def test_a_login_shell_without_scripts(forge: Forge, tmp_path: Path) -> None:
+    (finding,) = of_topic(findings(forge, tmp_path, env={"SHELL": "/bin/tcsh"}), "shells")
+    assert "forge shell" in finding["hint"]
+
+
+def test_a_hundred_packages_take_less_than_a_second(forge: Forge, tree: Tree) -> None:
+    """The bound is wide, for machines that are busy; what is meant is that no file is read twice."""
+    files: dict[str, str] = {}
+    for number in range(100):
+        depends = (f"p{number - 1}",) if number else ()
+        files |= cmake_package(f"p{number}", *(f"find_package({name})" for name in depends), depends=depends)
+    root = tree(files)
+    begun = time.monotonic()
+    found = findings(forge, root)
+    assert time.monotonic() - begun < 5
+    assert found["checked"][0]["said"] == "100 packages"
+
+
+def test_packages_of_ros_need_not_be_there_to_be_missed(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a", "find_package(rclcpp)"), **python_package("b", "import rclpy.node\n")})
+    messages = [finding["message"] for finding in of_topic(findings(forge, root), "declared")]
+    assert messages == [
+        "'a' uses 'rclcpp' without declaring it in its manifest",
+        "'b' uses 'rclpy' without declaring it in its manifest",
+    ]
+
+
+def test_names_that_do_not_agree(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), **python_package("b", ""), **python_package("c", "")})
+    (root / "src/a/package.xml").write_text(manifest_text("a"), encoding="utf-8")
+    (root / "src/a/CMakeLists.txt").write_text(lists("b"), encoding="utf-8")
+    points = "name='x', entry_points={'console_scripts': ['go = c:main']}, packages=['c'])\n"
+    (root / "src/c/setup.py").write_text(f"from setuptools import setup\nsetup({points}", encoding="utf-8")
+    found = of_topic(findings(forge, root), "names")
+    assert [(f["severity"], f["message"], f["file"]) for f in found] == [
+        ("error", "the name is 'a' in package.xml, but 'b' in project()", "src/a/CMakeLists.txt"),
+        ("warning", "the name is 'c' in package.xml, but 'x' in setup.py", "src/c/setup.py"),
+        (
+            "warning",
+            "executables of 'c' are installed in 'bin', where 'forge run' does not find them",
+            "src/c/setup.cfg",
+        ),
+    ]
+    assert "install_scripts=$base/lib/c" in found[2]["hint"]

@@ -1,0 +1,160 @@
+"""forge env, shell and run: the environment of a workspace without sourcing it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.environment.export import as_dotenv
+from forge.environment.sourcing import sourced_environment, workspace_environment
+from tests.installs import Made, dsv_package, make_install
+
+if TYPE_CHECKING:
+    from forge.base.layout import Layout
+    from tests.conftest import Forge
+
+ODD = "a 'b' \"c\" $d `e` ö"
+SITE = "lib/python3.11/site-packages"
+MARK = "share/ament_index/resource_index/packages/walker"
+WALKER = Made(
+    "walker",
+    build_type="ament_python",
+    files={
+        "bin/go": "",
+        f"{SITE}/walker.py": "",
+        MARK: "",
+        "lib/walker/say": '#!/bin/sh\necho "$PYTHONPATH"\n',
+    },
+)
+
+
+@pytest.fixture
+def layout(tmp_path: Path) -> Layout:
+    """Install a package into a workspace whose path is hard to write."""
+    made = make_install(tmp_path / ODD, [WALKER])
+    (made.prefix("walker") / "lib/walker/say").chmod(0o755)
+    return made
+
+
+def test_env_is_what_sourcing_would_set(forge: Forge, layout: Layout) -> None:
+    """Each changed variable and no other, from any folder of the workspace."""
+    (layout.install.parent / "src").mkdir()
+    ran = forge("env", "--format", "json", cwd=layout.install.parent / "src", env={"PYTHONPATH": "/mine"})
+    assert (ran.code, ran.err) == (0, "")
+    told = json.loads(ran.out)
+    assert told.keys() == {"AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH", "PATH", "PYTHONPATH"}
+    assert told["PYTHONPATH"] == f"{layout.prefix('walker')}/{SITE}:/mine"
+
+
+@pytest.mark.needs("dash")
+def test_sh_may_evaluate_it(forge: Forge, layout: Layout) -> None:
+    """Whatever is in a path."""
+    text = forge("env", cwd=layout.install.parent).out
+    before = {"PATH": os.environ["PATH"]}
+    done = subprocess.run(
+        ["dash", "-c", 'eval "$1"; exec env -0', "dash", text],
+        env=before,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    after = dict(item.split("=", 1) for item in done.stdout.split("\0") if item)
+    after.pop("PWD")
+    assert after == workspace_environment([layout.install], before)
+
+
+def test_an_editor_is_told_where_modules_are(forge: Forge, layout: Layout) -> None:
+    """One variable by its name, though it may be as it was."""
+    found = f"{layout.prefix('walker')}/{SITE}"
+    ran = forge(
+        "env", "--format", "dotenv", "PYTHONPATH", cwd=layout.install.parent, env={"PYTHONPATH": found}
+    )
+    assert ran.out == as_dotenv({"PYTHONPATH": found}, ())
+    assert as_dotenv({"A": 'x"$y`\\'}, ["B"]) == 'A="x\\"\\$y\\`\\\\"\n'
+
+
+def test_what_a_hook_takes_away_is_told(forge: Forge, tmp_path: Path) -> None:
+    """Null in JSON, unset in sh."""
+    hook = {"share/hooked/hook.sh": "unset TAKEN\n"}
+    make_install(tmp_path, [dsv_package("hooked", "source;share/hooked/hook.sh", files=hook)])
+    told = json.loads(forge("env", "--format", "json", cwd=tmp_path, env={"TAKEN": "yes"}).out)
+    assert told["TAKEN"] is None
+    assert forge("env", cwd=tmp_path, env={"TAKEN": "yes"}).out.endswith("\nunset TAKEN\n")
+
+
+def test_mistakes_are_one_message(forge: Forge, layout: Layout, tmp_path: Path) -> None:
+    """A variable that nobody sets, and a folder into which nothing was built."""
+    ran = forge("env", "PYTONPATH", "ZZZ", cwd=layout.install.parent)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == (
+        "error: variable 'PYTONPATH' is not set after sourcing\nhint: did you mean 'PYTHONPATH'?\n"
+        "error: variable 'ZZZ' is not set after sourcing\n"
+    )
+    for word in ("env", "shell"):
+        ran = forge(word, cwd=tmp_path)
+        hint = "hint: run 'forge build', or choose another folder with '--install-base'\n"
+        assert (ran.code, ran.err) == (
+            2,
+            f"error: '{tmp_path}/install' contains no installed packages\n{hint}",
+        )
+
+
+def shell(layout: Layout, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run `forge shell`, which becomes another program."""
+    env = {"PATH": os.environ["PATH"], "PYTHONPATH": str(Path(__file__).parents[2]), **variables}
+    argv = [sys.executable, "-m", "forge", "shell", *words]
+    cwd = layout.install.parent
+    return subprocess.run(argv, env=env, cwd=cwd, input="", capture_output=True, text=True, check=False)
+
+
+def test_a_shell_needs_no_sourcing(layout: Layout) -> None:
+    """The user's own, or any command, whose end is the end."""
+    mine = layout.install.parent / "mine"
+    mine.write_text('#!/bin/sh\necho "$AMENT_PREFIX_PATH"\n')
+    mine.chmod(0o755)
+    assert shell(layout, SHELL=str(mine)).stdout == f"{layout.prefix('walker')}\n"
+    done = shell(layout, "--", "sh", "-c", 'echo "$0 $PYTHONPATH"; exit 7', "--install-base")
+    assert (done.returncode, done.stderr) == (7, "")
+    assert done.stdout.startswith(f"--install-base {layout.prefix('walker')}/{SITE}:")
+
+
+def test_a_command_that_is_not_there_is_a_message(layout: Layout) -> None:
+    """With its name."""
+    done = shell(layout, "no-such-command")
+    assert done.stderr == "error: cannot run 'no-such-command': no such file or directory\n"
+    assert done.returncode == 2
+
+
+def test_run_needs_no_sourcing(forge: Forge, layout: Layout, tmp_path: Path) -> None:
+    """In a workspace its packages run in its environment; what was sourced comes first."""
+    ran = forge("run", "walker", "say", cwd=layout.install.parent)
+    assert (ran.code, ran.out) == (0, f"{layout.prefix('walker')}/{SITE}\n")
+    other = make_install(tmp_path / "other", [WALKER])
+    (other.prefix("walker") / "lib/walker/say").chmod(0o755)
+    ran = forge(
+        "run",
+        "walker",
+        "say",
+        cwd=layout.install.parent,
+        env={"AMENT_PREFIX_PATH": str(other.prefix("walker")), "PYTHONPATH": "other"},
+    )
+    assert ran.out == "other\n"
+
+
+def test_underlays_come_as_their_scripts_say(tmp_path: Path) -> None:
+    """Of a distribution the script is run, one that is gone adds nothing."""
+    (tmp_path / "ros").mkdir()
+    script = tmp_path / "ros/local_setup.sh"
+    script.write_text('export SEEN="$COLCON_CURRENT_PREFIX"\n')
+    below = make_install(tmp_path / "below", [WALKER])
+    chain = (tmp_path / "gone", tmp_path / "ros", below.install)
+    top = make_install(tmp_path / "top", [], underlays=chain)
+    after = sourced_environment(top.install, {"PATH": "/bin"})
+    assert after["SEEN"] == f"{tmp_path}/ros"
+    assert after["COLCON_PREFIX_PATH"] == f"{top.install}:{below.install}"

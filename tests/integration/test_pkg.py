@@ -1,0 +1,233 @@
+"""forge pkg: what it prints, what it writes, what it refuses."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+INDEX = "share/ament_index/resource_index/packages"
+MANIFEST = """<?xml version="1.0"?>
+<?xml-model href="somewhere"?>
+<package format="3">
+  <!-- why it walks -->
+  <name>walker</name>
+  <version>1.2.3</version>
+  <depend>legs</depend>
+  <depend>feet</depend>
+</package>
+"""
+
+
+@pytest.fixture
+def prefix(tree: Tree) -> Path:
+    """Give an installed tree with two packages, one of them in two prefixes."""
+    root = tree(
+        {
+            f"one/{INDEX}/walker": "",
+            "one/share/walker/package.xml": MANIFEST,
+            "one/lib/walker/walk": "#!/bin/sh\n",
+            "one/lib/walker/deep/run": "#!/bin/sh\n",
+            "one/lib/walker/.hidden/no": "#!/bin/sh\n",
+            "one/lib/walker/notes.txt": "not a program\n",
+            "one/bin/elsewhere": "#!/bin/sh\n",
+            f"two/{INDEX}/walker": "",
+            f"two/{INDEX}/arm": "",
+            f"two/{INDEX}/.hidden": "",
+            "two/lib/arm/wave": "#!/bin/sh\n",
+        }
+    )
+    (root / "one/lib/walker/stroll").symlink_to("walk")
+    (root / "one/lib/walker/elsewhere").symlink_to(root / "one/bin")
+    (root / "one/lib/walker/nowhere").symlink_to("gone")
+    return root
+
+
+def sourced(root: Path) -> dict[str, str | None]:
+    return {"AMENT_PREFIX_PATH": f"{root}/one:{root}/gone:{root}/two"}
+
+
+def test_create_tells_each_thing_it_makes(forge: Forge, tmp_path: Path) -> None:
+    argv = ("walker", "--dependencies", "rclcpp", "rclcpp", "--maintainer-email", "a@b.cd")
+    ran = forge("pkg", "create", *argv, "--maintainer-name", "Ada", "--license", "MIT", cwd=tmp_path)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.splitlines() == [
+        "going to create a new package",
+        "package name: walker",
+        f"destination directory: {tmp_path}",
+        "package format: 3",
+        "version: 0.0.0",
+        "description: TODO: Package description",
+        "maintainer: ['Ada <a@b.cd>']",
+        "licenses: ['MIT']",
+        "build type: ament_cmake",
+        "dependencies: ['rclcpp']",
+        "creating folder ./walker",
+        "creating ./walker/package.xml",
+        "creating source and include folder",
+        "creating folder ./walker/src",
+        "creating folder ./walker/include/walker",
+        "creating ./walker/CMakeLists.txt",
+        "creating ./walker/LICENSE",
+    ]
+    assert (tmp_path / "walker/include/walker").is_dir()
+
+
+def test_create_makes_the_destination_and_the_python_package(forge: Forge, tmp_path: Path) -> None:
+    argv = ("--build-type", "ament_python", "--destination-directory", "new/src/", "--node-name", "walk")
+    ran = forge("pkg", "create", "walker", *argv, "--library-name", "gait", cwd=tmp_path)
+    assert ran.code == 0
+    told = ran.out.splitlines()
+    assert [line for line in told if line.startswith(("node", "library"))] == [
+        "node_name: walk",
+        "library_name: gait",
+    ]
+    assert told[told.index("creating source folder") + 1] == "creating folder new/src/walker/walker"
+    made = {path.relative_to(tmp_path / "new/src/walker").as_posix() for path in tmp_path.rglob("*.py")}
+    tests = {f"test/test_{name}.py" for name in ("copyright", "flake8", "pep257")}
+    assert made == {"setup.py", "walker/__init__.py", "walker/walk.py", "walker/gait/__init__.py", *tests}
+
+
+def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("pkg", "create", "walker", "--node-name", "x", "--library-name", "x", cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.err.splitlines()[:2] == [
+        "warning: node and library cannot both be named 'x'",
+        "warning: the node is named 'x_node' instead",
+    ]
+    assert (tmp_path / "walker/src/x_node.cpp").is_file()
+
+
+def test_create_warns_of_an_unusual_name_and_a_missing_licence(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("pkg", "create", "Walker", "--license", "apache-2.0", cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.err.splitlines() == [
+        "warning: 'Walker' is an unusual name: package names start with a letter and are lower case",
+        "warning: no LICENSE file created: unknown license 'apache-2.0'",
+        "hint: did you mean 'Apache-2.0'?",
+    ]
+
+
+@pytest.mark.parametrize("argv", [("walker", "--license", "?"), ("--license", "?")])
+def test_a_question_mark_lists_the_licences(argv: tuple[str, ...], forge: Forge, tmp_path: Path) -> None:
+    ran = forge("pkg", "create", *argv, cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.out.splitlines()[:2] == ["Supported licenses:", "Apache-2.0"]
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("there", ["walker/file", "walker"])
+def test_create_leaves_what_is_there_alone(there: str, forge: Forge, tree: Tree) -> None:
+    root = tree({there: "mine\n"})
+    ran = forge("pkg", "create", "walker", cwd=root)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == (
+        "error: 'walker' already exists\nhint: remove it, or choose another name or --destination-directory\n"
+    )
+
+
+def test_create_says_why_it_cannot_write(forge: Forge, tree: Tree) -> None:
+    ran = forge("pkg", "create", "walker", "--destination-directory", "file", cwd=tree({"file": ""}))
+    assert ran.code == 2
+    assert ran.err == "error: cannot create 'file/walker': not a directory\n"
+
+
+def test_create_refuses_before_it_writes(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("pkg", "create", "my walker", cwd=tmp_path)
+    assert (ran.code, ran.out, list(tmp_path.iterdir())) == (2, "", [])
+    assert ran.err.startswith("error: invalid package name 'my walker'\nhint: ")
+
+
+@pytest.mark.parametrize(
+    ("email", "told"), [("ada@example.org", "ada@example.org"), ("ada@home", "Ada.L@todo.todo")]
+)
+@pytest.mark.needs("git")
+def test_the_address_is_git_s_if_it_is_one(email: str, told: str, forge: Forge, tree: Tree) -> None:
+    root = tree({"gitconfig": f"[user]\n\temail = {email}\n"})
+    env = {"GIT_CONFIG_GLOBAL": str(root / "gitconfig"), "GIT_CONFIG_SYSTEM": os.devnull}
+    ran = forge("pkg", "create", "walker", "--maintainer-name", "Ada L", cwd=root, env=env)
+    assert f"maintainer: ['Ada L <{told}>']" in ran.out
+
+
+def test_without_git_the_login_has_to_do(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("pkg", "create", "walker", cwd=tmp_path, env={"PATH": str(tmp_path), "LOGNAME": "ada"})
+    assert "maintainer: ['ada <ada@todo.todo>']" in ran.out
+
+
+def test_list_names_each_package_once(forge: Forge, prefix: Path) -> None:
+    assert forge("pkg", "list", env=sourced(prefix)).out == "arm\nwalker\n"
+
+
+def test_executables_are_the_programs_below_lib_of_the_package(forge: Forge, prefix: Path) -> None:
+    everything = forge("pkg", "executables", env=sourced(prefix)).out
+    assert everything == "arm wave\nwalker run\nwalker stroll\nwalker walk\n"
+    paths = forge("pkg", "executables", "walker", "--full-path", env=sourced(prefix)).out
+    folder = prefix / "one/lib/walker"
+    assert paths.splitlines() == [f"{folder}/deep/run", f"{folder}/stroll", f"{folder}/walk"]
+
+
+def test_prefix_is_the_first_that_has_the_package(forge: Forge, prefix: Path) -> None:
+    assert forge("pkg", "prefix", "walker", env=sourced(prefix)).out == f"{prefix}/one\n"
+    assert forge("pkg", "prefix", "arm", "--share", env=sourced(prefix)).out == f"{prefix}/two/share/arm\n"
+
+
+def test_xml_prints_the_manifest_from_its_root_on(forge: Forge, prefix: Path) -> None:
+    ran = forge("pkg", "xml", "walker", env=sourced(prefix))
+    assert ran.out == MANIFEST[MANIFEST.index("<package") :]
+
+
+def test_xml_prints_the_text_of_a_tag(forge: Forge, prefix: Path) -> None:
+    assert forge("pkg", "xml", "walker", "-t", "version", env=sourced(prefix)).out == "1.2.3\n"
+    assert forge("pkg", "xml", "walker", "--tag", "depend", env=sourced(prefix)).out == "legs\nfeet\n"
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (("prefix", "walkr"), "error: package 'walkr' not found\nhint: did you mean 'walker'?\n"),
+        (("executables", "zzz"), "error: package 'zzz' not found\n"),
+        (("prefix", "../packages/walker", "--share"), "error: package '../packages/walker' not found\n"),
+        (("xml", "walker", "-t", "versoin"), "error: XML tag not found\nhint: did you mean 'version'?\n"),
+        (
+            ("xml", "arm"),
+            "error: package XML manifest not found\nhint: expected '{}/two/share/arm/package.xml'\n",
+        ),
+    ],
+)
+def test_what_is_not_there_is_one_message(
+    argv: tuple[str, ...], message: str, forge: Forge, prefix: Path
+) -> None:
+    ran = forge("pkg", *argv, env=sourced(prefix))
+    assert (ran.code, ran.out, ran.err) == (2, "", message.replace("{}", str(prefix)))
+
+
+@pytest.mark.parametrize("verb", ["list", "executables"])
+def test_without_a_sourced_prefix_the_next_step_is_told(verb: str, forge: Forge, tree: Tree) -> None:
+    root = tree({"ws/install/setup.bash": "", "ws/install/setup.zsh": "", "ws/src/notes": ""})
+    unset = "error: no package can be found: 'AMENT_PREFIX_PATH' is not set\nhint: source "
+    assert forge("pkg", verb, cwd=root).err == f"{unset}the setup.bash of an install folder first\n"
+    in_bash = forge("pkg", verb, cwd=root / "ws", env={"SHELL": "/bin/bash"})
+    assert (in_bash.code, in_bash.err) == (2, f"{unset}install/setup.bash first\n")
+    in_zsh = forge("pkg", verb, cwd=root / "ws/src", env={"SHELL": "/bin/zsh"})
+    assert in_zsh.err == f"{unset}{root}/ws/install/setup.zsh first\n"
+
+
+def test_a_package_that_was_built_but_not_sourced_is_told_apart(forge: Forge, tree: Tree) -> None:
+    files = {"install/setup.bash": "", f"install/walker/{INDEX}/walker": "", f"other/{INDEX}/arm": ""}
+    root = tree(files)
+    env = {"AMENT_PREFIX_PATH": str(root / "other"), "SHELL": "/bin/sh"}
+    ran = forge("pkg", "prefix", "walker", cwd=root, env=env)
+    assert (
+        ran.err == "error: package 'walker' not found\nhint: it is in 'install': source install/setup.bash\n"
+    )
+    assert "it is in" not in forge("pkg", "prefix", "crawler", cwd=root, env=env).err
+
+
+def test_pkg_wants_a_verb(forge: Forge) -> None:
+    assert forge("pkg").code == 2

@@ -1,0 +1,231 @@
+"""forge run: the program gets everything, and forge gets out of its way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Tree
+
+MARK = "share/ament_index/resource_index/packages/walker"
+BROKEN = (
+    "cannot run '{}/lib/walker/broken': no such file or directory\n"
+    "hint: scripts need a line such as '#!/usr/bin/env python3' at the beginning"
+)
+PLAIN = (
+    "no executable found\nhint: the file exists, but is not executable: use install(PROGRAMS ...), "
+    "or chmod +x {}/lib/walker/plain"
+)
+SAY = "#!/bin/sh\nfor word; do printf '[%s]' \"$word\"; done\n"
+
+
+def run(forge: Forge, root: Path, *argv: str) -> tuple[int, str, str]:
+    ran = forge("run", *argv, env={"AMENT_PREFIX_PATH": str(root), "SHELL": "/bin/sh"}, cwd=root)
+    return ran.code, ran.out, ran.err
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        (),
+        ("--ros-args", "-p", "rcl_log_level:=10"),
+        ("--help", "--version", "-h"),
+        ("--log", "--prefix", "x", "--log-level=debug"),
+        ("a", "--", "b", "", "c d", "-1"),
+        ("--",),
+        ("build", "run", "@file"),
+    ],
+)
+def test_the_program_gets_its_words_as_they_are(argv: tuple[str, ...], forge: Forge, tree: Tree) -> None:
+    root = tree({MARK: "", "lib/walker/say": SAY})
+    assert run(forge, root, "walker", "say", *argv) == (0, "".join(f"[{word}]" for word in argv), "")
+
+
+def test_two_dashes_end_the_options_of_forge(forge: Forge, tree: Tree) -> None:
+    assert run(forge, tree({MARK: "", "lib/walker/say": SAY}), "--", "walker", "say", "a")[1] == "[a]"
+
+
+def test_a_prefix_stands_in_front(forge: Forge, tree: Tree) -> None:
+    root = tree({MARK: "", "lib/walker/say": SAY, "wrap": '#!/bin/sh\nprintf "$1:"; shift; exec "$@"\n'})
+    code, out, _ = run(forge, root, "--prefix", f"'{root}/wrap' 'a b'", "walker", "say", "--prefix", "c")
+    assert (code, out) == (0, "a b:[--prefix][c]")
+
+
+def test_the_program_runs_in_the_folder_of_the_caller(forge: Forge, tree: Tree) -> None:
+    root = tree({MARK: "", "lib/walker/where": "#!/bin/sh\npwd -P\n"})
+    assert run(forge, root, "walker", "where")[1] == f"{root.resolve()}\n"
+
+
+@pytest.mark.parametrize(
+    ("script", "code", "told"),
+    [
+        ("exit 3", 3, "[ros2run]: Process exited with failure 3\n"),
+        ("kill -TERM $$", -signal.SIGTERM, f"[ros2run]: {signal.strsignal(signal.SIGTERM)}\n"),
+        ("kill -KILL $$", -signal.SIGKILL, f"[ros2run]: {signal.strsignal(signal.SIGKILL)}\n"),
+    ],
+)
+def test_the_end_of_the_program_is_the_end_of_forge(
+    script: str, code: int, told: str, forge: Forge, tree: Tree
+) -> None:
+    root = tree({MARK: "", "lib/walker/end": f"#!/bin/sh\n{script}\n"})
+    assert run(forge, root, "walker", "end") == (code, "", told)
+
+
+def test_forge_leaves_ctrl_c_to_the_program_and_hands_on_the_rest(tree: Tree) -> None:
+    script = (
+        "#!/bin/sh\ntrap 'echo interrupted' INT\ntrap 'echo asked to end; exit 5' TERM\n"
+        "echo ready\nwhile :; do sleep 0.02; done\n"
+    )
+    root = tree({MARK: "", "lib/walker/wait": script})
+    argv = [sys.executable, "-m", "forge", "run", "walker", "wait"]
+    env = {**os.environ, "AMENT_PREFIX_PATH": str(root), "PYTHONPATH": str(Path(__file__).parents[2])}
+    with subprocess.Popen(
+        argv, env=env, stdout=subprocess.PIPE, start_new_session=True, text=True
+    ) as started:
+        assert started.stdout is not None
+        assert started.stdout.readline() == "ready\n"
+        os.killpg(started.pid, signal.SIGINT)
+        assert started.stdout.readline() == "interrupted\n"
+        time.sleep(0.05)
+        assert started.poll() is None
+        started.send_signal(signal.SIGTERM)
+        assert started.stdout.readline() == "asked to end\n"
+        assert started.wait(10) == 5
+
+
+def test_signals_to_forge_itself_reach_the_program_except_ctrl_c(forge: Forge, tree: Tree) -> None:
+    script = (
+        "#!/bin/sh\ntrap 'exit 5' TERM\nkill -INT $PPID\nsleep 0.1\nkill -TERM $PPID\n"
+        "while :; do sleep 0.02; done\n"
+    )
+    assert run(forge, tree({MARK: "", "lib/walker/end": script}), "walker", "end")[0] == 5
+
+
+def test_handlers_are_put_back(forge: Forge, tree: Tree) -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    run(forge, tree({MARK: "", "lib/walker/say": SAY}), "walker", "say")
+    assert before == [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (("crawler", "say"), "package 'crawler' not found\nhint: did you mean 'walker'?"),
+        (("walker", "sya"), "no executable found\nhint: did you mean 'say'?"),
+        (
+            ("walker", "zzz"),
+            "no executable found\nhint: 'forge pkg executables walker' lists all executables",
+        ),
+        (("walker", "plain"), PLAIN),
+        (
+            ("walker", "twin"),
+            "multiple executables found:\n- {}/lib/walker/a/twin\n- {}/lib/walker/twin",
+        ),
+        (
+            ("walker", "broken"),
+            BROKEN,
+        ),
+        (("--prefix", "'gdb", "walker", "say"), "cannot parse --prefix: no closing quotation"),
+    ],
+)
+def test_what_cannot_run_is_one_message(
+    argv: tuple[str, ...], message: str, forge: Forge, tree: Tree
+) -> None:
+    root = tree(
+        {
+            MARK: "",
+            "lib/walker/say": SAY,
+            "lib/walker/plain": "echo\n",
+            "lib/walker/twin": SAY,
+            "lib/walker/a/twin": SAY,
+            "lib/walker/broken": "#!/no/such/interpreter\n",
+        }
+    )
+    assert run(forge, root, *argv) == (2, "", f"error: {message}\n".replace("{}", str(root)))
+
+
+@pytest.mark.parametrize("argv", [(), ("walker",), ("--prefix", "gdb", "walker")])
+def test_run_wants_two_names(argv: tuple[str, ...], forge: Forge, tree: Tree) -> None:
+    told = "error: missing arguments PACKAGE and EXECUTABLE\nhint: list them with 'forge pkg executables'\n"
+    assert run(forge, tree({MARK: ""}), *argv) == (2, "", told)
+
+
+def test_a_package_without_programs_says_so(forge: Forge, tree: Tree) -> None:
+    root = tree({MARK: ""})
+    told = f"hint: package 'walker' has no executables in '{root}/lib/walker'\n"
+    assert run(forge, root, "walker", "say") == (2, "", f"error: no executable found\n{told}")
+
+
+def package_xml(build_type: str) -> dict[str, str]:
+    """Return an installed package of a build type, as far as anybody asks."""
+    return {MARK: "", "share/walker/package.xml": f"<build_type>{build_type}</build_type>"}
+
+
+NOTHING = "has no executables in '{}/lib/walker': "
+BIN = "it is in '{}/bin' instead of lib/walker: "
+OTHER = "it is in '{}/lib/wlaker' instead of lib/walker: "
+
+
+@pytest.mark.parametrize(
+    ("files", "where", "hint"),
+    [
+        (
+            package_xml("ament_python"),
+            NOTHING,
+            "add it to 'console_scripts' in its setup.py, and build again",
+        ),
+        (
+            package_xml("ament_cmake"),
+            NOTHING,
+            "add install(TARGETS say DESTINATION lib/${PROJECT_NAME}) to its CMakeLists.txt, and build again",
+        ),
+        (
+            {**package_xml("ament_python"), "bin/say": SAY},
+            BIN,
+            "write install_scripts=$base/lib/walker below [install] in its setup.cfg",
+        ),
+        (
+            {**package_xml("ament_cmake"), "lib/wlaker/say": SAY},
+            OTHER,
+            "write DESTINATION lib/${PROJECT_NAME} in install() in its CMakeLists.txt",
+        ),
+    ],
+)
+def test_a_program_that_was_not_installed_where_it_belongs(
+    files: dict[str, str], where: str, hint: str, forge: Forge, tree: Tree
+) -> None:
+    root = tree(files)
+    code, _, err = run(forge, root, "walker", "say")
+    assert code == 2
+    assert f"{where.format(root)}{hint}" in err
+
+
+def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> None:
+    """The system would say that there is no 'python3', with a character that nobody sees."""
+    root = tree({MARK: "", "lib/walker/say": SAY.replace("\n", "\r\n")})
+    code, _, err = run(forge, root, "walker", "say")
+    assert code == 2
+    assert "Windows line endings" in err
+    assert "hint: fix the source: sed -i 's/\\r$//' say, and build again" in err
+
+
+def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:
+    root = tree({"install/setup.bash": "", f"install/walker/{MARK}": "", "install/half/lib/half/x": ""})
+    told = {
+        name: forge("run", name, "say", cwd=root, env={"AMENT_PREFIX_PATH": None}).err
+        for name in ("wlaker", "half", "zzz")
+    }
+    assert (
+        told["wlaker"]
+        == "error: package 'wlaker' is not installed in 'install'\nhint: did you mean 'walker'?\n"
+    )
+    assert "call ament_package() at the end of its CMakeLists.txt" in told["half"]
+    assert "hint: build it: forge build --packages-select zzz" in told["zzz"]

@@ -1,0 +1,157 @@
+"""What a build has started is ended, and nothing else."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.execution.started import NOTES, VARIABLE, StartedProcesses
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+SLEEP = ["sleep", "60"]
+ENDS_AND_LEAVES = ["sh", "-c", "sleep 60 >/dev/null & echo $!"]
+MOVES_AWAY = ["sh", "-c", "setsid sleep 60 >/dev/null & sleep 0.2; echo $!; wait"]
+
+
+@pytest.fixture
+def started() -> Iterator[list[subprocess.Popen[str]]]:
+    """Collect processes, and end them with their groups."""
+    processes: list[subprocess.Popen[str]] = []
+    yield processes
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def start(
+    argv: list[str], build: Path | None = None, *, told: bool = False
+) -> tuple[subprocess.Popen[str], int]:
+    """Start a program in a session of its own, and note it for a build; return the id that it prints, too."""
+    environment = {**os.environ, VARIABLE: str(build)} if told else dict(os.environ)
+    process = subprocess.Popen(
+        argv, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    if build:
+        StartedProcesses(build).note(process.pid)
+    assert process.stdout is not None
+    return process, int(process.stdout.readline()) if argv[0] == "sh" else process.pid
+
+
+def runs(number: int) -> bool:
+    """Tell if a process has not ended."""
+    try:
+        with open(f"/proc/{number}/stat", encoding="utf-8") as stat:  # noqa: PTH123
+            return stat.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_what_a_build_started_is_ended(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
+    process, _ = start(SLEEP, tmp_path)
+    started.append(process)
+    StartedProcesses(tmp_path).end()
+    assert process.wait(timeout=5) == -signal.SIGKILL
+
+
+def test_asked_gently_it_may_tidy_up(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
+    tidy = "trap 'echo tidied; exit 3' TERM; echo $$; while :; do sleep 0.05; done"
+    process, _ = start(["sh", "-c", tidy], tmp_path)
+    started.append(process)
+    StartedProcesses(tmp_path).end(gently=True)
+    assert process.wait(timeout=5) == 3
+
+
+def test_who_merely_has_its_variables_goes_on(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
+    """An editor, started in a shell that has sourced the environment of a step."""
+    editor = subprocess.Popen(SLEEP, env={**os.environ, VARIABLE: str(tmp_path)}, text=True)
+    process, _ = start(SLEEP, tmp_path, told=True)
+    started += [editor, process]
+    StartedProcesses(tmp_path).end()
+    assert process.wait(timeout=5) < 0
+    assert editor.poll() is None
+
+
+def test_who_has_got_the_id_of_an_ended_one_goes_on(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
+    process, _ = start(SLEEP, tmp_path, told=True)
+    started.append(process)
+    number, begun, *machine = (tmp_path / NOTES).read_text().split()
+    (tmp_path / NOTES).write_text(" ".join((number, str(int(begun) - 1), *machine)) + "\n")
+    StartedProcesses(tmp_path).end()
+    assert process.poll() is None
+
+
+def test_ids_of_another_start_of_the_system_say_nothing(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
+    process, _ = start(SLEEP, tmp_path, told=True)
+    started.append(process)
+    number, begun, _, namespace = (tmp_path / NOTES).read_text().split()
+    (tmp_path / NOTES).write_text(f"{number} {begun} another {namespace}\n")
+    StartedProcesses(tmp_path).end()
+    assert process.poll() is None
+
+
+def test_spoilt_notes_are_none(tmp_path: Path) -> None:
+    (tmp_path / NOTES).write_bytes(b"\xff\n1\n1 2 3 4 5 6\n-1 x\n\n12")
+    StartedProcesses(tmp_path).end()
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_what_an_ended_program_left_in_its_session(tmp_path: Path, *, told: bool) -> None:
+    """It is ended if it knows the build: else its id may be another one's by now."""
+    process, child = start(ENDS_AND_LEAVES, tmp_path, told=told)
+    process.wait()
+    StartedProcesses(tmp_path).end()
+    assert runs(child) is not told
+    if not told:
+        os.kill(child, signal.SIGKILL)
+    process.communicate()
+
+
+def test_what_descends_from_it_is_ended_in_whatever_session(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
+    process, child = start(MOVES_AWAY, tmp_path)
+    started.append(process)
+    StartedProcesses(tmp_path).end()
+    assert not runs(child)
+
+
+def test_descendants_are_known_after_their_parents_have_ended(tmp_path: Path) -> None:
+    process, child = start(MOVES_AWAY, tmp_path)
+    StartedProcesses(tmp_path).note_descendants()
+    process.kill()
+    process.communicate()
+    assert runs(child)
+    StartedProcesses(tmp_path).end()
+    assert not runs(child)
+
+
+ENDS_ITS_OWN = """import os, sys
+from pathlib import Path
+from forge.execution.started import StartedProcesses
+started = StartedProcesses(Path(sys.argv[1]))
+started.note(os.getppid())
+started.note(os.getpid())
+started.end()
+print("there still", flush=True)
+"""
+
+
+def test_nobody_ends_its_own_line(tmp_path: Path) -> None:
+    """A forge that is started by a step of a killed one ends neither itself nor those that wait for it."""
+    line = f'"{sys.executable}" -c "$0" "{tmp_path}"; echo the shell as well'
+    done = subprocess.run(
+        ["sh", "-c", line, ENDS_ITS_OWN], capture_output=True, text=True, check=True, timeout=30
+    )
+    assert done.stdout == "there still\nthe shell as well\n"

@@ -1,0 +1,284 @@
+"""`forge test` on packages that cost little to build."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.snippets import ROOT
+from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran, Tree
+
+pytestmark = pytest.mark.needs("cmake", "ctest", "ninja")
+
+GOOD = "add_test(NAME good COMMAND ${CMAKE_COMMAND} -E true)"
+BAD = 'add_test(NAME "bad.one" COMMAND sh -c "echo no luck; exit 3")'
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build a workspace of all kinds once."""
+    root = tmp_path_factory.mktemp("built") / "ws"
+    files = {
+        **cmake_package("c_bad", GOOD, BAD),
+        **cmake_package("c_good", GOOD, needs="<depend>c_none</depend>"),
+        **cmake_package("c_none"),
+        **python_package("p_test", PYTEST.format(name="p_test"), pytest=True),
+        **python_package("u_test", UNITTEST.format(name="u_test"), pytest=False),
+        **python_package("u_none", "", pytest=False),
+    }
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    variables = {name: value for name, value in os.environ.items() if not name.startswith("FORGE_")}
+    variables["PYTHONPATH"] = str(ROOT)
+    argv = [sys.executable, "-m", "forge", "build"]
+    subprocess.run(argv, cwd=root, env=variables, capture_output=True, check=True)
+    return root
+
+
+@pytest.fixture
+def workspace(built: Path, tmp_path: Path) -> Path:
+    """Return the built workspace with results of no earlier test."""
+    for path in built.glob("build/*/*"):
+        if path.name in {"Testing", "colcon_test.rc", "pytest.xml", "unittest.xml"}:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    shutil.rmtree(built / "log", ignore_errors=True)
+    assert tmp_path.is_dir()
+    return built
+
+
+def result(root: Path, name: str) -> str:
+    """Return colcon's note of how the tests of a package ended."""
+    return (root / "build" / name / "colcon_test.rc").read_text().strip()
+
+
+def lines(ran: Ran, beginning: str) -> list[str]:
+    """Return what follows in lines that begin so."""
+    found = (line.strip() for line in ran.out.splitlines())
+    return [line[len(beginning) :].strip() for line in found if line.startswith(beginning)]
+
+
+def test_all_kinds_of_packages_are_tested(forge: Forge, workspace: Path) -> None:
+    ran = forge("test", cwd=workspace)
+    assert ran.code == 0, ran.err
+    assert "Summary: 6 packages finished" in ran.out
+    assert "  3 packages had test failures: c_bad p_test u_test\n" in ran.out
+    finished = {line.split()[0]: line for line in lines(ran, "Finished <<<")}
+    assert finished["c_bad"].endswith("s]\t[ with test failures ]")
+    assert finished["c_good"].endswith("s]")
+    assert [result(workspace, name) for name in ("c_bad", "c_good", "c_none", "u_none")] == [
+        "test failures",
+        "0",
+        "0",
+        "0",
+    ]
+    for name in ("p_test/pytest.xml", "u_test/unittest.xml", "u_none/unittest.xml", "c_bad/Testing/TAG"):
+        assert (workspace / "build" / name).is_file()
+    assert not (workspace / "build/c_none/Testing").exists()
+    assert (workspace / "log/latest_test/c_bad/stdout_stderr.log").is_file()
+    assert not list(workspace.glob("src/**/__pycache__"))
+
+
+def test_the_sums_are_those_of_the_files(forge: Forge, workspace: Path) -> None:
+    forge("test", cwd=workspace)
+    ran = forge("test-result", cwd=workspace)
+    assert ran.code == 1
+    assert ran.out.endswith("\nSummary: 9 tests, 0 errors, 3 failures, 1 skipped\n")
+
+
+def test_what_failed_can_be_repeated_line_by_line(forge: Forge, workspace: Path) -> None:
+    ran = forge("test", cwd=workspace)
+    assert "3 failed tests:\n  c_bad: bad.one\n      no luck\n" in ran.out
+    assert "  p_test: tests.test_p_test.test_value[2]\n      assert 2 == 1\n" in ran.out
+    assert "  u_test: tests.test_u_test.Values.test_bad\n      AssertionError: 1 != 2\n" in ran.out
+    for line, words in zip(
+        lines(ran, "repeat:"), ("1 tests failed out of 1", "1 failed", "Ran 1 test"), strict=True
+    ):
+        done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+        assert done.returncode != 0
+        assert words in done.stdout + done.stderr
+
+
+def test_failed_tests_are_an_exit_code_on_request(forge: Forge, workspace: Path) -> None:
+    option = "--return-code-on-test-failure"
+    assert forge("test", option, "--packages-select", "c_bad", cwd=workspace).code == 1
+    assert forge("test", option, "--packages-select", "c_good", cwd=workspace).code == 0
+
+
+def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> None:
+    only = ("--packages-select", "c_bad", "p_test", "u_test")
+    words = ("--ctest-args", "-R", "good", "--pytest-args", "-k", "good", "--unittest-args")
+    ran = forge("test", *only, *words, "-k", "good", cwd=workspace)
+    assert "test failures" not in ran.out
+    assert forge("test-result", cwd=workspace).out == "Summary: 3 tests, 0 errors, 0 failures, 0 skipped\n"
+
+
+def test_coverage_where_the_plugin_is(forge: Forge, workspace: Path) -> None:
+    only = ("--packages-select", "p_test", "--pytest-with-coverage")
+    ran = forge("test", *only, cwd=workspace)
+    plugin = importlib.util.find_spec("pytest_cov") is not None
+    assert (workspace / "build/p_test/coverage.xml").is_file() is plugin
+    assert ("there is no coverage" in ran.err) is not plugin
+
+
+def test_a_run_that_dies_leaves_a_result_and_is_repeated_whole(forge: Forge, workspace: Path) -> None:
+    test = workspace / "src/u_test/tests/test_u_test.py"
+    text = test.read_text()
+    test.write_text("import os\nos._exit(1)\n")
+    try:
+        ran = forge("test", "--packages-select", "u_test", cwd=workspace)
+    finally:
+        test.write_text(text)
+    assert "  u_test: unittest.missing_result\n      unittest exited without writing a result\n" in ran.out
+    assert "unittests.py" in lines(ran, "repeat:")[0]
+
+
+def test_unittest_may_run_what_pytest_would(forge: Forge, workspace: Path) -> None:
+    ran = forge("test", "--packages-select", "u_test", "--python-testing", "pytest", cwd=workspace)
+    assert "had test failures: u_test" in ran.out
+    assert (workspace / "build/u_test/pytest.xml").is_file()
+    ran = forge("test", "--packages-select", "p_test", "--python-testing", "setuppy_test", cwd=workspace)
+    assert (workspace / "build/p_test/unittest.xml").is_file()
+
+
+def test_results_may_go_elsewhere(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+    forge("test", "--test-result-base", str(tmp_path / "results"), cwd=workspace)
+    names = {path.relative_to(tmp_path / "results").as_posix() for path in tmp_path.glob("results/*/*.xml")}
+    assert names == {"p_test/pytest.xml", "u_test/unittest.xml", "u_none/unittest.xml"}
+    assert (tmp_path / "results/c_bad/Testing/TAG").is_file()
+    ran = forge("test-result", "--test-result-base", str(tmp_path / "results"), cwd=workspace)
+    assert ran.out.endswith("\nSummary: 9 tests, 0 errors, 3 failures, 1 skipped\n")
+
+
+COUNTING = """import pathlib
+def test_third():
+    count = pathlib.Path({path!r})
+    count.write_text(count.read_text() + "x")
+    assert len(count.read_text()) {relation} 3
+"""
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        ((), ">=", "failed", 1),
+        (("--retest-until-pass", "5"), ">=", "passed", 3),
+        (("--retest-until-pass", "1"), ">=", "failed", 2),
+        (("--retest-until-fail", "5"), "<", "failed", 3),
+        (("--retest-until-fail", "1"), "<", "passed", 2),
+    ],
+)
+def test_tests_are_repeated_until_they_pass_or_fail(
+    forge: Forge, workspace: Path, tmp_path: Path, case: tuple[tuple[str, ...], str, str, int]
+) -> None:
+    options, relation, end, runs = case
+    count = tmp_path / "count"
+    count.write_text("")
+    (workspace / "src/u_none/tests/test_u_none.py").write_text(
+        COUNTING.format(path=str(count), relation=relation)
+    )
+    try:
+        ran = forge(
+            "test", "--packages-select", "u_none", "--python-testing", "pytest", *options, cwd=workspace
+        )
+    finally:
+        (workspace / "src/u_none/tests/test_u_none.py").write_text("")
+    assert ("had test failures" in ran.out) is (end == "failed")
+    assert len(count.read_text()) == runs
+
+
+def test_what_is_not_built_is_told_and_the_rest_is_tested(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a", GOOD), **cmake_package("b", GOOD, needs="<depend>a</depend>")})
+    ran = forge("test", cwd=root)
+    assert ran.code == 2
+    assert "error: 'a' cannot be tested: 'a' is not built\nhint: forge build --packages-up-to a" in ran.err
+    assert forge("build", "--packages-select", "a", cwd=root).code == 0
+    ran = forge("test", cwd=root)
+    assert ran.code == 1
+    assert "error: 'b' cannot be tested: 'b' is not built" in ran.err
+    assert "Finished <<< a" in ran.out
+    assert "  1 package failed: b\n" in ran.out
+
+
+def test_a_program_that_cannot_be_started_fails_the_package(forge: Forge, workspace: Path) -> None:
+    ran = forge("test", "--packages-select", "c_bad", cwd=workspace, env={"CTEST_COMMAND": "/no/ctest"})
+    assert ran.code == 1
+    assert "Failed   <<< c_bad" in ran.err
+    assert result(workspace, "c_bad") == "127"
+
+
+def test_a_broken_manifest_stops_testing(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/a/package.xml": "<package/>", "src/b/package.xml": manifest_text("b")})
+    assert forge("test", cwd=root).code == 2
+
+
+def test_an_unknown_kind_of_package_is_left_out_with_a_word(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/a/package.xml": manifest_text("a", build_type="catkin")})
+    ran = forge("test", cwd=root)
+    assert ran.code == 0
+    assert "warning: cannot test 'a': unsupported build type 'catkin'" in ran.err
+    assert "Summary: 0 packages finished" in ran.out
+
+
+def test_pytest_must_be_there_where_it_is_asked_for(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -E "$@"\n')
+    python.chmod(0o755)
+    ran = forge("test", "--python", str(python), cwd=workspace)
+    assert ran.code == 2
+    assert f"error: '{python}' has no pytest, which is required by 'p_test'" in ran.err
+    assert "--python-testing unittest" in ran.err
+
+
+def test_tests_of_a_circle_see_what_was_built_later(forge: Forge, tree: Tree) -> None:
+    """Tests of a need b, which needs a: colcon refuses to order that, though building does not need it."""
+    check = 'add_test(NAME sees COMMAND sh -c "echo $CMAKE_PREFIX_PATH | grep -q install/b")'
+    root = tree(
+        {
+            **cmake_package("a", check, needs="<test_depend>b</test_depend>"),
+            **cmake_package("b", "install(FILES package.xml DESTINATION . RENAME bConfig.cmake)"),
+        }
+    )
+    (root / "src/b/package.xml").write_text(manifest_text("b", "<depend>a</depend>", build_type="cmake"))
+    built = forge("build", cwd=root)
+    assert built.code == 0, built.err
+    assert "warning: test dependency of 'a' on 'b' closes a cycle and is ignored" in built.err
+    ran = forge("test", "--return-code-on-test-failure", cwd=root)
+    assert ran.code == 0, ran.out
+    assert forge("list", "-t", "-n", cwd=root).out == "a\nb\n"
+    only = forge("build", "--packages-up-to", "b", cwd=root)
+    assert "2 packages unchanged" in only.out
+
+
+def test_edits_that_were_not_built_are_told(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("below", GOOD),
+            **cmake_package("above", GOOD, needs="<depend>below</depend>"),
+            **python_package("p", PYTEST.format(name="p"), pytest=True),
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err
+    tree({"src/below/CMakeLists.txt": (root / "src/below/CMakeLists.txt").read_text() + "\n"})
+    tree({"src/below/new.txt": "", "src/p/p/__init__.py": "VALUE = 1 # edited\n"})
+    ran = forge("test", "--packages-select", "above", cwd=root)
+    assert ran.code == 0
+    changed = "'below' changed since its last build, which the tests use"
+    assert ran.err.startswith(f"src/below: warning: {changed}: 'CMakeLists.txt' and 1 more changed\nhint: ")
+    # Its tests run in its source folder.
+    assert "changed since" not in forge("test", "--packages-select", "p", cwd=root).err
+    assert forge("build", cwd=root).code == 0
+    assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err

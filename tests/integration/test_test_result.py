@@ -1,0 +1,161 @@
+"""`forge test-result` reads as colcon's readers expect it."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+GOOD = '<testsuite name="a" tests="1" failures="0" errors="0" skipped="0"/>\n'
+BAD = """<testsuite name="b" tests="2" failures="1" errors="0" skipped="0">
+<testcase classname="b.test" name="no"><failure message="it is not"/></testcase></testsuite>
+"""
+RUN = """<Site><Testing><Test Status="failed"><Name>no</Name></Test>
+<Test Status="passed"><Name>yes</Name></Test></Testing></Site>
+"""
+
+
+@pytest.fixture
+def results(tree: Tree) -> Path:
+    """Return a folder with results of three packages, one of them ament's."""
+    return tree(
+        {
+            "build/a/pytest.xml": GOOD,
+            "build/b/unittest.xml": BAD,
+            "build/b/CMakeFiles/other.xml": "<html/>",
+            "build/b/.pytest_cache/hidden.xml": BAD,
+            "build/c/Testing/TAG": "20260101-0000\nExperimental\n",
+            "build/c/Testing/20260101-0000/Test.xml": RUN,
+            "build/c/Testing/20250101-0000/Test.xml": RUN,
+            "build/c/test_results/c/no.xunit.xml": BAD,
+        }
+    )
+
+
+def test_files_with_failures_have_a_line_and_all_make_the_sum(forge: Forge, results: Path) -> None:
+    ran = forge("test-result", cwd=results)
+    assert ran.code == 1
+    assert ran.err == ""
+    assert ran.out == (
+        "build/b/unittest.xml: 2 tests, 0 errors, 1 failure, 0 skipped\n"
+        "build/c/test_results/c/no.xunit.xml: 2 tests, 0 errors, 1 failure, 0 skipped\n"
+        "\nSummary: 6 tests, 0 errors, 2 failures, 0 skipped\n"
+    )
+
+
+def test_all_of_them(forge: Forge, results: Path) -> None:
+    ran = forge("test-result", "--all", "--verbose", cwd=results)
+    assert ran.out.splitlines() == [
+        "build/a/pytest.xml: 1 test, 0 errors, 0 failures, 0 skipped",
+        "build/b/unittest.xml: 2 tests, 0 errors, 1 failure, 0 skipped",
+        "- b.test no",
+        "  <<< failure message",
+        "    it is not",
+        "  >>>",
+        "build/c/Testing/20260101-0000/Test.xml: 1 test, 0 errors, 0 failures, 0 skipped",
+        "build/c/test_results/c/no.xunit.xml: 2 tests, 0 errors, 1 failure, 0 skipped",
+        "- b.test no",
+        "  <<< failure message",
+        "    it is not",
+        "  >>>",
+        "",
+        "Summary: 6 tests, 0 errors, 2 failures, 0 skipped",
+        "Files: 7 tests, 0 errors, 3 failures, 0 skipped (ament's tests twice, as CTest and JUnit results)",
+    ]
+
+
+def test_paths_alone(forge: Forge, results: Path) -> None:
+    ran = forge("test-result", "--result-files-only", cwd=results)
+    assert (ran.code, ran.out) == (1, "build/b/unittest.xml\nbuild/c/test_results/c/no.xunit.xml\n")
+    ran = forge("test-result", "--result-files-only", "--test-result-base", "build/a", cwd=results)
+    assert (ran.code, ran.out) == (0, "")
+
+
+def test_without_failures_all_is_well(forge: Forge, results: Path) -> None:
+    ran = forge("test-result", "--test-result-base", "build/a", cwd=results)
+    assert (ran.code, ran.out) == (0, "Summary: 1 test, 0 errors, 0 failures, 0 skipped\n")
+
+
+def test_json_for_tools(forge: Forge, results: Path) -> None:
+    told = json.loads(forge("test-result", "--json", cwd=results).out)
+    assert told["summary"] == {"tests": 6, "errors": 0, "failures": 2, "skipped": 0}
+    assert told["results"][0]["path"] == "build/b/unittest.xml"
+    assert told["results"][0]["cases"][0]["failures"] == ["it is not"]
+
+
+def test_a_broken_file_is_a_warning_and_entities_are_refused(forge: Forge, tree: Tree) -> None:
+    bomb = '<!DOCTYPE t [<!ENTITY a "b">]><testsuite tests="1" failures="0" name="&a;"/>'
+    root = tree(
+        {
+            "build/a/bomb.xml": bomb,
+            "build/a/torn.xml": "<testsuite tests=",
+            "build/b/Testing/TAG": "1\n",
+            "build/b/Testing/1/Test.xml": "<html/>",
+            "build/c/Testing/TAG": "1\n",
+        }
+    )
+    ran = forge("test-result", cwd=root)
+    assert (ran.code, ran.out) == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
+    assert "build/a/bomb.xml:1: warning: not well-formed XML: document type declarations" in ran.err
+    assert "build/a/torn.xml:1:" in ran.err
+    assert "not a CTest result" in ran.err
+
+
+def test_a_place_without_results_is_a_mistake(forge: Forge, tree: Tree) -> None:
+    root = tree({"file": ""})
+    assert forge("test-result", cwd=root).code == 2
+    assert forge("test-result", "--test-result-base", "file", cwd=root).code == 2
+
+
+def test_deleting_asks_first(forge: Forge, results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for answer, end in (("n\n", "Aborted\n"), ("", "Aborted\n"), ("what\ny\n", "Deleted 5 files\n")):
+        monkeypatch.setattr(sys, "stdin", io.StringIO(answer))
+        ran = forge("test-result", "--delete", cwd=results)
+        assert ran.code == 0
+        assert ran.out.startswith("- build/a/pytest.xml\n- build/b/unittest.xml\n- build/c/Testing/2026")
+        assert "Delete these 5 files? [y/n] " in ran.out
+        assert ran.out.endswith(end)
+    assert (results / "build/b/CMakeFiles/other.xml").exists()
+    assert forge("test-result", "--delete-yes", cwd=results).out == "No result files found to delete\n"
+
+
+@pytest.mark.needs("cmake")
+def test_results_of_packages_that_have_left_do_not_count(forge: Forge, tree: Tree) -> None:
+    cmake = "cmake_minimum_required(VERSION 3.18)\nproject(x NONE)\n"
+    root = tree(
+        {
+            f"src/{name}/{file}": text
+            for name in ("stays", "goes", "moves", "ignored")
+            for file, text in (
+                ("package.xml", manifest_text(name, build_type="cmake")),
+                ("CMakeLists.txt", cmake),
+            )
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    tree({"build/stays/a.xml": GOOD, "build/goes/a.xml": BAD, "build/moves/a.xml": GOOD})
+    tree({"build/ignored/a.xml": BAD, "build/other/a.xml": GOOD})
+    assert forge("test-result", cwd=root).code == 1
+    shutil.rmtree(root / "src/goes")
+    (root / "src/ignored/COLCON_IGNORE").touch()
+    (root / "src/moves").rename(root / "moved")
+    ran = forge("test-result", "--all", cwd=root)
+    assert ran.code == 0
+    assert [line.partition(":")[0] for line in ran.out.splitlines()[:3]] == [
+        f"build/{name}/a.xml" for name in ("moves", "other", "stays")
+    ]
+    assert [line for line in ran.err.splitlines() if line.startswith("warning")] == [
+        f"warning: ignoring results of '{name}', which is no longer in the workspace"
+        for name in ("goes", "ignored")
+    ]

@@ -1,0 +1,98 @@
+"""Underlays that are gone, and packages that are in an underlay as well."""
+
+from __future__ import annotations
+
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.environment.recorded import recorded_underlays
+from forge.environment.underlays import lost_underlays, overridden
+from tests.installs import Made, make_install
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+LOST = (
+    "warning: the underlay '{}' no longer exists: packages built on it may not run\n"
+    "hint: restore it, or pass '--reset-underlays' to forget it\n"
+)
+
+
+def test_what_the_environment_names_must_be_there(tmp_path: Path) -> None:
+    """One problem a variable, not one an entry."""
+    (tmp_path / "there").mkdir()
+    gone = [str(tmp_path / name) for name in ("a", "b", "c", "d", "e")]
+    variables = {"AMENT_PREFIX_PATH": ":".join([str(tmp_path / "there"), "", *gone])}
+    (problem,) = lost_underlays(tmp_path, variables)
+    listed = ", ".join(f"'{path}'" for path in gone[:3])
+    assert problem.message == f"'AMENT_PREFIX_PATH' names {listed} and 2 more, which does not exist"
+
+
+@pytest.mark.parametrize("merged", [False, True])
+def test_users_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None:  # noqa: FBT001  (a column)
+    """If they are not built here, too."""
+    made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("lonely")]
+    root = make_install(tmp_path / "below", made, merged=merged).install
+    own, variables = tmp_path / "install", {"COLCON_PREFIX_PATH": str(root)}
+    (problem,) = overridden({"base", "lonely", "z"}, own, variables)
+    assert problem.message == (
+        f"'base' overrides the package in '{root}', on which 'v', 'w', 'x' and 1 more there depend"
+    )
+    assert list(overridden({"base", *"vwxyz"}, own, variables)) == []
+    assert list(overridden({"mine"}, own, variables)) == []
+
+
+@pytest.mark.needs("cmake")
+def test_a_build_tells_and_can_forget(forge: Forge, tmp_path: Path) -> None:
+    """While an underlay is recorded and gone, each build says so; what was overridden, when it is built."""
+    below = make_install(tmp_path / "below", [Made("base"), Made("user", ("base",))]).install
+    root = tmp_path / "ws"
+    (root / "src/base").mkdir(parents=True)
+    (root / "src/base/package.xml").write_text(manifest_text("base", build_type="cmake"))
+    (root / "src/base/CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.18)\nproject(base NONE)\n"
+    )
+    sourced = {"COLCON_PREFIX_PATH": str(below)}
+    told = forge("build", cwd=root, env=sourced).err
+    assert told.startswith(
+        f"warning: 'base' overrides the package in '{below}', on which 'user' there depend\n"
+    )
+    assert forge("build", cwd=root, env=sourced).err == ""
+    assert recorded_underlays(root / "install") == (below,)
+    shutil.rmtree(below)
+    lost = LOST.replace("{}", str(below))
+    assert forge("build", cwd=root).err == lost
+    assert forge("build", cwd=root, env=sourced).err == lost
+    assert forge("build", "--dry-run", "--reset-underlays", cwd=root).err == lost
+    assert forge("build", "--reset-underlays", cwd=root).err == ""
+    assert recorded_underlays(root / "install") == ()
+    assert str(below) not in (root / "install/setup.bash").read_text()
+    assert forge("build", cwd=root).err == ""
+
+
+def test_what_a_package_leaves_behind_is_told_of(forge: Forge, tree: Tree) -> None:
+    """Others may still find it; one that an option keeps from being looked at has not left."""
+    root = tree(
+        {f"src/{name}/package.xml": manifest_text(name, build_type="cmake") for name in ("a", "b")}
+        | {
+            f"src/{name}/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n"
+            for name in ("a", "b")
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    (root / "src/a/new").write_text("")
+    assert "no longer" not in forge("build", "--base-paths", "src/a", cwd=root).err
+    (root / "src/b/COLCON_IGNORE").touch()
+    (root / "src/a/newer").write_text("")
+    said = forge("build", cwd=root).err
+    assert f"warning: 'b' is no longer in the workspace, but its files are still in '{root}/install'" in said
+    assert "hint: remove them: forge clean stale" in said
+    assert "no longer" not in forge("build", cwd=root).err, "nothing is built, so nothing can find them"
+    assert forge("clean", "stale", "--yes", cwd=root).code == 0
+    (root / "src/a/newest").write_text("")
+    assert "no longer" not in forge("build", cwd=root).err

@@ -1,0 +1,113 @@
+"""A warm forge, and the program that asks it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import forge
+from forge.cli.worker import worker
+from forge.execution import worker_client
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tests.conftest import Tree
+
+CLIENT = Path(worker_client.__file__)
+HOME = str(Path(forge.__file__).parents[1])
+
+
+def ask(root: Path, *argv: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run the client as CMake would."""
+    environment = {**os.environ, "PYTHONPATH": HOME, **variables}
+    words = [sys.executable, "-S", "-E", str(CLIENT), *argv]
+    return subprocess.run(words, cwd=root, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def package(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with definitions, one of them wrong."""
+    monkeypatch.setenv("PYTHONPATH", HOME)
+    return tree({"good/msg/A.msg": "int32 x\n", "bad/msg/B.msg": "int23 x\n"})
+
+
+def generate(root: Path, name: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Generate code for one of the folders."""
+    return ask(root, "interface", "generate", "--package", name, "--output", "out", name, **variables)
+
+
+def test_through_the_worker_and_without_it_all_is_the_same(package: Path) -> None:
+    alone = [generate(package, name) for name in ("good", "bad")]
+    written = (package / "out/python/good/msg/_a.py").read_text()
+    shutil.rmtree(package / "out")
+    with worker() as variables:
+        asked = [generate(package, name, **variables) for name in ("good", "bad")]
+    assert [done.returncode for done in asked] == [0, 2]
+    assert (package / "out/python/good/msg/_a.py").read_text() == written
+    assert "bad/msg/B.msg:1:1: error: there is no type 'int23'" in asked[1].stderr
+    for one, other in zip(alone, asked, strict=True):
+        assert (one.returncode, one.stdout, one.stderr) == (other.returncode, other.stdout, other.stderr)
+
+
+DAWDLING = """import os, subprocess
+def main(argv):
+    with open(argv[0] + ".draft", "w") as flag:
+        flag.write(str(os.getpid()))
+    os.rename(flag.name, argv[0])
+    return subprocess.run(["sleep", "60"]).returncode
+"""
+
+
+def until(question: Callable[[], bool]) -> None:
+    """Wait until the answer is yes, but not for ever."""
+    end = time.monotonic() + 20
+    while not question():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_what_a_caller_wanted_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt ends the callers; what they asked for must not go on behind their backs."""
+    (tmp_path / "dawdling.py").write_text(DAWDLING)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((HOME, str(tmp_path))))
+    flag = tmp_path / "flag"
+    with worker("dawdling") as variables:
+        until(Path(variables[worker_client.VARIABLE]).exists)
+        words = [sys.executable, "-S", "-E", str(CLIENT), "-m", "dawdling", str(flag)]
+        with subprocess.Popen(words, env={**os.environ, **variables}) as caller:
+            until(flag.exists)
+            caller.kill()
+        group = flag.read_text()
+        until(
+            lambda: subprocess.run(["pgrep", "-g", group], capture_output=True, check=False).returncode == 1
+        )
+
+
+def test_many_callers_at_once(package: Path) -> None:
+    with worker() as variables:
+        environment = {**os.environ, **variables}
+        words = [sys.executable, "-S", "-E", str(CLIENT), "interface", "hash", "std_msgs/msg/String"]
+        calls = [
+            subprocess.Popen(words, cwd=package, env=environment, stdout=subprocess.PIPE, text=True)
+            for _ in range(8)
+        ]
+        answers = {call.communicate()[0] for call in calls}
+    assert len(answers) == 1
+    assert "RIHS01_" in answers.pop()
+
+
+def test_a_worker_that_has_gone_is_no_obstacle(package: Path) -> None:
+    assert generate(package, "good", FORGE_WORKER=str(package / "nobody")).returncode == 0
+
+
+def test_the_end_of_argparse_is_an_exit_code_too(package: Path) -> None:
+    with worker() as variables:
+        assert ask(package, "interface", "generate", "--nonsense", **variables).returncode == 2

@@ -1,0 +1,179 @@
+"""`forge list`, `graph` and `info` on small workspaces."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+
+@pytest.fixture
+def workspace(tree: Tree) -> Path:
+    """Return a workspace in which c needs b needs a, and p stands alone."""
+    return tree(
+        {
+            "src/a/package.xml": manifest_text("a", "<buildtool_depend>ament_cmake</buildtool_depend>"),
+            "src/b/package.xml": manifest_text("b", "<depend>a</depend>"),
+            "src/z/c/package.xml": manifest_text("c", "<exec_depend>b</exec_depend>"),
+            "src/p/package.xml": manifest_text(
+                "p", "<test_depend>python3-x</test_depend>", build_type="ament_python"
+            ),
+        }
+    )
+
+
+def test_list_prints_name_path_and_type_sorted(forge: Forge, workspace: Path) -> None:
+    ran = forge("list", cwd=workspace)
+    assert ran.out == (
+        "a\tsrc/a\t(ros.ament_cmake)\nb\tsrc/b\t(ros.ament_cmake)\n"
+        "c\tsrc/z/c\t(ros.ament_cmake)\np\tsrc/p\t(ros.ament_python)\n"
+    )
+    assert (ran.code, ran.err) == (0, "")
+
+
+def test_list_in_topological_order_and_in_parts(forge: Forge, workspace: Path) -> None:
+    assert forge("list", "-t", "-n", cwd=workspace).out == "a\np\nb\nc\n"
+    assert forge("list", "-p", "--packages-up-to", "b", cwd=workspace).out == "src/a\nsrc/b\n"
+    assert forge("list", "-n", "-p", cwd=workspace).code == 2
+
+
+def test_embedded_packages_show_only_when_asked_for(forge: Forge, workspace: Path) -> None:
+    assert "ament_cmake" in forge("list", "-n", "--embedded", cwd=workspace).out.split()
+    assert "ament_cmake" in forge("graph", "--embedded", cwd=workspace).out.split()
+    assert "name: ament_cmake\n" in forge("info", "--embedded", cwd=workspace).out
+
+
+def test_a_broken_manifest_is_a_warning_to_a_listing(forge: Forge, workspace: Path) -> None:
+    (workspace / "src/b/package.xml").write_text("<package/>")
+    ran = forge("list", "-n", cwd=workspace)
+    assert ran.out == "a\nc\np\n"
+    assert ran.err.startswith("src/b/package.xml:1:1: warning: element 'name' is missing")
+
+
+def test_graph_marks_direct_and_indirect_dependents(forge: Forge, workspace: Path) -> None:
+    assert forge("graph", cwd=workspace).out == "a  + *.\np   +  \nb    +*\nc     +\n"
+    dense = forge("graph", "--density", "--legend", cwd=workspace).out
+    assert dense.startswith("+ marks the package itself\n")
+    assert "dependency density 50.00 %\n\n" in dense
+    assert forge("graph", "--density", "--packages-select", "a", cwd=workspace).out.startswith(
+        "dependency density 0.00 %"
+    )
+
+
+def test_graph_for_graphviz_colours_edges_by_category(forge: Forge, workspace: Path) -> None:
+    assert forge("graph", "--dot", cwd=workspace).out.splitlines() == [
+        "digraph graphname {",
+        '  "c";',
+        '  "b";',
+        '  "p";',
+        '  "a";',
+        '  "c" -> "b" [color="#ff0000"];',
+        '  "b" -> "a" [color="#0000ff:#ff0000"];',
+        "}",
+    ]
+
+
+def test_info_says_what_the_manifest_says(forge: Forge, workspace: Path) -> None:
+    assert forge("info", "c", cwd=workspace).out == (
+        "path: src/z/c\n  type: ros.ament_cmake\n  name: c\n"
+        "  dependencies:\n    build: \n    run: b\n    test: \n"
+        "  metadata:\n    maintainers: ['The tests <tests@example.com>']\n    version: 0.1.0\n"
+    )
+    ran = forge("info", "cc", "b", cwd=workspace)
+    assert ran.code == 0
+    assert ran.err == "warning: package 'cc' is not in the workspace\nhint: did you mean 'c'?\n"
+    assert forge("info", "cc", cwd=workspace).code == 2
+
+
+def test_a_cycle_is_an_error_of_every_command(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "a/package.xml": manifest_text("a", "<depend>b</depend>"),
+            "b/package.xml": manifest_text("b", "<depend>a</depend>"),
+        }
+    )
+    for command in ("list", "graph", "info", "build"):
+        ran = forge(command, cwd=root)
+        assert ran.code == 2
+        assert "error: dependency cycle: a -> b -> a" in ran.err
+
+
+def test_names_are_taken_with_a_blank_in_front_and_numbers_checked(forge: Forge, workspace: Path) -> None:
+    assert forge("list", "-n", "--packages-select", " a", cwd=workspace).out == "a\n"
+    assert forge("list", "-n", "--packages-above-depth", "1", "a", cwd=workspace).out == "a\nb\n"
+    ran = forge("list", "--packages-above-depth", "a", cwd=workspace)
+    assert (ran.code, "expects a number first, not 'a'" in ran.err) == (2, True)
+    ran = forge("list", "--packages-select-regex", "(", cwd=workspace)
+    assert (ran.code, "'(' is not a valid regular expression" in ran.err) == (2, True)
+
+
+def test_strict_makes_an_unknown_name_an_error(forge: Forge, workspace: Path) -> None:
+    assert forge("list", "--packages-skip", "aa", cwd=workspace).code == 0
+    ran = forge("list", "--packages-skip", "aa", "--strict", cwd=workspace)
+    assert (ran.code, "did you mean 'a'?" in ran.err) == (2, True)
+
+
+def test_ignored_packages_are_as_if_they_were_not_there(forge: Forge, workspace: Path) -> None:
+    assert forge("graph", "--packages-ignore", "b", "p", cwd=workspace).out == "a  + \nc   +\n"
+    assert forge("list", "-n", "--packages-ignore-regex", "[ab]", cwd=workspace).out == "c\np\n"
+
+
+def test_list_graph_and_info_speak_json(forge: Forge, workspace: Path) -> None:
+    rows = json.loads(forge("list", "--json", "--packages-select", "a", cwd=workspace).out)
+    assert rows == [{"name": "a", "path": "src/a", "type": "ros.ament_cmake"}]
+    graph = json.loads(forge("graph", "--json", "--packages-skip", "b", cwd=workspace).out)
+    assert [row["name"] for row in graph["packages"]] == ["a", "p", "c"]
+    assert graph["dependencies"] == [{"from": "c", "to": "a", "categories": ["run"], "direct": False}]
+    (said,) = json.loads(forge("info", "--json", "b", cwd=workspace).out)
+    assert said["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
+
+
+def test_a_graph_shows_what_is_left_out_on_request(forge: Forge, workspace: Path) -> None:
+    skip = ("--packages-skip", "b")
+    plain = forge("graph", "--dot", *skip, cwd=workspace).out
+    assert '  "c" -> "a" [color="#ff0000", style="dashed"];\n' in plain
+    grey = forge("graph", "--dot", "--dot-include-skipped", *skip, cwd=workspace).out
+    assert '  "b"[color = "gray" fontcolor = "gray"];\n' in grey
+    assert '  "c" -> "b" [color="#ff000077"];\n' in grey
+    framed = forge("graph", "--dot", "--dot-cluster", "--legend", cwd=workspace).out
+    assert '    label = "z";\n    "c";\n  }\n' in framed
+    assert '    _legend_run -> _legend_test [label="test dep.", color="#d2b48c"];\n' in framed
+
+
+def test_the_older_words_for_graphs_draw_them(forge: Forge, workspace: Path) -> None:
+    matrix = forge("graph", "--legend", cwd=workspace).out
+    assert forge("list", "-g", "--topological-graph-legend", cwd=workspace).out == matrix
+    dot = forge("graph", "--dot", cwd=workspace).out
+    assert forge("list", "--topological-graph-dot", cwd=workspace).out == dot
+    assert forge("list", "--topological-graph-density", cwd=workspace).code == 2
+
+
+def test_packages_of_one_name_are_shown_and_refused_only_by_a_build_of_both(
+    forge: Forge, workspace: Path
+) -> None:
+    (workspace / "src/a2").mkdir()
+    (workspace / "src/a2/package.xml").write_text(manifest_text("a"))
+    ran = forge("list", "--packages-select", "a", cwd=workspace)
+    assert ran.out == "a\tsrc/a\t(ros.ament_cmake)\na\tsrc/a2\t(ros.ament_cmake)\n"
+    assert "warning: two packages are named 'a': 'src/a' and 'src/a2'" in ran.err
+    assert forge("info", "a", cwd=workspace).out.count("name: a\n") == 2
+    assert forge("graph", "--packages-select", "a", "b", cwd=workspace).out == "a  + *\na   +*\nb    +\n"
+    dot = forge("graph", "--dot", "--packages-select", "a", "b", cwd=workspace).out
+    assert '  "a_1" [label = "a"];\n' in dot
+    ran = forge("build", "--dry-run", "--packages-select", "a", cwd=workspace)
+    assert (ran.code, "two packages are named 'a'" in ran.err) == (2, True)
+    assert forge("build", "--dry-run", "--packages-select", "p", cwd=workspace).code == 0
+
+
+def test_nothing_to_tell_about_is_an_error_of_info(forge: Forge, tree: Tree) -> None:
+    ran = forge("info", cwd=tree({}))
+    assert ran.code == 2
+    assert "no packages found below" in ran.err

@@ -1,0 +1,32 @@
+"""A tuple that is made when somebody looks into it."""
+
+from __future__ import annotations
+
+import pickle
+
+from forge.base.lazy import Deferred
+
+
+def test_it_is_made_once_and_only_when_looked_into() -> None:
+    made = []
+
+    def make() -> tuple[int, ...]:
+        made.append(True)
+        return (1, 2, 3)
+
+    lazy = Deferred(make)
+    assert made == []
+    assert [*lazy] == [1, 2, 3]
+    assert (len(lazy), lazy[0], lazy[1:], lazy[-1]) == (3, 1, (2, 3), 3)
+    assert made == [True]
+
+
+def test_it_is_equal_to_the_tuple_and_pickled_as_it() -> None:
+    lazy = Deferred(lambda: (1, 2))
+    assert lazy == (1, 2)
+    assert lazy == Deferred(lambda: (1, 2))
+    assert lazy != (1, 3)
+    assert lazy != [1, 2]
+    assert hash(lazy) == hash((1, 2))
+    assert repr(lazy) == "(1, 2)"
+    assert type(pickle.loads(pickle.dumps(lazy))) is tuple  # noqa: S301  (our own)

@@ -1,0 +1,372 @@
+"""From packages, selection and snapshot to a plan."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import forge
+from forge.base.errors import WorkspaceError
+from forge.base.graph import ordered_names
+from forge.base.layout import Layout
+from forge.build.model import BuildRecord, Fingerprint, Snapshot
+from forge.build.planning import GlobalInputs, decided_task, make_plan, names_to_build
+from forge.build.recipes.context import COMPILING, BuildContext
+from forge.build.tasks import BuildPlan
+from forge.build.up_to_date import DependencyHashes, ExtraInputs
+from forge.workspace.model import Package, Selection
+from forge.workspace.resolve import DependencyResolution
+from tests.packages import package
+
+LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), Path("/ws/log"))
+KITCHEN = BuildContext(
+    root=Path("/ws"),
+    layout=LAYOUT,
+    python=Path("/usr/bin/python3"),
+    site_packages="lib/python3.11/site-packages",
+    wheels=("/usr/bin/python3", "-m", "forge.cli.install_wheel"),
+    generator=("/usr/bin/python3", "client.py"),
+    cmake=Path("/usr/bin/cmake"),
+    ninja=Path("/usr/bin/ninja"),
+)
+SOURCES = {name: Fingerprint("stamp", f"sources of {name}") for name in ("e", "a", "b", "p")}
+INSTALLED = {name: Fingerprint("stamp", f"files of {name}") for name in ("e", "a", "b", "p")}
+COMPLETE = Snapshot(present=frozenset({"e", "a", "b"}), sources=SOURCES)
+STANDING = GlobalInputs("forge 1", (("c++", "12"), ("cmake", "3")), (("CXX", "g++"), ("ROS_DISTRO", "jazzy")))
+
+
+def resolution(*packages: Package) -> DependencyResolution:
+    """Return the packages with the dependencies among them."""
+    table = {p.name: p for p in packages}
+    needs = {p.name: frozenset(d.name for d in p.manifest.dependencies if d.name in table) for p in packages}
+    return DependencyResolution(table, needs)
+
+
+PROVISION = resolution(
+    replace(package("e"), embedded=True, path=Path("/forge/embedded/e")),
+    package("a", "e"),
+    package("b", "a", build_type="cmake"),
+    package("p", "b", build_type="ament_python"),
+)
+
+
+def plan(
+    *names: str,
+    snapshot: Snapshot = COMPLETE,
+    context: BuildContext = KITCHEN,
+    global_inputs: GlobalInputs = STANDING,
+) -> BuildPlan:
+    """Plan the names in the provision above."""
+    return make_plan(names, PROVISION, snapshot, context, global_inputs)[0]
+
+
+def built(*names: str) -> Snapshot:
+    """Return the snapshot after a complete build of the names."""
+    records: dict[str, BuildRecord] = {}
+    hashes = DependencyHashes(PROVISION.needs, {n: INSTALLED[n].digest for n in names})
+    for name, task in plan(*names).tasks.items():
+        parts = replace(task.inputs, needs=hashes.needs_of(name, task.needs) or ())
+        records[name] = BuildRecord(parts, complete=True, sources=SOURCES[name], installed=INSTALLED[name])
+    return replace(
+        COMPLETE,
+        records=records,
+        installed={n: INSTALLED[n] for n in names},
+        present=frozenset(names),
+    )
+
+
+def test_a_cycle_is_named_by_its_shortest_way() -> None:
+    needs = {"a": frozenset({"b"}), "b": frozenset({"c"}), "c": frozenset({"a", "b"}), "d": frozenset({"a"})}
+    with pytest.raises(WorkspaceError) as error:
+        ordered_names(needs)
+    assert "dependency cycle: b -> c -> b" in error.value.problems[0].message
+
+
+def test_embedded_packages_below_the_selected_are_built_whatever_is_selected() -> None:
+    assert names_to_build(Selection(("b",)), PROVISION, PROVISION.needs) == ("e", "b")
+
+
+def test_tasks_know_all_they_need_lowest_first() -> None:
+    needs = plan("e", "a", "b", "p").tasks["p"].needs
+    assert tuple(needs) == ("e", "a", "b")
+    assert len(needs) == 3
+    assert "b" in needs
+    assert "p" not in needs
+
+
+def test_after_a_complete_build_everything_is_fresh() -> None:
+    after = built("e", "a", "b", "p")
+    assert plan("e", "a", "b", "p", snapshot=after) == BuildPlan({}, ("e", "a", "b", "p"))
+
+
+def reasons(
+    snapshot: Snapshot, context: BuildContext = KITCHEN, global_inputs: GlobalInputs = STANDING
+) -> dict[str, str]:
+    """Return why each of e and a is not fresh."""
+    found = plan("e", "a", snapshot=snapshot, context=context, global_inputs=global_inputs).tasks
+    return {name: ("maybe " if task.conditional else "") + task.reason for name, task in found.items()}
+
+
+AFTER = built("e", "a")
+MAYBE = "maybe one of its dependencies is being rebuilt and may change"
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "reason"),
+    [
+        (replace(AFTER, records={"a": AFTER.records["a"]}), "not built yet"),
+        (
+            replace(AFTER, records={**AFTER.records, "e": replace(AFTER.records["e"], complete=False)}),
+            "the last build did not finish successfully",
+        ),
+        (
+            replace(AFTER, installed={**INSTALLED, "e": Fingerprint("", "other")}),
+            "an installed file was changed or removed",
+        ),
+        (replace(AFTER, present=frozenset({"a"})), "an installed file was changed or removed"),
+        (
+            replace(AFTER, changed_externals={"e": "/usr/include/x.h"}),
+            "the external input '/usr/include/x.h' changed",
+        ),
+        (
+            replace(AFTER, records={**AFTER.records, "e": replace(AFTER.records["e"], saved=("x.cpp",))}),
+            "'x.cpp' was modified during the last build",
+        ),
+        (
+            replace(
+                AFTER,
+                sources={**SOURCES, "e": Fingerprint("", "other")},
+                changed_files={"e": ("x.cpp", "y.cpp")},
+            ),
+            "'x.cpp' and 1 more changed",
+        ),
+        (
+            replace(AFTER, sources={**SOURCES, "e": Fingerprint("", "other")}),
+            "source files were added, removed or renamed",
+        ),
+    ],
+)
+def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: Snapshot, reason: str) -> None:
+    assert reasons(snapshot) == {"e": reason, "a": MAYBE}
+
+
+@pytest.mark.parametrize(
+    ("context", "global_inputs", "reason"),
+    [
+        (replace(KITCHEN, cmake_args=("-DX=1",)), STANDING, "the option '-DX=1' was added"),
+        (
+            replace(KITCHEN, layout=replace(LAYOUT, merged=True)),
+            STANDING,
+            "the option '/ws/install' was added",
+        ),
+        (KITCHEN, replace(STANDING, forge="forge 2"), "forge itself changed"),
+        (KITCHEN, replace(STANDING, tools=(("c++", "12"), ("cmake", "4"))), "the tool 'cmake' changed"),
+        (
+            KITCHEN,
+            replace(STANDING, environment=(("CXX", "g++"),)),
+            "the environment variable 'ROS_DISTRO' changed",
+        ),
+        (KITCHEN, replace(STANDING, underlays="b"), "packages were added to or removed from an underlay"),
+        (KITCHEN, replace(STANDING, force="--force", selected=frozenset({"e", "a"})), "requested by --force"),
+    ],
+)
+def test_what_holds_for_all_is_a_reason_for_all(
+    context: BuildContext, global_inputs: GlobalInputs, reason: str
+) -> None:
+    assert reasons(AFTER, context, global_inputs) == {"e": reason, "a": reason}
+
+
+@pytest.mark.parametrize(
+    ("context", "global_inputs", "reason"),
+    [
+        (
+            replace(KITCHEN, cmake_args=("-DCMAKE_BUILD_TYPE=Debug",)),
+            STANDING,
+            "'-DCMAKE_BUILD_TYPE=Debug' was added",
+        ),
+        (replace(KITCHEN, cmake_args=("-D", "CMAKE_CXX_FLAGS:STRING=-g")), STANDING, "'-D' was added"),
+        (replace(KITCHEN, ament_cmake_args=("-DX=1",)), STANDING, "'-DX=1' was added"),
+        (replace(KITCHEN, test_results=Path("/results")), STANDING, "'/results' was added"),
+        (replace(KITCHEN, path_maps=(("C", "-ffile-prefix-map=a=b"),)), STANDING, "'path maps' was added"),
+        (replace(KITCHEN, layout=replace(LAYOUT, symlink=True)), STANDING, "'isolated links' was added"),
+        (KITCHEN, replace(STANDING, tools=(("c++", "13"), ("cmake", "3"))), "the tool 'c++' changed"),
+        (
+            KITCHEN,
+            replace(STANDING, environment=(("CXX", "clang++"), ("ROS_DISTRO", "jazzy"))),
+            "'CXX' changed",
+        ),
+    ],
+)
+def test_what_only_concerns_compiling_and_users_leaves_embedded_packages_alone(
+    context: BuildContext, global_inputs: GlobalInputs, reason: str
+) -> None:
+    found = reasons(AFTER, context, global_inputs)
+    assert found.keys() == {"a"}
+    assert found["a"].endswith(reason)
+
+
+def test_an_embedded_package_names_no_variable_of_those_that_it_is_not_told() -> None:
+    folder = Path(forge.__file__).parent / "embedded"
+    texts = [p.read_text() for p in folder.rglob("*") if p.suffix in {".cmake", ".in", ".txt"}]
+    named = {name for text in texts for name in re.findall(r"\b(?:CMAKE)_\w+", text)}
+    passed_on = {
+        "CMAKE_BUILD_TYPE",
+        "CMAKE_C_FLAGS",
+        "CMAKE_CXX_FLAGS",
+    }  # to Google Test, for tests of others
+    assert {name for name in named if re.fullmatch(COMPILING, name)} <= passed_on
+
+
+def test_what_conditions_make_of_a_manifest_is_an_option() -> None:
+    more = replace(PROVISION.packages["a"].manifest, group_dependencies=("group",))
+    packages = {**PROVISION.packages, "a": replace(PROVISION.packages["a"], manifest=more)}
+    made, _ = make_plan(("e", "a"), replace(PROVISION, packages=packages), AFTER, KITCHEN, STANDING)
+    assert {n: t.reason for n, t in made.tasks.items()} == {"a": "the evaluated package.xml changed"}
+
+
+def test_what_a_package_names_counts_for_it_alone() -> None:
+    def named(package: Package, _: Snapshot) -> ExtraInputs:
+        return ExtraInputs(tools=(("protoc", "2"),)) if package.name == "a" else ExtraInputs()
+
+    assert reasons(AFTER, KITCHEN, replace(STANDING, named=named)) == {"a": "the tool 'protoc' changed"}
+
+
+def test_an_option_less_and_options_in_another_order() -> None:
+    after = replace(
+        AFTER,
+        records={
+            name: replace(record, inputs=replace(record.inputs, options=(*record.inputs.options, "-DX=1")))
+            for name, record in AFTER.records.items()
+        },
+    )
+    assert set(reasons(after).values()) == {"the option '-DX=1' was removed"}
+    turned = {
+        name: replace(record, inputs=replace(record.inputs, options=record.inputs.options[::-1]))
+        for name, record in AFTER.records.items()
+    }
+    assert set(reasons(replace(AFTER, records=turned)).values()) == {"the order of its options changed"}
+
+
+def test_a_conditional_task_is_settled_by_what_its_needs_came_out_as() -> None:
+    changed = replace(AFTER, sources={**SOURCES, "e": Fingerprint("", "other")})
+    made, hashes = make_plan(("e", "a"), PROVISION, changed, KITCHEN, STANDING)
+    hashes.finish("e", INSTALLED["e"].digest)
+    assert decided_task(made.tasks["a"], hashes, AFTER.records["a"]) is None
+    hashes = make_plan(("e", "a"), PROVISION, changed, KITCHEN, STANDING)[1]
+    hashes.finish("e", "other files")
+    task = decided_task(made.tasks["a"], hashes, AFTER.records["a"])
+    assert task is not None
+    assert task.inputs.needs != AFTER.records["a"].inputs.needs
+
+
+def test_the_installing_step_knows_what_is_installed() -> None:
+    record = replace(AFTER.records["a"], files=("/ws/install/a/x",), complete=False)
+    snapshot = replace(AFTER, records={"a": record}, listed={"a": ("/ws/install/a/killed",)})
+    task = plan("a", snapshot=snapshot).tasks["a"]
+    assert task.earlier == ("/ws/install/a/killed", "/ws/install/a/x")
+    assert [step.replaces for step in task.steps] == [*[()] * (len(task.steps) - 1), task.earlier]
+
+
+def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
+    with pytest.raises(WorkspaceError) as error:
+        plan("b", "p", snapshot=Snapshot(sources=SOURCES))
+    assert [problem.message for problem in error.value.problems] == [
+        "'b' needs 'a', 'e', which are not built yet",
+        "'p' needs 'a', 'e', which are not built yet",
+    ]
+
+
+def test_a_build_type_that_nobody_knows() -> None:
+    with pytest.raises(WorkspaceError) as error:
+        make_plan(("a",), resolution(package("a", build_type="ament_cmak")), Snapshot(), KITCHEN, STANDING)
+    assert error.value.problems[0].hint == "did you mean 'ament_cmake'?"
+
+
+def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> None:
+    steps = plan("a").tasks["a"].steps
+    assert [step.label for step in steps] == ["cmake", "build", "install"]
+    assert steps[0].argv == (
+        "/usr/bin/cmake",
+        *("-S", "/ws/src/a", "-B", "/ws/build/a"),
+        "-C",
+        "/ws/build/a/.forge/initial_cache.cmake",
+        "-G",
+        "Ninja",
+        "-DCMAKE_MAKE_PROGRAM=/usr/bin/ninja",
+        "-DCMAKE_INSTALL_PREFIX=/ws/install/a",
+    )
+    assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a")
+
+
+def test_a_folder_is_configured_again_when_something_is_said_differently() -> None:
+    """The words that the configure step leaves behind tell one configuration from another."""
+
+    def said(context: BuildContext) -> str:
+        record = plan("a", context=context).tasks["a"].steps[0].record
+        assert record is not None
+        return record[1]
+
+    words = [
+        said(context)
+        for context in (
+            KITCHEN,
+            replace(KITCHEN, cmake_args=("-DX=1",)),
+            replace(KITCHEN, layout=replace(LAYOUT, install=Path("/elsewhere"))),
+            replace(KITCHEN, layout=replace(LAYOUT, symlink=True)),
+            replace(KITCHEN, python=Path("/usr/bin/python3.12")),
+        )
+    ]
+    assert len(set(words)) == len(words)
+    assert said(KITCHEN) == words[0]
+
+
+def test_cmake_can_be_asked_to_run_in_any_case() -> None:
+    for context in (replace(KITCHEN, force_configure=True), replace(KITCHEN, clean_cache=True)):
+        assert plan("a", context=context).tasks["a"].reconfigure
+    assert not plan("a").tasks["a"].reconfigure
+
+
+@pytest.mark.parametrize(
+    "context",
+    [
+        replace(KITCHEN, ninja=None),
+        replace(KITCHEN, environment_generator="Unix Makefiles"),
+        replace(KITCHEN, cmake_args=("-G", "Unix Makefiles")),
+        replace(KITCHEN, cmake_args=("-GUnix Makefiles",)),
+    ],
+)
+def test_the_users_generator_wins_over_ninja(context: BuildContext) -> None:
+    assert "Ninja" not in plan("a", context=context).tasks["a"].steps[0].argv
+
+
+def test_a_package_that_calls_make_is_built_by_it_where_there_is_one() -> None:
+    context = replace(KITCHEN, only_make=frozenset({"a"}), make=Path("/usr/bin/make"))
+    assert plan("a", context=context).tasks["a"].steps[0].argv[7:9] == ("-G", "Unix Makefiles")
+    assert "Ninja" in plan("a", context=replace(context, make=None)).tasks["a"].steps[0].argv
+    assert "Ninja" in plan("b", context=context).tasks["b"].steps[0].argv
+
+
+def test_links_are_for_the_workspaces_packages_only() -> None:
+    linked = plan("e", "a", "p", context=replace(KITCHEN, layout=replace(LAYOUT, symlink=True))).tasks
+    assert ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY") in linked["a"].steps[2].env
+    handed_over = dict(linked["a"].files)[Path("/ws/build/a/.forge/initial_cache.cmake")]
+    assert 'set(AMENT_CMAKE_SYMLINK_INSTALL "1" CACHE' in handed_over
+    assert linked["e"].steps[2].env == (("CMAKE_INSTALL_ALWAYS", "1"),)
+    assert "--link" in linked["p"].steps[0].argv
+
+
+def test_the_python_step_repeats_by_hand() -> None:
+    assert plan("p").tasks["p"].steps[0].argv[:6] == (
+        "/usr/bin/python3",
+        "-m",
+        "forge.cli.install_wheel",
+        "/ws/src/p",
+        "--package",
+        "p",
+    )
+
+
+def test_a_load_limit_is_the_build_tools_to_keep_too() -> None:
+    steps = plan("a", context=replace(KITCHEN, load_limit=2.5)).tasks["a"].steps
+    assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a", "--", "-l2.5")

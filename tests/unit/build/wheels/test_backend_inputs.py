@@ -1,0 +1,170 @@
+"""What counts as input among all that a build backend and its compilers log."""
+
+from __future__ import annotations
+
+import ast
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.build.wheels.backend_inputs import (
+    Started,
+    Traced,
+    external_files,
+    parse_list,
+    parse_make_rules,
+    parse_trace,
+)
+from tests.snippets import ROOT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+
+def log(*lines: list[object]) -> str:
+    """Return a log as the tracer writes it."""
+    return "".join(f"{json.dumps(line)}\n" for line in lines)
+
+
+def test_a_log_is_read_by_its_words() -> None:
+    traced = parse_trace(
+        log(
+            ["read", "/a/../b"],
+            ["read", "/m/__pycache__/x.cpython-311.opt-1.pyc"],
+            ["written", "/w"],
+            ["made", "/d/"],
+            ["listed", "/l/."],
+            ["started", "/here", "cat", ["cat", "x"]],
+            ["missing", "Cython", True],
+            ["interpreter", ["", "/lib"], ["/bin/python3"]],
+        )
+    )
+    assert traced == Traced(
+        read={"/b", "/m/x.py"},
+        written={"/w"},
+        made={"/d"},
+        listed={"/l"},
+        started=[Started("/here", "cat", ("cat", "x"))],
+        missing={"Cython": True},
+        search_path={"/lib"},
+        programs={"/bin/python3"},
+    )
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["", "{", "3", '["read"', '["read"]', '["read", 3]', '["started", "/", "x", 3]', '["a", "b"]', "\0"],
+)
+def test_a_line_that_says_nothing_is_passed_over(line: str) -> None:
+    assert parse_trace(f"{line}\n" + log(["read", "/a"])) == Traced(read={"/a"})
+
+
+def test_names_of_any_kind_survive_the_log() -> None:
+    name = "/a\nb\udcff\u2028'\"\\"
+    assert parse_trace(log(["read", name])).read == {name}
+
+
+def test_rules_of_make_name_files_behind_the_colon() -> None:
+    text = "e.o: /usr/include/a.h \\\n a\\ b.h ../c$$\\#.h\ne.o: x.h\n/abs/f.o: /g:h.h\nno rule\n"
+    found = list(parse_make_rules(text, "/src/p"))
+    assert found == ["/usr/include/a.h", "/src/p/a b.h", "/src/c$#.h", "/src/p/x.h", "/g:h.h"]
+
+
+def test_a_list_has_a_file_on_each_line() -> None:
+    assert list(parse_list("/usr/include/a b.h\n./x.h\n\n", "/src/p")) == ["/usr/include/a b.h", "/src/p/x.h"]
+
+
+def test_what_is_inside_or_was_made_by_the_build_is_no_input(tree: Tree) -> None:
+    root = tree(dict.fromkeys(("src/p/a", "tmp/made/a", "tmp/written", "VERSION", "python"), ""))
+    traced = Traced(
+        read={*(str(root / name) for name in ("src/p/a", "tmp/made/a", "tmp/written", "VERSION", "python"))},
+        written={str(root / "tmp/written")},
+        made={str(root / "tmp/made")},
+        programs={str(root / "python")},
+    )
+    traced.read.update(("/proc/self/maps", "/dev/null", str(root)))
+    assert external_files(traced, (), (str(root / "src/p"),)) == (str(root / "VERSION"),)
+
+
+def test_a_file_that_was_not_there_may_appear_and_a_listed_folder_counts_by_its_names(tree: Tree) -> None:
+    root = tree({"shared/a": ""})
+    traced = Traced(read={f"{root}/absent"}, listed={f"{root}/shared", f"{root}/gone", f"{root}/shared/a"})
+    assert external_files(traced, (), ()) == (f"{root}/absent", f"{root}/shared/.")
+
+
+def site(root: Path) -> Traced:
+    """Return the trace of a program that imported all that is installed."""
+    read = {str(path) for path in root.rglob("*.py")}
+    return Traced(read=read, search_path={str(root / "site-packages")})
+
+
+def test_a_large_distribution_counts_by_its_record(tree: Tree) -> None:
+    names = ["big/__init__.py", *(f"big/sub/m{number}.py" for number in range(20)), "_other_name/x.py"]
+    record = "".join(f"{name},,\n" for name in names)
+    files = {f"site-packages/{name}": "" for name in names}
+    root = tree(
+        {
+            **files,
+            "site-packages/Big-1.0.dist-info/RECORD": record,
+            "site-packages/other-1.dist-info/RECORD": "",
+        }
+    )
+    assert external_files(site(root), (), ()) == (f"{root}/site-packages/Big-1.0.dist-info/RECORD",)
+
+
+def test_a_small_one_counts_by_its_files_too_and_a_lone_module_by_itself(tree: Tree) -> None:
+    root = tree(
+        {
+            "site-packages/yaml/__init__.py": "",
+            "site-packages/PyYAML-6.egg-info/PKG-INFO": "",
+            "site-packages/PyYAML-6.egg-info/top_level.txt": "_yaml\nyaml\n",
+            "site-packages/alone.py": "",
+        }
+    )
+    names = ("PyYAML-6.egg-info/PKG-INFO", "alone.py", "yaml/__init__.py")
+    assert external_files(site(root), (), ()) == tuple(f"{root}/site-packages/{name}" for name in names)
+
+
+def test_a_module_that_is_missing_would_be_read_where_others_are(tree: Tree) -> None:
+    root = tree({"lib/python3/os.py": "", "lib/python3/lib-dynload/x": "", "site-packages/a.py": ""})
+    folders = ("lib/python3", "lib/python3/lib-dynload", "site-packages", "site-packages/a/_vendor", "absent")
+    traced = Traced(
+        missing={"mine": False, "Cython": True}, search_path={f"{root}/{name}" for name in folders}
+    )
+    names = ("Cython/__init__.py", "mine.py", "mine/__init__.py")
+    assert external_files(traced, (), ()) == tuple(f"{root}/site-packages/{name}" for name in names)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["tool", "VERSION"],
+        ["tool", "--version-file=VERSION"],
+        ["sh", "-c", "cat VERSION | head -1"],
+        ["sh", "-c", "cat 'VERSION'; exit # not 'closed"],
+        ["sh", "-c", "cat <VERSION"],
+        ["sh", "-c", "cat VERSION - <<end\nit's\nend\n"],
+    ],
+)
+def test_a_command_line_names_files(words: list[str], tree: Tree) -> None:
+    root = tree({"VERSION": ""})
+    traced = Traced(started=[Started(str(root), words[0], tuple(words))])
+    found = external_files(traced, (), ())
+    assert [path for path in found if path.startswith(f"{root}/")] == [f"{root}/VERSION"]
+
+
+def test_a_program_counts_and_so_do_libraries_and_folders_of_headers(tree: Tree) -> None:
+    root = tree({"bin/cc": "#!", "lib/liba.a": "", "lib/liba.so": "", "more/liba.a": "", "include/x.h": ""})
+    words = ("cc", "-Lnone", "-Llib", f"-L{root}/more", "-la", "-lnowhere", "-Iinclude", "-Inone")
+    traced = Traced(started=[Started(str(root), f"{root}/bin/cc", words)])
+    found = external_files(traced, (), ())
+    assert found == tuple(f"{root}/{name}" for name in ("bin/cc", "include/.", "lib/liba.so"))
+
+
+def test_the_tracer_needs_no_more_than_python_3_8() -> None:
+    """The workspace's interpreter, and what a setup.py starts, may be older than forge's."""
+    text = (ROOT / "forge/build/wheels/backend_tracer.py").read_text(encoding="utf-8")
+    ast.parse(text, feature_version=(3, 8))

@@ -1,0 +1,92 @@
+"""Who may look into the folder of a cache."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.cache.folder_store import FolderStore
+from forge.cache.model import ActionResult, Digest
+from forge.cache.tallying import Counts, add_counts
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+KEY = "ab" * 32
+
+
+@pytest.fixture(params=[0o000, 0o022, 0o077], ids=oct)
+def mask(request: pytest.FixtureRequest) -> Iterator[int]:
+    """Set a umask."""
+    before = os.umask(request.param)
+    yield request.param
+    os.umask(before)
+
+
+def fill(store: FolderStore, source: Path) -> None:
+    """Put a result and both kinds of blobs into a store."""
+    content = b"bytes"
+    source.write_bytes(content)
+    store.put(Digest(hashlib.sha256(content).hexdigest(), len(content)), source)
+    draft = store.draft()
+    draft.write_bytes(b"others")
+    store.adopt(draft, Digest(hashlib.sha256(b"others").hexdigest(), 6))
+    store.put_result(KEY, ActionResult())
+    add_counts(store.folder, Counts(1, 1), store.rights)
+
+
+def rights(folder: Path) -> dict[str, set[int]]:
+    """Return the rights of the folders, and of the files, in a folder."""
+    found: dict[str, set[int]] = {"folders": set(), "files": set()}
+    for path in folder.rglob("*"):
+        found["folders" if path.is_dir() else "files"].add(stat.S_IMODE(path.stat().st_mode))
+    return found
+
+
+@pytest.mark.usefixtures("mask")
+def test_what_is_kept_is_its_owners_alone(tmp_path: Path) -> None:
+    store = FolderStore(tmp_path / "deep/cache")
+    fill(store, tmp_path / "source")
+    assert rights(tmp_path / "deep/cache") == {"folders": {0o700}, "files": {0o600}}
+    assert stat.S_IMODE(store.folder.stat().st_mode) == 0o700
+
+
+@pytest.mark.usefixtures("mask")
+@pytest.mark.parametrize("mode", [0o755, 0o775, 0o777, 0o1777, 0o2755])
+def test_an_open_folder_is_not_meant_for_a_group(tmp_path: Path, mode: int) -> None:
+    """It may be there for other things as well: its own rights stay as they are."""
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(mode)
+    fill(FolderStore(tmp_path / "cache"), tmp_path / "source")
+    assert rights(tmp_path / "cache") == {"folders": {0o700}, "files": {0o600}}
+    assert stat.S_IMODE((tmp_path / "cache").stat().st_mode) == mode
+
+
+@pytest.mark.usefixtures("mask")
+@pytest.mark.parametrize(("mode", "files"), [(0o2770, 0o660), (0o2775, 0o664)])
+def test_the_folder_of_a_group_is_for_that_group(tmp_path: Path, mode: int, files: int) -> None:
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(mode)
+    fill(FolderStore(tmp_path / "cache"), tmp_path / "source")
+    assert rights(tmp_path / "cache") == {"folders": {mode}, "files": {files}}
+
+
+def test_what_an_earlier_forge_has_kept_is_closed(tmp_path: Path) -> None:
+    for name in ("ac/ab", "cas/ab"):
+        (tmp_path / "cache" / name).mkdir(parents=True)
+    (tmp_path / "cache/cas/ab/blob").write_text("open to all")
+    fill(FolderStore(tmp_path / "cache"), tmp_path / "source")
+    assert {stat.S_IMODE((tmp_path / "cache" / name).stat().st_mode) for name in ("ac", "cas")} == {0o700}
+
+
+def test_a_folder_that_is_removed_meanwhile_is_made_again(tmp_path: Path) -> None:
+    store = FolderStore(tmp_path / "cache")
+    fill(store, tmp_path / "source")
+    (tmp_path / "cache").rename(tmp_path / "gone")
+    fill(store, tmp_path / "source")
+    assert store.result(KEY) == ActionResult()

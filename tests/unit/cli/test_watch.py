@@ -1,0 +1,116 @@
+"""A watch in this process, its lines, and which folders it looks at; tests/e2e/test_watch.py has the rest."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.cli.watch.saves import WatchSpec, interests
+from forge.cli.watch.watching import line_of
+from forge.output.console import Tally
+from forge.workspace.discovery import discover
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tests.conftest import Forge, Tree
+
+CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject(a NONE)\ninstall(FILES said.txt DESTINATION share/a)\n"
+PACKAGE = {
+    "src/a/package.xml": manifest_text("a", build_type="cmake"),
+    "src/a/CMakeLists.txt": CMAKE,
+    "src/a/said.txt": "one",
+}
+
+
+@pytest.mark.parametrize(
+    ("tally", "line"),
+    [
+        (Tally(finished=("a", "b", "c")), "c and 2 more rebuilt in 0.40s"),
+        (
+            Tally(failed=("b",), finished=("a",), not_processed=("c",)),
+            "b failed, a rebuilt, 1 not built in 0.40s",
+        ),
+        (Tally(aborted=("a",)), "a stopped in 0.40s"),
+        (Tally(embedded=("e",)), "embedded packages rebuilt in 0.40s"),
+        (Tally(unchanged=("a",)), "nothing to do"),
+    ],
+)
+def test_a_line_names_the_first_of_the_plan(tally: Tally, line: str) -> None:
+    assert line_of(("c", "b", "a"), tally, 0.4) == line
+
+
+def test_what_is_looked_at(tree: Tree) -> None:
+    root = tree(
+        {
+            **PACKAGE,
+            "src/a/deep/er/x.py": "",
+            "src/a/.git/HEAD": "",
+            "src/hidden/COLCON_IGNORE": "",
+            "src/hidden/b/package.xml": "",
+            "build/COLCON_IGNORE": "",
+            ".venv/x": "",
+            "far/said.txt": "",
+        }
+    )
+    (root / "src/a/link.txt").symlink_to(root / "far/said.txt")
+    (root / "src/loop").symlink_to(root / "src")
+    found = interests(discover(root, ["."], {}), ["."], ["forge.toml"], frozenset({f"{root}/build"}))
+    assert {os.path.relpath(folder, root) for folder in found} == {
+        *(".", "src", "src/a", "src/a/deep", "src/a/deep/er", "src/hidden", "far")
+    }
+    assert found[f"{root}/src/a"] == WatchSpec()
+    assert not found[f"{root}/src/hidden"].folders
+    assert "said.txt" in (found[f"{root}/far"].names or ())
+    assert "forge.toml" in (found[str(root)].names or ())
+
+
+def wait_for(question: Callable[[], bool]) -> None:
+    """Wait until the answer is yes, but not for ever."""
+    end = time.monotonic() + 30
+    while not question() and time.monotonic() < end:
+        time.sleep(0.05)
+
+
+@pytest.mark.needs("cmake")
+def test_a_whole_watch(forge: Forge, tree: Tree) -> None:
+    root = tree(PACKAGE)
+
+    def edit() -> None:
+        installed = root / "install/a/share/a/said.txt"
+        wait_for(lambda: installed.exists() and (root / "build/.forge_lock").read_text() == "")
+        time.sleep(1)
+        (root / "src/a/package.xml").write_text("<")
+        time.sleep(1)
+        (root / "src/a/package.xml").write_text(PACKAGE["src/a/package.xml"])
+        (root / "src/a/said.txt").write_text("two")
+        wait_for(lambda: installed.exists() and installed.read_text() == "two")
+        more = {
+            "package.xml": manifest_text("b", build_type="cmake"),
+            "CMakeLists.txt": CMAKE,
+            "said.txt": "",
+        }
+        tree({f"src/b/{name}": text for name, text in more.items()})
+        wait_for((root / "install/b/share/b/package.sh").exists)
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    editor = threading.Thread(target=edit)
+    editor.start()
+    ran = forge("build", "--watch", "--force", cwd=root)
+    editor.join()
+    assert ran.code in {0, 130}
+    assert " a rebuilt in " in ran.out
+    assert "nothing was built; waiting for the next change" in ran.out
+    assert "package.xml:1" in ran.err
+
+
+def test_what_cannot_be_watched(forge: Forge, tree: Tree) -> None:
+    ran = forge("build", "--watch", "--dry-run", cwd=tree(PACKAGE))
+    assert (ran.code, ran.err.splitlines()[0]) == (2, "error: '--watch' cannot be combined with '--dry-run'")

@@ -1,0 +1,212 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.errors import WorkspaceError
+from forge.environment.dsv import Change, Edit, Script, apply, order, parse_dsv, read_hooks, resolve_hooks
+from tests.strategies import graphs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from forge.environment.dsv import Read
+
+
+def prepend(value: str, variable: str = "X") -> Edit:
+    """Return the edit that puts a path below the prefix first."""
+    return Edit("prepend", variable, value, below=True)
+
+
+def reader(files: dict[str, str]) -> Read:
+    """Return what reads these files and no others."""
+
+    def read(path: str) -> str | None:
+        return files.get(path)
+
+    return read
+
+
+def after(held: dict[str, str], edits: Iterable[Edit], *, first: bool = False) -> dict[str, str]:
+    """Return the variables after the edits of a package in /p."""
+    return apply(held, [("/p", edit) for edit in edits], first=first)
+
+
+def test_a_dsv_file_has_changes_and_sources() -> None:
+    """Blank lines and comments are skipped; several values are several changes."""
+    text = (
+        "# hooks\n\nprepend-non-duplicate;PATH;bin;sbin\nset;A;b;c\nsource;share/p/x.dsv\nset-if-unset;B;\n"
+    )
+    changes, sources = parse_dsv(text, "x.dsv")
+    assert changes == (
+        Change("prepend-non-duplicate", "PATH", "bin"),
+        Change("prepend-non-duplicate", "PATH", "sbin"),
+        Change("set", "A", "b;c"),
+        Change("set-if-unset", "B", ""),
+    )
+    assert sources == ("share/p/x.dsv",)
+
+
+@pytest.mark.parametrize(
+    "line", ["prepend-non-duplicate", "set;A", "source", "prepend;A;b", "set;A B;c", "set;;c", "set;A$(x);c"]
+)
+def test_other_lines_are_told_with_their_place(line: str) -> None:
+    """Nothing is skipped in silence, and nothing but a name gets where a shell evaluates names."""
+    with pytest.raises(WorkspaceError) as caught:
+        parse_dsv(f"set;GOOD;1\n{line}\n", "share/p/x.dsv")
+    assert str(caught.value) == (
+        "share/p/x.dsv:2: error: invalid environment hook\n"
+        f"    {line}\n"
+        "hint: the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'"
+    )
+
+
+def test_sourced_files_are_read_in_their_place() -> None:
+    """A file's own changes come first, then what it sources, grouped by name without extension."""
+    files = {
+        "share/p/package.dsv": "source;a.sh\nsource;b.dsv\nset;FIRST;1\nsource;a.bash\nsource;c.sh\n",
+        "b.dsv": "set;SECOND;2\nsource;share/p/package.dsv\n",
+        "c.dsv": "set;THIRD;3\n",
+    }
+    assert read_hooks("p", reader(files)) == (
+        Change("set", "FIRST", "1"),
+        Script(("a.sh", "a.bash")),
+        Change("set", "SECOND", "2"),
+        Change("set", "THIRD", "3"),  # the dsv file beside c.sh speaks for it, though nobody lists it
+    )
+
+
+def test_a_package_without_dsv_does_nothing() -> None:
+    """A dsv file that is not there is no hook either."""
+    assert read_hooks("p", lambda _: None) == ()
+    files = {"share/p/package.dsv": "source;gone.dsv\n"}
+    assert read_hooks("p", reader(files)) == ()
+
+
+@pytest.mark.parametrize(
+    ("paths", "shell", "expected"),
+    [
+        (("a.sh",), "bash", "a.sh"),
+        (("a.sh", "a.bash"), "bash", "a.bash"),
+        (("a.sh", "a.bash"), "zsh", "a.sh"),
+        (("a.bash", "a.ps1"), "sh", None),
+    ],
+)
+def test_a_script_is_sourced_in_the_shell_s_own_language(
+    paths: tuple[str, ...], shell: str, expected: str | None
+) -> None:
+    """Plain sh is everybody's second choice."""
+    assert Script(paths).path(shell) == expected
+
+
+def test_settling_asks_which_files_exist() -> None:
+    """Conditional prepends stay or go; a value that is a file becomes a path."""
+    hooks: list[Change | Script] = [
+        Change("prepend-non-duplicate-if-exists", "PATH", "bin"),
+        Change("prepend-non-duplicate-if-exists", "PATH", "sbin"),
+        Change("prepend-non-duplicate", "PATH", "/opt"),
+        Change("append-non-duplicate", "PATH", ""),
+        Change("set", "HERE", "bin"),
+        Change("set", "WORD", "humble"),
+        Change("set-if-unset", "PREFIX", ""),
+        Change("set-if-unset", "ABSOLUTE", "/bin"),
+        Script(("x.sh",)),
+    ]
+    assert resolve_hooks(hooks, {"bin", "/bin"}.__contains__) == (
+        Edit("prepend", "PATH", "bin", below=True),
+        Edit("prepend", "PATH", "/opt", below=False),
+        Edit("append", "PATH", "", below=True),
+        Edit("set", "HERE", "bin", below=True),
+        Edit("set", "WORD", "humble", below=False),
+        Edit("default", "PREFIX", "", below=True),
+        Edit("default", "ABSOLUTE", "/bin", below=False),
+        Script(("x.sh",)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("held", "first", "expected"),
+    [
+        (None, False, "/p/b:/p/a"),
+        ("", False, "/p/b:/p/a"),
+        ("/x", False, "/p/b:/p/a:/x"),
+        ("/x:/p/a", False, "/p/b:/x:/p/a"),
+        (":/x:", False, "/p/b:/p/a::/x:"),
+        ("/x:/p/a", True, "/p/b:/p/a:/x"),
+        (":/x:", True, "/p/b:/p/a:/x"),
+    ],
+)
+def test_prepending(held: str | None, first: bool, expected: str) -> None:  # noqa: FBT001  (a column of the table)
+    """The last one ends up first; an empty variable has no entries; only `first` moves and tidies."""
+    variables = {} if held is None else {"X": held}
+    assert after(variables, [prepend("a"), prepend("b"), prepend("a")][: 2 if first else 3], first=first) == {
+        "X": expected
+    }
+
+
+def test_appending_setting_and_defaults() -> None:
+    """Each operation sees what those before it did."""
+    edits = [
+        Edit("append", "X", "a", below=True),
+        Edit("append", "X", "a", below=True),
+        Edit("default", "X", "no", below=False),
+        Edit("default", "Y", "y", below=False),
+        Edit("set", "Z", "z", below=False),
+        Edit("prepend", "Z", "", below=True),
+        Edit("default", "E", "e", below=False),
+    ]
+    assert after({"X": "/x", "E": ""}, edits) == {"X": "/x:/p/a", "Y": "y", "Z": "/p:z", "E": "e"}
+    assert after({}, [prepend("a"), Edit("set", "X", "s", below=False)]) == {"X": "s"}
+
+
+_EDITS = st.lists(
+    st.builds(
+        Edit,
+        st.sampled_from(["prepend", "append"]),
+        st.sampled_from("XY"),
+        st.sampled_from("abcd"),
+        st.booleans(),
+    )
+)
+_HELD = st.dictionaries(st.sampled_from("XY"), st.sampled_from(["", "/p/a", "b:/x", ":c:/p/d"]))
+
+
+@given(_EDITS, _HELD)
+def test_doing_it_again_changes_nothing(edits: list[Edit], held: dict[str, str]) -> None:
+    """A workspace that is sourced twice is sourced once."""
+    once = after(held, edits)
+    assert after(once, edits) == once
+
+
+@given(_EDITS, _HELD)
+def test_what_was_held_keeps_its_order(edits: list[Edit], held: dict[str, str]) -> None:
+    """Sourcing adds entries around those of the user and never takes one away."""
+    result = after(held, edits)
+    for name, text in held.items():
+        mine = (
+            [entry for entry in result[name].split(":") if entry in text.split(":")] if name in result else []
+        )
+        assert not text or mine == text.split(":")
+
+
+@given(graphs())
+def test_needs_are_sourced_first(needs: dict[str, frozenset[str]]) -> None:
+    """Every package comes once, after those that it needs."""
+    ordered = order(needs)
+    assert sorted(ordered) == sorted(needs)
+    assert all(ordered.index(need) < ordered.index(name) for name in needs for need in needs[name])
+
+
+@given(graphs(acyclic=False))
+def test_circles_do_not_stop_it(needs: dict[str, frozenset[str]]) -> None:
+    """Where packages need each other, each still comes once."""
+    assert sorted(order(needs)) == sorted(needs)
+
+
+def test_the_order_is_alphabetical_where_needs_allow() -> None:
+    """As colcon's: the smallest ready name, not layer by layer; unknown names do not matter."""
+    needs = {"a": frozenset({"c"}), "b": frozenset({"stranger"}), "c": frozenset(), "d": frozenset({"a"})}
+    assert order(needs) == ("b", "c", "a", "d")

@@ -1,0 +1,135 @@
+"""What may start next, by laws."""
+
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.graph import closures, order
+from forge.build.events import Aborted, Finished, Output, Skipped, Started
+from forge.build.tasks import BuildPlan, Task
+from forge.execution.scheduler import Scheduler
+from tests.packages import package
+from tests.strategies import graphs
+
+
+def plan_of(graph: dict[str, frozenset[str]]) -> BuildPlan:
+    """Return a plan without steps whose tasks need what the graph says, however deep."""
+    ordered = order(graph) or ()
+    below = closures(graph, ordered)
+    somewhere = Path("somewhere")
+    return BuildPlan(
+        {
+            name: Task(name, package(name), somewhere, somewhere, tuple(sorted(below[name])), (), "")
+            for name in ordered
+        }
+    )
+
+
+@given(graphs(), st.integers(0, 3), st.sets(st.integers(0, 7)), st.booleans(), st.randoms())
+def test_a_task_ends_once_after_its_needs_and_at_most_limit_run(
+    graph: dict[str, frozenset[str]],
+    limit: int,
+    bad: set[int],
+    continue_on_error: bool,  # noqa: FBT001  (hypothesis draws it)
+    random: st.randoms,  # type: ignore[valid-type]
+) -> None:
+    plan = plan_of(graph)
+    failing = {name for index, name in enumerate(plan.tasks) if index in bad}
+    scheduler = Scheduler(plan, limit, continue_on_error=continue_on_error)
+    started: list[str] = []
+    done: list[str] = []
+    skipped: dict[str, str] = {}
+    while True:
+        for event in scheduler.advance():
+            if isinstance(event, Started):
+                assert set(plan.tasks[event.task].needs) <= set(done)
+                started.append(event.task)
+            else:
+                skipped[event.task] = event.because
+        if not scheduler.running:
+            break
+        assert not limit or len(scheduler.running) <= limit
+        name = random.choice(sorted(scheduler.running))  # type: ignore[attr-defined]
+        scheduler.note(Output(name, b"", stderr=False))
+        scheduler.note(Finished(name, int(name in failing), 0.0))
+        if name not in failing:
+            done.append(name)
+    assert sorted([*started, *skipped]) == sorted(plan.tasks)
+    assert len(set(started)) == len(started)
+    if not failing:
+        assert not skipped
+    if continue_on_error:
+        for name in plan.tasks:
+            assert (name in skipped) == bool(set(plan.tasks[name].needs) & failing)
+            assert name not in skipped or skipped[name] in failing | set(skipped)
+
+
+def test_packages_that_more_others_wait_for_go_first() -> None:
+    graph = {"a": frozenset[str](), "b": frozenset[str](), "c": frozenset({"b"}), "d": frozenset({"c"})}
+    assert Scheduler(plan_of(graph), 1).advance() == [Started("b")]
+
+
+@given(graphs(), st.integers(1, 3), st.lists(st.integers(0, 9), min_size=8, max_size=8))
+def test_no_task_starts_before_a_ready_one_with_more_work_above_it(
+    graph: dict[str, frozenset[str]], limit: int, lengths: list[int]
+) -> None:
+    plan = plan_of(graph)
+    seconds = {name: float(length) for name, length in zip(plan.tasks, lengths, strict=False) if length}
+    known = sorted(seconds.values())
+    usual = known[len(known) // 2] if known else 0.0
+
+    def chain(name: str) -> float:
+        above = [chain(other) for other in graph if name in graph[other]]
+        return seconds.get(name, usual) + max(above, default=0.0)
+
+    scheduler = Scheduler(plan, limit, seconds)
+    done: set[str] = set()
+    waiting = set(plan.tasks)
+    while (events := scheduler.advance()) or scheduler.running:
+        started = {event.task for event in events}
+        waiting -= started
+        ready = {name for name in waiting if graph[name] <= done}
+        assert not ready or not started or min(map(chain, started)) >= max(map(chain, ready))
+        name = min(scheduler.running, key=lambda one: seconds.get(one, usual))
+        scheduler.note(Finished(name, 0, 0.0))
+        done.add(name)
+    assert not waiting
+
+
+def test_a_long_chain_goes_before_many_short_ones() -> None:
+    """Three packages wait for 'wide', but from 'deep' the way to the end takes longer."""
+    graph = {"wide": frozenset[str](), "deep": frozenset[str](), "end": frozenset({"deep"})}
+    graph |= {name: frozenset({"wide"}) for name in "abc"}
+    known = {"wide": 1.0, "deep": 1.0, "end": 9.0, "a": 1.0, "b": 1.0, "c": 1.0}
+    assert Scheduler(plan_of(graph), 1).advance() == [Started("wide")]
+    assert Scheduler(plan_of(graph), 1, known).advance() == [Started("deep")]
+    first = next(iter(plan_of(graph).tasks))
+    for seconds in (known, {**known, "wide": 99.0}):
+        assert Scheduler(plan_of(graph), 1, seconds, in_order=True).advance() == [Started(first)]
+
+
+def test_a_package_never_built_counts_like_the_usual_one() -> None:
+    graph = {name: frozenset[str]() for name in ("short", "new", "long", "longer")}
+    scheduler = Scheduler(plan_of(graph), 1, {"short": 1.0, "long": 5.0, "longer": 7.0})
+    order = []
+    while events := scheduler.advance():
+        order += [event.task for event in events]
+        scheduler.note(Finished(order[-1], 0, 0.0))
+    assert order[0] == "longer"
+    assert order[-1] == "short"
+
+
+def test_after_a_failure_nothing_starts() -> None:
+    scheduler = Scheduler(plan_of({"a": frozenset(), "b": frozenset(), "c": frozenset()}), 1)
+    assert scheduler.advance() == [Started("a")]
+    scheduler.note(Finished("a", 1, 0.0))
+    assert scheduler.stopped
+    assert scheduler.advance() == [Skipped("b", "a"), Skipped("c", "a")]
+
+
+def test_an_aborted_package_holds_back_those_that_need_it() -> None:
+    scheduler = Scheduler(plan_of({"a": frozenset(), "b": frozenset({"a"})}), 0)
+    scheduler.advance()
+    scheduler.note(Aborted("a", 0.0))
+    assert scheduler.advance() == [Skipped("b", "a")]

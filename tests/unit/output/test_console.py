@@ -1,0 +1,175 @@
+"""What people see of a build."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from forge.base.text import duration
+from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
+from forge.build.tasks import BuildPlan, Step, Task
+from forge.output.console import HANDLERS, ConsoleReporter
+from forge.output.diagnosis import first_error
+from tests.packages import package
+
+STEP = Step("build", ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/build/my pkg"))
+
+
+def report_on(
+    *names: str, handlers: dict[str, bool] = HANDLERS, logs: Path | None = None, fresh: tuple[str, ...] = ()
+) -> ConsoleReporter:
+    """Return a report on tasks without steps; the one called e is embedded."""
+    table = {n: replace(package(n), embedded=n == "e") for n in (*names, *fresh)}
+    tasks = {n: Task(n, table[n], Path(), Path("/ws/build") / n, (), (), "") for n in names}
+    return ConsoleReporter(BuildPlan(tasks, fresh), table, handlers, logs)
+
+
+def shown(
+    capfd: pytest.CaptureFixture[str], report: ConsoleReporter, *events: Event, seconds: float = 1.0
+) -> tuple[str, str]:
+    """Return what the events and the summary print on stdout and stderr."""
+    for event in events:
+        report.show(event)
+    report.summarise(seconds)
+    out, err = capfd.readouterr()
+    return out, err
+
+
+def test_a_good_build_reads_like_colcons(capfd: pytest.CaptureFixture[str]) -> None:
+    report = report_on("a", "e")
+    out, err = shown(
+        capfd,
+        report,
+        Started("e"),
+        Finished("e", 0, 0.126),
+        Started("a"),
+        StepStarted("a", STEP),
+        Output("a", b"chatter\n", stderr=False),
+        Finished("a", 0, 12.34),
+        seconds=65,
+    )
+    assert out == (
+        "Starting >>> e (embedded)\nFinished <<< e (embedded) [0.13s]\n"
+        "Starting >>> a\nFinished <<< a [12.3s]\n"
+        "\nSummary: 1 package finished [1min 5s]\n  1 embedded package finished\n"
+    )
+    assert err == ""
+    assert report.exit_code == 0
+
+
+def test_a_build_of_fresh_packages_says_so_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    out, _ = shown(capfd, report_on("b", fresh=("a", "e")), Fresh("b"))
+    assert out == "\nSummary: 0 packages finished, 2 packages unchanged [1.00s]\n"
+
+
+def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture[str]) -> None:
+    report = report_on("a", "b", "c", logs=Path("/ws/log/build_x"))
+    out, err = shown(
+        capfd,
+        report,
+        Started("a"),
+        Started("b"),
+        Output("a", b"[1/2] c++\n", stderr=False),
+        Output("a", b"x.cpp:3:5: error: nope\n", stderr=False),
+        Output("a", b"    3 | nope\n", stderr=False),
+        Output("a", b"something on stderr\n", stderr=True),
+        Finished("a", 1, 0.5, STEP),
+        Aborted("b", 0.7),
+        Skipped("c", "a"),
+    )
+    assert err == (
+        "--- stderr: a\nsomething on stderr\n---\n"
+        "Failed   <<< a [0.50s, exited with code 1]\n"
+        "  first error in step 'build':\n"
+        "    x.cpp:3:5: error: nope\n"
+        "        3 | nope\n"
+        "  log: /ws/log/build_x/a/stdout_stderr.log\n"
+        "  repeat: . /ws/build/a/.forge/environment.sh && "
+        "cd '/ws/build/my pkg' && cmake --build '/ws/build/my pkg'\n"
+    )
+    assert out.endswith(
+        "Aborted  <<< b [0.70s]\n"
+        "\nSummary: 0 packages finished [1.00s]\n"
+        "  1 package failed: a\n  1 package aborted: b\n  1 package had stderr output: a\n"
+        "  1 package not processed\n"
+    )
+    assert report.exit_code == 1
+
+
+def test_a_wrong_interface_definition_is_the_users_to_mend(capfd: pytest.CaptureFixture[str]) -> None:
+    report = report_on("a")
+    line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
+    shown(capfd, report, Output("a", line, stderr=False), Finished("a", 1, 0.1, STEP))
+    assert report.exit_code == 2
+
+
+def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
+    line = Output("a", b"\xff line\n", stderr=False)
+    quiet = {**HANDLERS, "console_start_end": False, "summary": False}
+    direct = report_on("a", handlers={**quiet, "console_direct": True})
+    for event in (Started("a"), line, Finished("a", 0, 0.1)):
+        direct.show(event)
+    cohesive = report_on("a", handlers={**quiet, "console_cohesion": True})
+    out, _ = shown(capfd, cohesive, Started("a"), line, Finished("a", 0, 0.1))
+    assert out == "\ufffd line\n--- output: a\n\ufffd line\n---\n"
+
+
+def test_a_flood_of_output_keeps_its_beginning_and_its_end(capfd: pytest.CaptureFixture[str]) -> None:
+    report = report_on("a", handlers={**HANDLERS, "console_cohesion": True})
+    for number in range(100_000):
+        report.show(Output("a", f"{number:100}\n".encode(), stderr=False))
+    out, _ = shown(capfd, report, Finished("a", 0, 0.1))
+    lines = out.splitlines()
+    assert f"{0:100}" in lines
+    assert f"{99999:100}" in lines
+    assert "[... the log has what stood here ...]" in lines
+    assert len(lines) < 50_000
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0, "0.00s"),
+        (9.994, "9.99s"),
+        (9.996, "10.0s"),
+        (59.94, "59.9s"),
+        (59.96, "1min 0s"),
+        (3723, "1h 2min 3s"),
+    ],
+)
+def test_durations_read_like_colcons(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("output", "expected"),
+    [
+        (["all is well"], None),
+        (["\x1b[1ma.cpp:1:2: \x1b[31mfatal error: x.h: No such file\x1b[0m", "    1 | #include"], 2),
+        (["CMake Error at CMakeLists.txt:3 (find_package):", "  By not providing", "", "  more", "-- x"], 3),
+        (["/usr/bin/ld: a.o: undefined reference to `f()'"], 1),
+        (["running", "/ws/src/a: error: there is no setup.py", "hint: make one"], 2),
+        (["Traceback (most recent call last):", "  File x", "ModuleNotFoundError: No module named 'em'"], 1),
+        (["a.cpp:1: error: later", "src/m/A.msg:1:1: error: sooner", "    int8", "    ^", "hint: do"], 4),
+    ],
+)
+def test_the_first_error_is_the_surest_and_brings_its_lines(output: list[str], expected: int | None) -> None:
+    error = first_error(output)
+    assert (len(error.lines) if error else None) == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"),
+    [
+        ("CMake Error at CMakeLists.txt:3 (x):", "CMake Error at src/a b/CMakeLists.txt:3 (x):"),
+        ("CMake Error in sub/CMakeLists.txt:", "CMake Error in src/a b/sub/CMakeLists.txt:"),
+        ("CMake Error at /usr/CMakeLists.txt:3 (x):", "CMake Error at /usr/CMakeLists.txt:3 (x):"),
+        ("CMake Error at cmake_install.cmake:3 (x):", "CMake Error at cmake_install.cmake:3 (x):"),
+    ],
+)
+def test_a_cmakelists_is_named_as_editors_find_it(line: str, shown: str) -> None:
+    error = first_error([line], "src/a b")
+    assert error is not None
+    assert error.lines == (shown,)

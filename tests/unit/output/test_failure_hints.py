@@ -1,0 +1,133 @@
+"""What to do about failures that no test can bring about for real, and when to keep silent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.output.failure_hints import FailureContext, hint_of
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Package
+from tests.packages import manifest_text, package
+
+SCENE = FailureContext(
+    package("mine", "shapes"),
+    {name: package(name) for name in ("mine", "shapes")},
+    "/venv/bin/python3",
+    ("CMakeCache.txt", "launch/robot/go.launch.py", "msg/Other.msg"),
+    ("drive",),
+)
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ("c++: fatal error: Killed signal terminated program cc1plus", "out of memory"),
+        ("ninja: error: write: No space left on device", "the disk is full"),
+        (
+            "AttributeError: module 'em' has no attribute 'BUFFERED_OPT'",
+            "/venv/bin/python3 -m pip install 'empy<4'",
+        ),
+        ("ModuleNotFoundError: No module named 'yaml.x'", "/venv/bin/python3 -m pip install PyYAML"),
+        (
+            "  Failed to clone repository: 'https://x.org/y.git'",
+            "clones https://x.org/y.git during the build",
+        ),
+        ("a.cpp:1:10: fatal error: 'foo/bar.h' file not found", "apt-file search foo/bar.h"),
+        (
+            "b.cpp:(.text+0x0): multiple definition of `main'; a.o: first defined here",
+            "separate add_executable",
+        ),
+        ("Scrt1.o: in function `_start':\n(.text+0x17): undefined reference to `main'", "no main()"),
+        (
+            "a.cpp:(.text+0x5): undefined reference to `shapes::area(int)'",
+            "find_package(shapes REQUIRED) and ament_target_dependencies(YOUR_TARGET shapes)",
+        ),
+        (
+            'Imported target "shapes::shapes" includes non-existent path',
+            "'shapes' does not install its headers: add install(DIRECTORY include/",
+        ),
+        (
+            "ament_target_dependencies(): 'a' uses the package 'shaps', which was\n  not found (is",
+            "did you mean 'shapes'?",
+        ),
+        (
+            "ament_target_dependencies(): 'a' uses the package 'shapes', which was not found",
+            "add find_package(shapes REQUIRED) before it",
+        ),
+        ("ament_target_dependencies() was given 'drvie', which is no target", "did you mean 'drive'?"),
+        (
+            "was given '/w/src/mine/msg/Status.msg', which does not exist",
+            "the package has no 'msg/Status.msg'",
+        ),
+        ('Cannot specify link libraries for target "x" which is not built by', "defines 'x'"),
+        ("can't copy 'launch/go.launch.py': doesn't exist", "did you mean 'launch/robot/go.launch.py'?"),
+        ("was given\n  '/w/src/mine/msg/Oter.msg', which does\n  not exist", "did you mean 'msg/Other.msg'?"),
+        (
+            "Could not find the compiler specified in the environment variable CXX:\n  gxx.",
+            "unset CXX, or set it to an installed compiler",
+        ),
+        (
+            "CMake Error: Error: generator : Ninja\nDoes not match the generator used previously: Unix",
+            "'cmake .' was run in src/mine: rm -r src/mine/CMakeCache.txt",
+        ),
+        (
+            'file INSTALL cannot copy file "a" to "/w/install/a": Permission denied.',
+            "sudo chown -R",
+        ),
+        ("PermissionError: [Errno 13] Permission denied: '/w/install/x'", "sudo chown -R"),
+    ],
+)
+def test_known_causes_have_a_remedy(said: str, expected: str) -> None:
+    hint = hint_of(said, SCENE)
+    assert hint is not None
+    assert expected in hint
+
+
+def test_a_dependency_that_is_written_like_a_ros_package_is_not_looked_for_in_the_system() -> None:
+    said = 'asked CMake to find a package configuration file provided by "{}", but'
+    scene = FailureContext(package("mine", "odd_collector"), {"mine": package("mine")})
+    assert "add its sources" in str(hint_of(said.format("odd_collector"), scene))
+    # find_package's own names are spelled in every way: only the manifest tells.
+    assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "a.cpp:1:1: error: expected ';'",
+        'asked CMake to find a package configuration file provided by "shapes", but',
+        "ModuleNotFoundError: No module named 'shapes'",
+        "/bin/sh: 1: ./generate.sh: Permission denied",
+        "ament_target_dependencies(): 'a' uses the package 'shaders', which was not found",
+        'Unknown CMake command "frobnicate".',
+    ],
+)
+def test_no_hint_is_better_than_a_wrong_one(said: str) -> None:
+    """What is declared and there, but not found, has a cause that forge does not know."""
+    assert hint_of(said, SCENE) is None
+
+
+@given(st.text())
+def test_any_output_is_read(said: str) -> None:
+    hint_of(said, SCENE)
+
+
+def test_headers_of_interfaces_are_in_lower_case() -> None:
+    text = manifest_text("own_msgs", "<member_of_group>rosidl_interface_packages</member_of_group>")
+    path = Path("src/own_msgs")
+    msgs = Package(path, parse_manifest(text.encode(), path / "package.xml", {}))
+    scene = FailureContext(package("mine", "own_msgs"), {"own_msgs": msgs})
+    said = "a.cpp:1:10: fatal error: own_msgs/msg/BigStatus.hpp: No such file or directory"
+    assert hint_of(said, scene) == "headers of interfaces are lower case: 'own_msgs/msg/big_status.hpp'"
+
+
+def test_build_tools_are_declared_as_such() -> None:
+    said = 'package configuration file provided by "ament_cmake", but'
+    scene = FailureContext(package("mine"), {"ament_cmake": package("ament_cmake")})
+    assert "add <buildtool_depend>ament_cmake</buildtool_depend> to src/mine/package.xml" in str(
+        hint_of(said, scene)
+    )

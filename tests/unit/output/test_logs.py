@@ -1,0 +1,77 @@
+"""Log files."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import EnvironmentFault
+from forge.build.events import Finished, Output, Started, StepFinished, StepStarted
+from forge.build.tasks import Step
+from forge.output.logs import open_log
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
+    logs = tmp_path / "log"
+    folders = []
+    for _ in range(2):
+        with closing(open_log(logs, "build", ["forge", "build"])) as log_writer:
+            folders.append(log_writer.folder)
+    assert folders[0] != folders[1]
+    assert (logs / "latest").resolve() == (logs / "latest_build").resolve() == folders[1]
+    assert (logs / "COLCON_IGNORE").is_file()
+
+
+def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
+    step = Step("build", ("make", "a b"), tmp_path)
+    with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
+        for event in (
+            Started("a"),
+            StepStarted("a", step, (("X", "1 2"),)),
+            Output("a", b"out\n", stderr=False),
+            Output("a", b"err\n", stderr=True),
+            StepFinished("a", step, 3),
+            Finished("a", 3, 0.5, step),
+        ):
+            log_writer.write(event)
+    folder = tmp_path / "latest" / "a"
+    assert (folder / "stdout.log").read_text() == "out\n"
+    assert (folder / "stderr.log").read_text() == "err\n"
+    assert (folder / "stdout_stderr.log").read_text() == "out\nerr\n"
+    assert (folder / "command.log").read_text() == (
+        f"Invoking command in '{tmp_path}': X='1 2' make 'a b'\n"
+        f"Invoked command in '{tmp_path}' returned '3': make 'a b'\n"
+    )
+    assert len((folder / "streams.log").read_text().splitlines()) == 4
+
+
+def test_without_a_folder_nothing_is_written() -> None:
+    with closing(open_log(None, "build", [])) as log_writer:
+        log_writer.write(Started("a"))
+    assert log_writer.folder is None
+
+
+def test_something_of_the_users_called_latest_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "latest").write_text("mine")
+    open_log(tmp_path, "build", []).close()
+    assert (tmp_path / "latest").read_text() == "mine"
+
+
+def test_a_place_where_logs_cannot_be_is_told(tmp_path: Path) -> None:
+    (tmp_path / "log").write_text("a file")
+    with pytest.raises(EnvironmentFault) as error:
+        open_log(tmp_path / "log", "build", [])
+    assert error.value.problems[0].hint == "choose another folder with --log-base DIR"
+
+
+def test_a_log_has_no_passwords(tmp_path: Path) -> None:
+    """Logs are given to others, and a command line may say who asks a server."""
+    argv = ["forge", "build", "--remote-cache=https://me:pass@word@host:1/x", "-DA=ssh://git@host", "a@b"]
+    open_log(tmp_path, "build", argv)
+    said = (tmp_path / "latest/logger_all.log").read_text(encoding="utf-8")
+    assert said == ("command line: forge build --remote-cache=https://...@host:1/x -DA=ssh://...@host a@b\n")

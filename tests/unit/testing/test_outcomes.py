@@ -1,0 +1,170 @@
+"""Result files: what they count, and that nothing bad gets lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.xml import parse_xml
+from forge.testing.outcomes import Counts, NotAResultError, Outcome, counted_once, read_ctest, read_junit
+from forge.testing.showing import Failure, details, first_lines, last_lines, result_line, table
+
+JUNIT = """<?xml version="1.0" encoding="utf-8"?>
+<testsuites>
+  <testsuite name="pytest" tests="3" errors="1" failures="1" skipped="1" disabled="1">
+    <testcase classname="p.test_a" name="test_bad" file="test_a.py" line="7">
+      <failure message="assert 1 == 2&#10;  more">long
+story</failure>
+      <system-out>
+hello
+</system-out>
+    </testcase>
+    <testcase classname="p.test_a" name="test_worse"><error message="boom"/></testcase>
+    <testcase classname="p.test_a" name="test_good"/>
+  </testsuite>
+  <testsuite name="more" tests="2" failures="0"/>
+</testsuites>
+"""
+
+CTEST = """<?xml version="1.0" encoding="UTF-8"?>
+<Site BuildName="x"><Testing>
+  <StartDateTime>now</StartDateTime>
+  <Test Status="passed"><Name>one</Name></Test>
+  <Test Status="failed"><Name>two</Name>
+    <Results><Measurement><Value>so
+bad
+</Value></Measurement></Results>
+  </Test>
+  <Test Status="notrun"><Name>three</Name></Test>
+  <Test Status="odd"><Name>four</Name></Test>
+</Testing></Site>
+"""
+
+
+def junit(text: str) -> Outcome:
+    """Read a JUnit file."""
+    return read_junit(parse_xml(text.encode(), Path("r.xml")), "build/p/r.xml", "build/p")
+
+
+def ctest(text: str) -> Outcome:
+    """Read a file of CTest."""
+    return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
+
+
+def test_a_junit_file_counts_what_its_suites_say() -> None:
+    outcome = junit(JUNIT)
+    assert outcome.counts == Counts(tests=5, errors=1, failures=1, skipped=2)
+    assert result_line(outcome) == "build/p/r.xml: 5 tests, 1 error, 1 failure, 2 skipped"
+    assert [case.name for case in outcome.cases] == ["test_bad", "test_worse"]
+
+
+def test_a_case_is_told_as_colcon_tells_it() -> None:
+    bad, worse = junit(JUNIT).cases
+    assert details(bad) == [
+        "- p.test_a test_bad (test_a.py:7)",
+        "  <<< failure message",
+        "    assert 1 == 2",
+        "      more",
+        "  >>>",
+        "  <<< stdout output",
+        "    hello",
+        "  >>>",
+    ]
+    assert details(worse) == ["- p.test_a test_worse", "  <<< error message", "    boom", "  >>>"]
+    assert bad.text == "long\nstory"
+
+
+def test_ctests_verdicts_become_counts() -> None:
+    outcome = ctest(CTEST)
+    assert str(outcome.counts) == "4 tests, 1 error, 1 failure, 1 skipped"
+    assert details(outcome.cases[0]) == ["- two", "  <<< failure message", "    so", "    bad", "  >>>"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<html/>",
+        "<testsuite failures='0'/>",
+        "<testsuite tests='1'/>",
+        "<testsuite tests='-1' failures='0'/>",
+        "<testsuite tests='many' failures='0'/>",
+    ],
+)
+def test_other_xml_is_no_result(text: str) -> None:
+    with pytest.raises(NotAResultError):
+        junit(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["<Site/>", "<Site><Build/></Site>", "<Site><Testing><Test/></Testing></Site>", "<x/>"]
+)
+def test_other_xml_is_no_run_of_ctest(text: str) -> None:
+    with pytest.raises(NotAResultError):
+        ctest(text)
+
+
+VERDICTS = st.sampled_from([Counts(1), Counts(1, failures=1), Counts(1, errors=1), Counts(1, skipped=1)])
+RUNS = st.dictionaries(
+    st.sampled_from("abcd"), st.tuples(VERDICTS, st.none() | st.lists(VERDICTS, min_size=1))
+)
+
+
+@given(RUNS, st.sampled_from([".xml", ".gtest.xml", ".xunit.xml"]))
+def test_counting_once_loses_no_failure_and_no_test(
+    run: dict[str, tuple[Counts, list[Counts] | None]], extension: str
+) -> None:
+    """Each test counts at least once; all is well after counting once exactly when it was before."""
+    verdicts = tuple((name, said) for name, (said, _) in run.items())
+    whole = Outcome(
+        "build/p/Testing/1/Test.xml",
+        "build/p",
+        sum((said for _, said in verdicts), Counts()),
+        by_name=verdicts,
+    )
+    files = [
+        Outcome(f"build/p/test_results/p/{name}{extension}", "build/p", sum(told, Counts()))
+        for name, (_, told) in run.items()
+        if told is not None
+    ]
+    raw = [whole, *files]
+    once = counted_once(raw)
+    total = sum((outcome.counts for outcome in once), Counts())
+    assert total.bad == any(outcome.counts.bad for outcome in raw)
+    assert total.tests >= len(run)
+    assert total.tests <= sum(outcome.counts.tests for outcome in raw)
+
+
+def test_a_test_of_another_package_is_no_twin() -> None:
+    whole = ctest(CTEST)
+    other = Outcome("build/q/test_results/q/one.xml", "build/q", Counts(5))
+    own = Outcome("build/p/test_results/p/one.gtest.xml", "build/p", Counts(5))
+    assert counted_once([whole, other])[0] == whole
+    assert counted_once([whole, own])[0].counts.tests == 3
+
+
+def test_the_table_shows_the_beginning_of_many_failures() -> None:
+    assert list(table([])) == []
+    many = [Failure("p", f"t{number}", ("why",), "make it so") for number in range(60)]
+    lines = list(table(many))
+    assert lines[:4] == ["60 failed tests:", "  p: t0", "      why", "    repeat: make it so"]
+    assert lines[-1] == "  and 10 more: forge test-result --verbose"
+
+
+def test_the_first_lines_are_those_of_the_message_else_of_the_story() -> None:
+    bad, worse = junit(JUNIT).cases
+    assert first_lines([bad]) == ("assert 1 == 2", "  more")
+    assert first_lines([bad, worse]) == (
+        "test_bad:",
+        "  assert 1 == 2",
+        "    more",
+        "test_worse:",
+        "  boom",
+    )
+    silent = junit(
+        "<testsuite tests='1' failures='1'><testcase><failure>\n why</failure></testcase></testsuite>"
+    )
+    assert first_lines(silent.cases) == (" why",)
+    assert last_lines("a\n\nb\n") == ("a", "b")

@@ -1,0 +1,39 @@
+"""Variables given to all packages, and the complaints of those that do not use them."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.toolchain.cmake_warnings import UnusedVariables, defined
+
+
+def complaint(*names: str, kind: str = "") -> bytes:
+    """Return what CMake says about variables that a project does not use; CMake 4 names the kind."""
+    lines = "".join(f"    {name}\n" for name in names)
+    words = "Manually-specified variables were not used by the project"
+    return f"CMake Warning{kind}:\n  {words}:\n\n{lines}\n\n".encode()
+
+
+def test_definitions_are_recognised_as_cmake_does() -> None:
+    words = ["-DA=1", "-DB:BOOL=ON", "-D", "C=x", "-D", "D:STRING=-DE=2", "-GNinja", "-Wno-dev", "--fresh"]
+    assert defined(words) == {"A", "B", "C", "D"}
+
+
+def test_what_somebody_uses_is_not_told() -> None:
+    unused = UnusedVariables(frozenset({"A", "TYPO"}))
+    assert not unused.names
+    assert unused.take(complaint("A", "TYPO", kind=" (unused-cli)")) == b""
+    assert list(unused.names) == ["A", "TYPO"]
+    assert unused.take(b"before\n" + complaint("TYPO") + b"after\n") == b"before\nafter\n"
+    assert list(unused.names) == ["TYPO"]
+
+
+def test_variables_of_one_package_stay_its_own_matter() -> None:
+    unused = UnusedVariables(frozenset({"A"}))
+    assert unused.take(complaint("A", "OWN")) == complaint("OWN")
+
+
+@given(st.binary())
+def test_other_words_pass_as_they_are(said: bytes) -> None:
+    assert UnusedVariables(frozenset({"A"})).take(said) == said

@@ -1,0 +1,382 @@
+"""Compiler launchers: what is chosen, what CMake is told, what farms and caches say of themselves."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import socket
+import subprocess
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import SelectionError
+from forge.base.layout import Layout
+from forge.build.recipes.context import BuildContext
+from forge.build.recipes.initial_cache import initial_cache
+from forge.build.tasks import BuildPlan
+from forge.build.up_to_date import relevant_environment
+from forge.cli.session import open_budget
+from forge.toolchain.compiler_launchers.accounts import LOG, open_launcher_stats
+from forge.toolchain.compiler_launchers.choice import LAUNCHERS, chosen, launcher_variables
+from forge.toolchain.compiler_launchers.farms import HostPool, distcc_farm, read_hosts
+from forge.toolchain.compiler_launchers.icecream import icecc_farm, read_nodes
+from forge.toolchain.compiler_launchers.outcome import LauncherSummary
+from forge.toolchain.resources import processors
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.execution.job_pool import JobPool
+    from tests.conftest import Forge, Tree
+
+CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject(one CXX)\nadd_library(one one.cpp)\n"
+PACKAGE = {
+    "src/one/package.xml": manifest_text("one", build_type="cmake"),
+    "src/one/CMakeLists.txt": CMAKE,
+    "src/one/one.cpp": "int one() { return 1; }\n",
+}
+
+
+def kitchen_of(launcher: Path | None) -> BuildContext:
+    return BuildContext(
+        root=Path("/ws"),
+        layout=Layout(Path("/ws/build"), Path("/ws/install"), None),
+        python=Path("/usr/bin/python3"),
+        site_packages="lib/python3.11/site-packages",
+        wheels=(),
+        generator=(),
+        launcher=launcher,
+    )
+
+
+@pytest.mark.parametrize(("word", "name"), [(None, ""), ("none", ""), ("ccache", "ccache"), ("recc", "recc")])
+def test_a_launcher_is_chosen_by_its_name(word: str | None, name: str) -> None:
+    assert chosen(word) == name
+
+
+def test_a_variable_may_name_no_other() -> None:
+    with pytest.raises(SelectionError, match="FORGE_COMPILER_LAUNCHER: unknown compiler launcher 'cache'"):
+        chosen("cache")
+
+
+def test_a_launcher_that_is_not_there_is_one_mistake_with_its_remedy(forge: Forge, tree: Tree) -> None:
+    ran = forge("build", "--compiler-launcher", "recc", cwd=tree(PACKAGE))
+    assert ran.code == 2
+    assert ran.err.splitlines() == [
+        "error: compiler launcher 'recc' not found on PATH",
+        f"hint: {LAUNCHERS['recc'].hint}",
+    ]
+
+
+def test_a_workspace_that_compiles_nothing_needs_no_launcher(forge: Forge, tree: Tree) -> None:
+    files = {
+        "src/one/package.xml": manifest_text("one", build_type="ament_python"),
+        "src/one/setup.py": "from setuptools import setup\nsetup(name='one', version='1.0.0', packages=[])\n",
+    }
+    ran = forge("build", "--compiler-launcher", "recc", "--dry-run", cwd=tree(files))
+    assert (ran.code, ran.err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("where", "files", "env"),
+    [
+        ("forge.toml", {"forge.toml": '[build]\ncompiler-launcher = "recc"\n'}, {}),
+        ("a variable", {}, {"FORGE_COMPILER_LAUNCHER": "recc"}),
+    ],
+)
+def test_a_file_or_a_variable_asks_for_a_launcher_and_an_option_for_none(
+    forge: Forge, tree: Tree, where: str, files: dict[str, str], env: dict[str, str]
+) -> None:
+    root = tree({**PACKAGE, **files})
+    assert "'recc' not found" in forge("build", "--dry-run", cwd=root, env=env).err, where
+    assert forge("build", "--dry-run", "--compiler-launcher", "none", cwd=root, env=env).code == 0
+
+
+def test_cmake_is_told_of_each_language_that_a_launcher_understands() -> None:
+    assert launcher_variables(Path("/usr/bin/ccache")) == (
+        ("CMAKE_C_COMPILER_LAUNCHER", "/usr/bin/ccache"),
+        ("CMAKE_CXX_COMPILER_LAUNCHER", "/usr/bin/ccache"),
+        ("CMAKE_CUDA_COMPILER_LAUNCHER", "/usr/bin/ccache"),
+    )
+    assert dict(launcher_variables(Path("/usr/bin/distcc")))["CMAKE_CUDA_COMPILER_LAUNCHER"] == ""
+    assert {value for _, value in launcher_variables(None)} == {""}
+
+
+def test_the_initial_cache_sets_a_launcher_and_takes_back_one_of_before() -> None:
+    text = initial_cache(kitchen_of(Path("/opt/my tools/distcc")), Path("manifest.cmake"))
+    assert 'set(CMAKE_CXX_COMPILER_LAUNCHER "/opt/my tools/distcc" CACHE STRING' in text
+    assert "unset(CMAKE_CUDA_COMPILER_LAUNCHER CACHE)" in text
+    assert "unset(CMAKE_CXX_COMPILER_LAUNCHER CACHE)" in initial_cache(
+        kitchen_of(None), Path("manifest.cmake")
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "hosts", "slots"),
+    [
+        ("", 0, 0),
+        ("localhost\nlocalhost/3\n", 0, 0),
+        ("127.0.0.1\n", 1, 4),
+        ("red/8,lzo\nblue:4000/3\n[::1]:4000/7\n", 3, 18),
+        ("old/6:4001,lzo,cpp\n", 1, 6),
+        ("someone@red/5:/opt/bin/distccd,lzo\n@blue:/opt/9/distccd\n", 2, 9),
+    ],
+)
+def test_hosts_are_read_as_distcc_lists_them(text: str, hosts: int, slots: int) -> None:
+    assert read_hosts(text) == HostPool(hosts, slots)
+
+
+@pytest.mark.needs("distcc")
+@pytest.mark.parametrize(
+    ("said", "here"),
+    [
+        ("red/8,lzo localhost/3 blue:4000/3 --randomize", 3),
+        ("localhost red [::1]:4000/7 old/6:4001", 2),
+        ("someone@red/5:/opt/bin/distccd --localslots=9 --localslots_cpp=12 blue,lzo,cpp", 0),
+        ("# a comment\nred/2 # another\nblue/3", 0),
+    ],
+)
+def test_forge_counts_slots_as_distcc_does(said: str, here: int, tmp_path: Path) -> None:
+    """`distcc -j` has those of the word localhost among them, which are no more processors than we have."""
+    variables = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "DISTCC_HOSTS": said}
+    counted = subprocess.run(["distcc", "-j"], env=variables, capture_output=True, check=True, text=True)
+    host_pool, problem = distcc_farm(Path("/usr/bin/distcc"), variables)
+    assert (host_pool.slots, problem) == (int(counted.stdout) - here, None)
+
+
+@pytest.mark.needs("distcc")
+@pytest.mark.parametrize("said", ["", "localhost/4", "red/x"])
+def test_a_farm_without_hosts_is_told_of(said: str, tmp_path: Path) -> None:
+    host_pool, problem = distcc_farm(Path("/usr/bin/distcc"), {"HOME": str(tmp_path), "DISTCC_HOSTS": said})
+    assert host_pool == HostPool()
+    assert problem
+    assert "distcc has no remote hosts" in problem.message
+
+
+def test_a_distcc_that_does_not_answer_is_told_of(tmp_path: Path) -> None:
+    host_pool, problem = distcc_farm(tmp_path / "distcc", {})
+    assert host_pool == HostPool()
+    assert problem
+    assert "cannot determine the hosts of distcc" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("outcome", "words"),
+    [
+        (
+            LauncherSummary("ccache", compilations=140, from_cache=120),
+            "ccache: 120 of 140 compilations from the cache",
+        ),
+        (
+            LauncherSummary("sccache", compilations=1, from_cache=0),
+            "sccache: 0 of 1 compilation from the cache",
+        ),
+        (LauncherSummary("distcc", hosts=2, slots=8), "distcc: 2 hosts with 8 slots"),
+        (LauncherSummary("icecc", hosts=1, slots=1), "icecc: 1 host with 1 slot"),
+    ],
+)
+def test_an_outcome_is_one_line(outcome: LauncherSummary, words: str) -> None:
+    assert outcome.words == words
+
+
+def compile_by(ccache: Path, variables: dict[str, str], *argv: str) -> None:
+    subprocess.run([ccache, "g++", *argv], env=variables, check=False, stderr=subprocess.DEVNULL)
+
+
+@pytest.mark.needs("ccache", "g++")
+def test_only_compilations_of_this_build_are_counted(tmp_path: Path) -> None:
+    """Others use the same cache meanwhile: their compilations are not in the log of this build."""
+    ccache = Path("/usr/bin/ccache")
+    (tmp_path / "one.cpp").write_text("int one() { return 1; }\n")
+    (tmp_path / "wrong.cpp").write_text("int wrong( {\n")
+    (tmp_path / LOG).write_text("# left by a build that was killed\ndirect_cache_hit\n")
+    others = {"PATH": "/usr/bin:/bin", "CCACHE_DIR": str(tmp_path / "cache")}
+    launcher_stats = open_launcher_stats(ccache, tmp_path, tmp_path, others)
+    ours = {**others, **launcher_stats.variables}
+    one = str(tmp_path / "one.cpp")
+    for variables in (ours, others, ours):
+        compile_by(ccache, variables, "-c", one, "-o", str(tmp_path / "one.o"))
+    compile_by(ccache, ours, "-c", str(tmp_path / "wrong.cpp"), "-o", str(tmp_path / "wrong.o"))
+    compile_by(ccache, ours, "-E", one, "-o", str(tmp_path / "one.i"))
+    assert launcher_stats.finish() == (LauncherSummary("ccache", compilations=3, from_cache=1),)
+    assert not (tmp_path / LOG).exists()
+
+
+@pytest.mark.needs("ccache")
+def test_a_build_without_compilations_has_nothing_to_tell(tmp_path: Path) -> None:
+    launcher_stats = open_launcher_stats(
+        Path("/usr/bin/ccache"), tmp_path, tmp_path, {"CCACHE_DIR": str(tmp_path)}
+    )
+    assert launcher_stats.finish() == ()
+
+
+@pytest.mark.needs("ccache")
+def test_what_the_user_told_ccache_stays(tmp_path: Path) -> None:
+    """A base folder in its file or a variable, even an empty one, and a log of the user's own."""
+    log = tmp_path / "their.log"
+    log.write_text("# of before\ndirect_cache_hit\n")
+    (tmp_path / "ccache.conf").write_text(f"base_dir = /elsewhere\nstats_log = {log}\n")
+    launcher_stats = open_launcher_stats(
+        Path("/usr/bin/ccache"), tmp_path, tmp_path, {"CCACHE_DIR": str(tmp_path)}
+    )
+    assert launcher_stats.variables == {}
+    with log.open("a") as notes:
+        notes.write("# of now\ncache_miss\n")
+    assert launcher_stats.finish() == (LauncherSummary("ccache", compilations=1, from_cache=0),)
+    assert log.exists()
+    own = {"CCACHE_DIR": str(tmp_path / "no"), "CCACHE_BASEDIR": ""}
+    told = open_launcher_stats(Path("/usr/bin/ccache"), tmp_path, tmp_path, own).variables
+    assert told == {"CCACHE_STATSLOG": str(tmp_path / LOG)}
+
+
+@pytest.mark.needs("ccache", "distcc")
+def test_the_farm_behind_ccache_counts(tmp_path: Path) -> None:
+    variables = {
+        "PATH": "/usr/bin:/bin",
+        "CCACHE_DIR": str(tmp_path),
+        "CCACHE_PREFIX": "distcc",
+        "DISTCC_HOSTS": "red/8 blue/2",
+    }
+    launcher_stats = open_launcher_stats(Path("/usr/bin/ccache"), tmp_path, tmp_path, variables)
+    assert launcher_stats.host_pool == HostPool(hosts=2, slots=10)
+    assert launcher_stats.finish() == (LauncherSummary("distcc", hosts=2, slots=10),)
+
+
+def budget_of(host_pool: HostPool, jobs: int | None = None, **variables: str) -> JobPool:
+    options = argparse.Namespace(jobs=jobs, memory_limit=None)
+    return open_budget(options, kitchen_of(None), variables, BuildPlan({}, ()), host_pool)
+
+
+def test_a_farm_adds_its_slots_to_our_processors() -> None:
+    budget = budget_of(HostPool(hosts=2, slots=10))
+    assert (budget.jobs, budget.local) == (processors() + 10, processors())
+    budget.close()
+
+
+@pytest.mark.parametrize(
+    ("jobs", "variables"),
+    [(3, {}), (None, {"MAKEFLAGS": "-j3"}), (None, {"CMAKE_BUILD_PARALLEL_LEVEL": "3"})],
+)
+def test_who_says_how_many_jobs_is_believed(jobs: int | None, variables: dict[str, str]) -> None:
+    budget = budget_of(HostPool(hosts=2, slots=10), jobs, **variables)
+    assert (budget.jobs, budget.local) == (3, 3)
+    budget.close()
+
+
+def test_other_hosts_are_no_reason_to_build_anew() -> None:
+    said = {"DISTCC_HOSTS": "red", "CCACHE_DIR": "/cache", "CCACHE_PREFIX": "distcc", "DISTUTILS_DEBUG": "1"}
+    assert dict(relevant_environment(said)) == {"DISTUTILS_DEBUG": "1"}
+
+
+NODES = """200-ICECC 1.4.0: 28s uptime, 3 hosts, 0 jobs in queue (8 total).
+200 Use 'help' for help and 'quit' to quit.
+ ours (10.9.0.1:10245) [x86_64] speed=0.00 jobs=0/2 load=1000
+ red (10.9.0.2:10245) [x86_64] speed=106.72 jobs=1/3 load=979
+ blue (10.9.0.3:10246) [x86_64] speed=0.00 jobs=0/8 load=0
+ never (10.9.0.4:0) [x86_64] speed=0.00 jobs=0/3 load=995
+ full (10.9.0.5:10245) [x86_64] speed=0.00 jobs=0/0 load=995
+200 done
+200 Good Bye!
+"""
+"""What a scheduler of icecc 1.4 prints; of a host that takes no jobs of others the port is 0."""
+
+
+def test_the_hosts_of_icecc_are_those_that_compile_for_others() -> None:
+    assert read_nodes(NODES, "10.9.0.1") == HostPool(hosts=2, slots=11)
+    assert read_nodes("200-ICECC 1.4.0: 6s uptime, 0 hosts, 0 jobs in queue (0 total).\n", "") == HostPool()
+
+
+@contextmanager
+def scheduler(answer: bytes | None) -> Iterator[int]:
+    """Answer one connection like a scheduler's port for people, or not at all; yields the port before it.
+
+    The real one calls into all networks of its machine, which no test may.
+    """
+
+    def serve() -> None:
+        talk, _ = listening.accept()
+        with talk:
+            if answer is not None:
+                assert talk.recv(100) == b"listcs\nquit\n"
+                talk.sendall(answer)
+            else:
+                talk.recv(100)
+                talk.recv(100)
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield listening.getsockname()[1] - 1
+        thread.join()
+
+
+@pytest.mark.parametrize("variable", ["ICECC_SCHEDULER", "USE_SCHEDULER", None])
+def test_the_scheduler_of_icecc_is_asked_where_it_is_named(variable: str | None, tmp_path: Path) -> None:
+    with scheduler(NODES.replace("10.9.0.1", "127.0.0.1").encode()) as port:
+        place = f"127.0.0.1:{port}"
+        file = tmp_path / "icecc.conf"
+        file.write_text(
+            '# ICECC_SCHEDULER_HOST="old"\n' + ("" if variable else f'ICECC_SCHEDULER_HOST="{place}"\n')
+        )
+        assert icecc_farm({variable: place} if variable else {}, file) == (HostPool(hosts=2, slots=11), None)
+
+
+def test_a_scheduler_that_does_not_answer_costs_little(tmp_path: Path) -> None:
+    begun = time.monotonic()
+    with scheduler(None) as port:
+        host_pool, problem = icecc_farm({"ICECC_SCHEDULER": f"127.0.0.1:{port}"}, tmp_path)
+    assert host_pool == HostPool()
+    assert problem
+    assert problem.message.endswith(": timed out")
+    assert time.monotonic() - begun < 10
+
+
+@pytest.mark.parametrize("place", ["", "127.0.0.1:x", "127.0.0.1:99999"])
+def test_a_scheduler_that_cannot_be_asked_is_told_of(place: str, tmp_path: Path) -> None:
+    host_pool, problem = icecc_farm({"ICECC_SCHEDULER": place}, tmp_path / "no")
+    assert host_pool == HostPool()
+    assert problem
+    assert problem.hint
+    assert "--jobs" in problem.hint
+
+
+@pytest.mark.parametrize(("words", "told"), [((), True), (("--jobs", "3"), False)])
+def test_a_farm_of_unknown_size_matters_where_nobody_says_how_many_jobs(
+    forge: Forge, tree: Tree, words: tuple[str, ...], *, told: bool
+) -> None:
+    """The launcher itself is a shell script that starts the compiler: what counts is forge's own part."""
+    root = tree({**PACKAGE, "bin/icecc": '#!/bin/sh\nexec "$@"\n'})
+    env = {"PATH": f"{root / 'bin'}:{os.environ['PATH']}", "ICECC_SCHEDULER": "127.0.0.1:x"}
+    ran = forge("build", "--compiler-launcher", "icecc", *words, cwd=root, env=env)
+    assert ran.code == 0
+    assert ("cannot query the hosts" in ran.err) == told
+
+
+@pytest.mark.needs("sccache", "g++", "cmake", "ninja")
+def test_the_counts_of_sccache_grow_by_those_of_a_build(forge: Forge, tree: Tree) -> None:
+    root = tree(PACKAGE)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        port = str(listening.getsockname()[1])
+    env = {"SCCACHE_DIR": str(root / "cache"), "SCCACHE_SERVER_PORT": port, "SCCACHE_IDLE_TIMEOUT": "20"}
+    try:
+        said = [build_anew(forge, root, env) for _ in range(2)]
+    finally:
+        stop = ["sccache", "--stop-server"]
+        subprocess.run(stop, env={**os.environ, **env}, check=False, capture_output=True)
+    assert said == [f"  sccache: {hits} of 1 compilation from the cache" for hits in (0, 1)]
+
+
+def build_anew(forge: Forge, root: Path, env: dict[str, str]) -> str:
+    """Build from nothing by sccache and return what is said of it."""
+    for folder in ("build", "install"):
+        shutil.rmtree(root / folder, ignore_errors=True)
+    ran = forge("build", "--compiler-launcher", "sccache", cwd=root, env=env)
+    assert ran.code == 0, ran.err
+    return next(line for line in ran.out.splitlines() if "sccache" in line)

@@ -1,0 +1,135 @@
+"""The programs a build starts."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import EnvironmentFault
+from forge.toolchain.programs import find_tools, ninja_first
+from tests.packages import package
+
+if TYPE_CHECKING:
+    from forge.workspace.model import Package
+    from tests.conftest import Tree
+
+PROGRAM = "#!/bin/sh\n"
+
+
+def beside_nothing(monkeypatch: pytest.MonkeyPatch, root: Path) -> None:
+    """Pretend that the interpreter that runs forge has no programs and no wheels beside it."""
+    monkeypatch.setattr(sys, "executable", str(root / "nowhere" / "python"))
+    monkeypatch.setattr(sys, "path", [])
+    monkeypatch.delitem(sys.modules, "cmake", raising=False)
+
+
+def compiled(root: Path, project: str) -> Package:
+    """Return a CMake package with the given project() line."""
+    made = replace(package("a", build_type="cmake"), path=root / "a")
+    made.path.mkdir(exist_ok=True)
+    (made.path / "CMakeLists.txt").write_text(project)
+    return made
+
+
+def test_python_packages_need_none_of_them() -> None:
+    assert find_tools([package("a", build_type="ament_python")], {}) is None
+
+
+def test_programs_come_from_path(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tree({"bin/cmake": PROGRAM, "bin/ninja": PROGRAM, "bin/g++": PROGRAM})
+    beside_nothing(monkeypatch, root)
+    tools = find_tools([package("a")], {"PATH": str(root / "bin")})
+    assert tools is not None
+    assert (tools.cmake, tools.ninja) == (root / "bin/cmake", root / "bin/ninja")
+
+
+def test_cmake_command_names_another(tree: Tree) -> None:
+    root = tree({"bin/make": PROGRAM})
+    tools = find_tools(
+        [package("a")], {"PATH": str(root / "bin"), "CMAKE_COMMAND": "/opt/cmake", "CXX": "cc"}
+    )
+    assert tools is not None
+    assert tools.cmake == Path("/opt/cmake")
+
+
+def test_everything_missing_is_told_at_once_with_its_remedy(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree({})
+    beside_nothing(monkeypatch, root)
+    packages = [compiled(root, "project(a)"), package("b")]
+    with pytest.raises(EnvironmentFault) as error:
+        find_tools(packages, {"PATH": str(root)})
+    assert [problem.message for problem in error.value.problems] == [
+        "CMake not found; 'a' and 1 more package need it",
+        "no C++ compiler found; 'a' needs one",
+    ]
+    assert "ros-forge[cmake]" in (error.value.problems[0].hint or "")
+
+
+def test_cmake_without_a_build_program(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tree({"bin/cmake": PROGRAM})
+    beside_nothing(monkeypatch, root)
+    with pytest.raises(EnvironmentFault, match="neither Ninja nor make found"):
+        find_tools([package("a")], {"PATH": str(root / "bin")})
+
+
+@pytest.mark.parametrize("project", ["project(a NONE)", "project(a\n  VERSION 1.0\n  LANGUAGES NONE)"])
+def test_a_package_without_languages_needs_no_compiler(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, project: str
+) -> None:
+    root = tree({"bin/cmake": PROGRAM, "bin/make": PROGRAM})
+    beside_nothing(monkeypatch, root)
+    assert find_tools([compiled(root, project)], {"PATH": str(root / "bin")}) is not None
+
+
+def test_the_ninja_that_came_with_forge_goes_before_that_of_the_system(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A distribution's seldom shares jobs."""
+    root = tree(
+        {
+            "bin/cmake": PROGRAM,
+            "bin/ninja": PROGRAM,
+            "site/ninja/__init__.py": "",
+            "venv/bin/ninja": PROGRAM,
+        }
+    )
+    beside_nothing(monkeypatch, root)
+    monkeypatch.setattr(sys, "path", [str(root / "site")])
+    monkeypatch.setattr(sys, "executable", str(root / "venv/bin/python"))
+    found = find_tools([package("a")], {"PATH": str(root / "bin")})
+    named = find_tools([package("a")], {"PATH": str(root / "bin"), "NINJA": "/mine/ninja"})
+    assert found is not None
+    assert named is not None
+    assert (found.ninja, named.ninja) == (root / "venv/bin/ninja", Path("/mine/ninja"))
+
+
+def test_what_a_package_starts_by_itself_finds_the_same_ninja(tree: Tree) -> None:
+    root = tree({"bin/ninja": PROGRAM, "venv/bin/ninja": PROGRAM})
+    for name in ("bin/ninja", "venv/bin/ninja"):
+        (root / name).chmod(0o755)
+    variables = {"PATH": str(root / "bin")}
+    assert ninja_first(root / "bin/ninja", root / "programs", variables) == {}
+    found = ninja_first(root / "venv/bin/ninja", root / "programs", variables)
+    first, *rest = found["PATH"].split(":")
+    assert (Path(first) / "ninja").resolve() == (root / "venv/bin/ninja").resolve()
+    assert [one.name for one in Path(first).iterdir()] == ["ninja"]
+    assert rest == [str(root / "bin")]
+
+
+def test_the_wheels_own_cmake_is_found_behind_its_script(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tree(
+        {"site/cmake/__init__.py": "", "site/cmake/data/bin/cmake": PROGRAM, "venv/bin/ninja": PROGRAM}
+    )
+    beside_nothing(monkeypatch, root)
+    monkeypatch.setattr(sys, "path", [str(root / "site")])
+    monkeypatch.setattr(sys, "executable", str(root / "venv/bin/python"))
+    tools = find_tools([package("a")], {"PATH": ""})
+    assert tools is not None
+    assert tools.cmake == root / "site/cmake/data/bin/cmake"
+    assert tools.ninja == root / "venv/bin/ninja"

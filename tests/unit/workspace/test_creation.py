@@ -1,0 +1,251 @@
+"""New packages: what they consist of, and what is refused before a file is written."""
+
+from __future__ import annotations
+
+import ast
+import html
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.errors import ForgeError
+from forge.base.names import is_email
+from forge.workspace.creation import BUILD_TYPES, LICENSES, Blueprint, draw, placeholder_email
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Kind, Person
+
+if TYPE_CHECKING:
+    from tests.conftest import Golden, Tree
+
+ADA = Person("Ada", "ada@example.org")
+CASES = {
+    "ament_cmake": Blueprint("walker", ADA, dependencies=("rclcpp", "std_msgs")),
+    "ament_cmake-node": Blueprint("walker", ADA, dependencies=("std_msgs",), node="walk"),
+    "ament_cmake-bare": Blueprint("walker", ADA, node="walk"),
+    "ament_cmake-library": Blueprint(
+        "walker", ADA, dependencies=("std_msgs",), node="walk", library="gait_planner", license="Apache-2.0"
+    ),
+    "cmake": Blueprint("walker", ADA, "cmake", format=2),
+    "cmake-library": Blueprint(
+        "walker", ADA, "cmake", dependencies=("eigen",), node="walk", library="gait", license="MIT"
+    ),
+    "ament_python": Blueprint("walker", ADA, "ament_python", dependencies=("rclpy",)),
+    "ament_python-node": Blueprint(
+        "walker",
+        Person("Ada 'A' <Lovelace>", "ada@example.org"),
+        "ament_python",
+        description='Walks "far" & <wide>\nwith Ada\'s engine',
+        node="walk",
+        library="gait",
+        license="BSD-3-Clause",
+    ),
+}
+
+words = st.from_regex(r"[a-z][a-z0-9_]{0,9}", fullmatch=True)
+lines = st.text(
+    st.characters(exclude_categories=("Cc", "Cs", "Cn"), exclude_characters="\ufffe\uffff")
+).filter(str.strip)
+blueprints = st.builds(
+    Blueprint,
+    name=words.map("pkg_{}".format),
+    maintainer=st.builds(Person, lines, st.just("ada@example.org")),
+    build_type=st.sampled_from(BUILD_TYPES),
+    format=st.sampled_from((2, 3)),
+    description=st.lists(lines, min_size=1).map("\n".join),
+    license=lines | st.sampled_from(tuple(LICENSES)),
+    dependencies=st.lists(words.map("dep_{}".format), unique=True).map(tuple),
+    node=st.none() | words.map("node_{}".format),
+    library=st.none() | words.map("lib_{}".format),
+)
+
+
+def files_of(blueprint: Blueprint) -> dict[str, str]:
+    return {item.path: item.text for item in draw(blueprint) if item.text is not None}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_package_is_what_a_reviewer_has_accepted(case: str, golden: Golden) -> None:
+    folders = "".join(f"{item.path}/\n" for item in draw(CASES[case]) if item.text is None)
+    golden(f"pkg/{case}", {**files_of(CASES[case]), "folders.txt": folders})
+
+
+@given(blueprints)
+def test_every_manifest_says_what_the_blueprint_says(blueprint: Blueprint) -> None:
+    text = files_of(blueprint)["package.xml"]
+    manifest = parse_manifest(text.encode(), Path("package.xml"), {})
+    assert (manifest.name, manifest.version, manifest.format) == (blueprint.name, "0.0.0", blueprint.format)
+    assert manifest.build_type == blueprint.build_type
+    assert manifest.licenses == (blueprint.license.strip(),)
+    assert manifest.maintainers == (replace(blueprint.maintainer, name=blueprint.maintainer.name.strip()),)
+    assert html.unescape(manifest.description).split() == blueprint.description.split()
+    assert manifest.names(frozenset({Kind.EXEC})) == blueprint.dependencies
+
+
+@given(blueprints.filter(lambda blueprint: blueprint.build_type == "ament_python"))
+def test_every_setup_py_says_what_the_blueprint_says(blueprint: Blueprint) -> None:
+    files = files_of(blueprint)
+    for path in files:
+        if path.endswith(".py"):
+            ast.parse(files[path])
+    call = next(node for node in ast.walk(ast.parse(files["setup.py"])) if isinstance(node, ast.Call))
+    texts = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}
+    assert texts["description"] == blueprint.description
+    assert texts["maintainer"] == blueprint.maintainer.name
+    assert texts["license"] == blueprint.license
+
+
+@given(blueprints)
+def test_every_file_has_its_folder_and_ends_with_a_line_end(blueprint: Blueprint) -> None:
+    items = draw(blueprint)
+    known = {"."}
+    for item in items:
+        assert str(Path(item.path).parent) in known or item.text is None
+        assert item.text in {None, ""} or str(item.text).endswith("\n")
+        known |= {item.path} if item.text is None else set()
+    assert len({item.path for item in items}) == len(items)
+
+
+@pytest.mark.parametrize("license_", LICENSES)
+def test_a_known_licence_comes_with_its_text(license_: str) -> None:
+    text = files_of(Blueprint("walker", ADA, license=license_))["LICENSE"]
+    assert len(text) > 800
+    assert "{{" not in text
+
+
+def test_an_unknown_licence_has_no_text() -> None:
+    assert "LICENSE" not in files_of(Blueprint("walker", ADA, license="Beerware"))
+
+
+@pytest.mark.parametrize(
+    ("name", "build_type", "message"),
+    [
+        ("", "cmake", "invalid package name ''"),
+        ("_walker", "ament_cmake", "invalid package name '_walker'"),
+        ("my walker", "ament_cmake", "invalid package name 'my walker'"),
+        ("../walker", "ament_cmake", "invalid package name '../walker'"),
+        ("test", "ament_python", "a Python package cannot be named 'test'"),
+        ("my-walker", "ament_python", "invalid Python package name 'my-walker'"),
+        ("3d", "ament_python", "invalid Python package name '3d'"),
+        ("import", "ament_python", "invalid Python package name 'import'"),
+    ],
+)
+def test_a_name_that_cannot_be_built_is_refused(name: str, build_type: str, message: str) -> None:
+    with pytest.raises(ForgeError) as caught:
+        Blueprint(name, ADA, build_type)
+    assert [problem.message for problem in caught.value.problems] == [message]
+
+
+@pytest.mark.parametrize("name", ["test", "my-walker", "3d", "import", "Walker", "a"])
+def test_a_name_that_only_python_minds_will_do_for_cmake(name: str) -> None:
+    assert files_of(Blueprint(name, ADA))["package.xml"]
+
+
+def test_all_that_does_not_fit_is_told_at_once() -> None:
+    with pytest.raises(ForgeError) as caught:
+        Blueprint(
+            "walker",
+            Person("Ada\nLovelace", "ada@home"),
+            description=" ",
+            license="a\x01b",
+            dependencies=("walker", "std msgs"),
+            node="clean",
+            library="gait-planner",
+        )
+    assert [problem.message for problem in caught.value.problems] == [
+        "package 'walker' cannot depend on itself",
+        "invalid dependency name 'std msgs'",
+        "invalid --node-name 'clean'",
+        "invalid --library-name 'gait-planner'",
+        "invalid email address 'ada@home'",
+        "--description cannot be empty",
+        "--license contains characters not allowed in XML: 'a\\x01b'",
+        "--maintainer-name contains characters not allowed in XML: 'Ada\\nLovelace'",
+    ]
+
+
+@pytest.mark.parametrize(("node", "fits"), [("walk-far", True), ("3walk", False), ("", False)])
+def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:  # noqa: FBT001  (a table's column)
+    if fits:
+        assert f"src/{node}.cpp" in files_of(Blueprint("walker", ADA, node=node))
+    else:
+        with pytest.raises(ForgeError, match="invalid --node-name"):
+            Blueprint("walker", ADA, node=node)
+
+
+@pytest.mark.parametrize("node", ["walk-far", "class"])
+def test_a_node_in_python_is_named_like_a_module(node: str) -> None:
+    with pytest.raises(ForgeError, match="invalid --node-name"):
+        Blueprint("walker", ADA, "ament_python", node=node)
+
+
+def test_node_and_library_need_two_names() -> None:
+    with pytest.raises(ForgeError, match="cannot both be named 'walk'"):
+        Blueprint("walker", ADA, node="walk", library="walk")
+
+
+@pytest.mark.parametrize("name", ["3d-scan", "union", "Walker", "walker"])
+@pytest.mark.needs("g++")
+def test_a_library_compiles_whatever_the_package_is_called(name: str, tree: Tree) -> None:
+    blueprint = Blueprint(name, ADA, "cmake", node="walk", library="gait_planner")
+    root = tree(files_of(blueprint))
+    argv = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-Iinclude"]
+    subprocess.run([*argv, "src/gait_planner.cpp", "src/walk.cpp"], cwd=root, check=True)
+
+
+@pytest.mark.needs("cmake", "g++", "make")
+def test_a_cmake_package_builds_installs_and_is_found(tree: Tree) -> None:
+    maker = Blueprint("walker", ADA, "cmake", node="walk", library="gait")
+    user = "find_package(walker 0.0 REQUIRED)\nadd_executable(use use.cpp)\n"
+    root = tree(
+        {
+            **{f"walker/{path}": text for path, text in files_of(maker).items()},
+            "user/CMakeLists.txt": "cmake_minimum_required(VERSION 3.10)\nproject(user CXX)\n"
+            f"{user}target_link_libraries(use ${{walker_LIBRARIES}})\n",
+            "user/use.cpp": '#include "walker/gait.hpp"\nint main() { walker::Gait gait; }\n',
+        }
+    )
+    for name in ("walker", "user"):
+        configure = ["cmake", "-S", name, "-B", f"build/{name}", "-DCMAKE_INSTALL_PREFIX=install"]
+        configure += [f"-DCMAKE_INSTALL_PREFIX={root}/install", f"-DCMAKE_PREFIX_PATH={root}/install"]
+        made = subprocess.run(configure, cwd=root, check=True, capture_output=True, text=True)
+        assert "Warning" not in made.stderr
+        subprocess.run(["cmake", "--build", f"build/{name}", "--target", "all"], cwd=root, check=True)
+        if name == "walker":
+            subprocess.run(["cmake", "--build", f"build/{name}", "--target", "install"], cwd=root, check=True)
+    ran = subprocess.run([root / "build/walker/walk"], check=True, capture_output=True, text=True)
+    assert ran.stdout == "hello world walker package\n"
+
+
+def test_the_tests_of_a_python_package_pass_without_ros(tree: Tree) -> None:
+    root = tree(files_of(Blueprint("walker", ADA, "ament_python", node="walk")))
+    shutil.copy(root / "walker/walk.py", root / "run_walk.py")
+    argv = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-rs",
+        "-W",
+        "error",
+        "-p",
+        "no:cacheprovider",
+        "--rootdir=.",
+    ]
+    ran = subprocess.run([*argv, "test"], cwd=root, check=False, capture_output=True, text=True)
+    assert ran.stdout.count("comes with ROS") == 3, ran.stdout
+    walked = subprocess.run(
+        [sys.executable, "run_walk.py"], cwd=root, check=True, capture_output=True, text=True
+    )
+    assert walked.stdout == "Hi from walker.\n"
+
+
+@given(st.text())
+def test_a_placeholder_is_an_address(name: str) -> None:
+    assert is_email(placeholder_email(name))

@@ -1,0 +1,164 @@
+"""package.xml to Manifest."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.errors import WorkspaceError
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Manifest
+from tests.packages import manifest_text
+
+PATH = Path("src/a/package.xml")
+
+
+def parse(text: str) -> Manifest:
+    """Parse as the workspace would."""
+    return parse_manifest(text.encode(), PATH, {"ROS_VERSION": "2"})
+
+
+def problems(text: str) -> list[str]:
+    """Return the first line of each problem."""
+    with pytest.raises(WorkspaceError) as error:
+        parse(text)
+    return [problem.render().splitlines()[0] for problem in error.value.problems]
+
+
+def test_a_manifest_reads_as_written() -> None:
+    manifest = parse(
+        manifest_text(
+            "robot",
+            "<buildtool_depend>ament_cmake</buildtool_depend>",
+            '<depend version_gte="1.2.0">std_msgs</depend>',
+            '<exec_depend condition="$ROS_VERSION == 1">roscpp</exec_depend>',
+            "<test_depend>ament_lint_auto</test_depend>",
+            "<member_of_group>rosidl_interface_packages</member_of_group>",
+            "<group_depend>drivers</group_depend>",
+        )
+    )
+    assert manifest.name == "robot"
+    assert manifest.build_type == "ament_cmake"
+    assert manifest.names(BUILD_KINDS) == ("ament_cmake", "std_msgs")
+    assert manifest.names(RUN_KINDS) == ("std_msgs",)
+    assert manifest.names(TEST_KINDS) == ("ament_lint_auto",)
+    assert manifest.groups == ("rosidl_interface_packages",)
+    assert manifest.group_dependencies == ("drivers",)
+    assert manifest.dependencies[1].versions == (("gte", "1.2.0"),)
+    assert manifest.maintainers[0].email == "tests@example.com"
+
+
+def test_exports_keep_their_inner_text() -> None:
+    manifest = parse(manifest_text("a").replace("<export>", '<export><x y="1>2"><b>c</b> d</x>'))
+    assert [(e.tag, e.attributes, e.content) for e in manifest.exports[:1]] == [
+        ("x", (("y", "1>2"),), "<b>c</b> d")
+    ]
+
+
+def test_the_last_active_build_type_counts_with_a_warning() -> None:
+    manifest = parse(
+        manifest_text("a").replace(
+            "<export>",
+            '<export><build_type condition="$ROS_VERSION == 1">catkin</build_type>'
+            "<build_type>cmake</build_type>",
+        )
+    )
+    assert manifest.build_type == "ament_cmake"
+    assert "several build types" in manifest.warnings[0].message
+
+
+def test_without_a_build_type_it_is_catkins() -> None:
+    text = manifest_text("a").replace("<export><build_type>ament_cmake</build_type></export>", "")
+    assert parse(text).build_type == "catkin"
+
+
+def test_format_1_knows_run_depend() -> None:
+    text = manifest_text("a", "<run_depend>b</run_depend>").replace(' format="3"', "")
+    assert parse(text).names(RUN_KINDS) == ("b",)
+
+
+def test_all_faults_of_the_structure_are_told_at_once() -> None:
+    text = """<package format="3">
+  <name>1 robot</name>
+  <version>1.2</version>
+  <descripton>typo</descripton>
+  <maintainer>nobody</maintainer>
+  <license> </license>
+  <author email="no address">x</author>
+  <depend><b/></depend>
+  <depend colour="red">x</depend>
+  <run_depend>y</run_depend>
+  <export/><export/>
+</package>"""
+    assert problems(text) == [
+        f"{PATH}:4:3: error: unknown element 'descripton'",
+        f"{PATH}:8:11: error: element 'depend' must contain only text",
+        f"{PATH}:9:3: error: element 'depend' has an unknown attribute 'colour'",
+        f"{PATH}:10:3: error: element 'run_depend' is not part of format 3",
+        f"{PATH}:1:1: error: element 'description' is missing",
+        f"{PATH}:11:12: error: element 'export' appears more than once",
+        f"{PATH}:2:3: error: invalid package name '1 robot'",
+        f"{PATH}:6:3: error: element 'license' is empty",
+        f"{PATH}:3:3: error: version '1.2' does not consist of three numbers separated by dots",
+        f"{PATH}:5:3: error: element 'maintainer' needs an attribute 'email'",
+        f"{PATH}:7:3: error: invalid email address 'no address'",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["<depend>a</depend>"], "package 'a' depends on itself"),
+        (["<depend>b</depend>", "<exec_depend>b</exec_depend>"], "<depend>b</depend> repeats <exec_depend>"),
+        (["<depend>b</depend>", "<depend>b</depend>"], "<depend>b</depend> appears twice"),
+        (['<depend condition="$X = 1">b</depend>'], "cannot parse the condition '$X = 1' at column 4"),
+        (
+            ["<group_depend>g</group_depend>", "<member_of_group>g</member_of_group>"],
+            "the package depends on group 'g' and is a member of it",
+        ),
+    ],
+)
+def test_faults_of_meaning(lines: list[str], message: str) -> None:
+    assert message in problems(manifest_text("a", *lines))[0]
+
+
+def test_different_versions_are_different_dependencies() -> None:
+    parse(manifest_text("a", '<depend version_gte="1">b</depend>', "<exec_depend>b</exec_depend>"))
+
+
+def test_a_format_1_test_depend_may_not_repeat() -> None:
+    text = manifest_text("a", "<build_depend>b</build_depend>", "<test_depend>b</test_depend>")
+    assert problems(text.replace(' format="3"', "")) == [
+        f"{PATH}:9:3: error: <test_depend>b</test_depend> repeats <build_depend>"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<package>", "not well-formed XML: no element found"),
+        ("<pkg/>", "the root element is 'pkg', not 'package'"),
+        ('<package format="9"/>', "unknown package format '9'"),
+        ('<!DOCTYPE p [<!ENTITY a "b">]><package/>', "document type declarations are not allowed"),
+        ("", "not well-formed XML"),
+    ],
+)
+def test_what_is_no_manifest(text: str, message: str) -> None:
+    assert message in problems(text)[0]
+
+
+def test_empty_and_unusual_things_are_warnings() -> None:
+    manifest = parse(manifest_text("Robot", "<depend> </depend>"))
+    assert [warning.message for warning in manifest.warnings] == [
+        "package name 'Robot' does not follow the convention of lower-case names",
+        "element 'depend' is empty",
+    ]
+
+
+@given(st.binary() | st.text().map(str.encode))
+def test_any_bytes_are_a_manifest_or_a_clear_error(content: bytes) -> None:
+    try:
+        parse_manifest(content, PATH, {})
+    except WorkspaceError as error:
+        assert error.problems  # noqa: PT017  (there may be none to raise)

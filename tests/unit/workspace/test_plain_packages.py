@@ -1,0 +1,255 @@
+"""Packages without a package.xml: what CMake's and Python's files say, and who has the first word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.workspace.cmake_metadata import cmake_dependencies, project_name
+from forge.workspace.discovery import discover
+from forge.workspace.model import Kind, Package, Workspace
+from forge.workspace.overrides import Overrides
+from forge.workspace.python_metadata import read_pyproject, read_setup_cfg, read_setup_py
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Tree
+
+ENV = {"PYTHONPATH": str(Path(__file__).parents[3])}
+CMAKE = "cmake_minimum_required(VERSION 3.10)\nproject({} NONE)\n"
+SETUP = "from setuptools import setup\nsetup({})\n"
+
+
+def walked(root: Path, **overrides: dict[str, dict[str, str]]) -> Workspace:
+    return discover(root, ["."], {}, overrides=Overrides(**overrides))
+
+
+def only(root: Path) -> Package:
+    (package,) = walked(root).packages.values()
+    return package
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("project(a)", "a"),
+        ('PROJECT ( "a-b_1" VERSION 1 LANGUAGES C )', "a-b_1"),
+        ("# project(no)\nproject(yes)", "yes"),
+        ('message("# no comment") project(a)', "a"),
+        ("project(${NAME})", None),
+        ("project(\n  a\n)", "a"),
+        ("", None),
+    ],
+)
+def test_the_name_of_a_project_is_its_first_literal_one(text: str, name: str | None) -> None:
+    assert project_name(text) == name
+
+
+def test_dependencies_of_cmake_are_literal_names() -> None:
+    text = (
+        'find_package(a REQUIRED)\nfind_package(${b})\n# find_package(c)\nFind_Package( "d" )\n'
+        "pkg_check_modules(P REQUIRED QUIET e>=1 f)\npkg_search_module(Q g=2)\n"
+    )
+    assert cmake_dependencies([text]) == {"a", "d", "e", "f", "g"}
+
+
+def test_setup_py_is_read_with_the_names_it_binds() -> None:
+    facts = read_setup_py(
+        "import os\nname: str = 'x'\nversion = os.environ['V']\n"
+        "setuptools.setup(name=name, version=version, "
+        "install_requires=['a>=1', 'b[extra]; python_version>\"3\"', f()],\n"
+        "  tests_require='c', setup_requires=('d',), extras_require={'test': ['e'], 'docs': ['f']},\n"
+        "  maintainer='M, N', maintainer_email='m@x.co, n@x.co', **more)\n"
+    )
+    assert facts is not None
+    assert (facts.name, facts.version) == ("x", "")
+    assert [(d.name, *d.kinds) for d in facts.dependencies] == [
+        ("d", Kind.BUILD),
+        ("a", Kind.EXEC),
+        ("b", Kind.EXEC),
+        ("c", Kind.TEST),
+        ("e", Kind.TEST),
+    ]
+    assert [person.email for person in facts.maintainers] == ["m@x.co", "n@x.co"]
+    assert read_setup_py("print('no setup')") is None
+
+
+def test_setup_cfg_is_read_without_running_what_it_refers_to() -> None:
+    facts = read_setup_cfg(
+        "[metadata]\nname = x\nversion = attr: x.VERSION\nauthor = A\nauthor-email = a@x.co\n"
+        "[options]\ninstall_requires = a>=1; b\n[options.extras_require]\ntest =\n  # why\n  c # note\n"
+    )
+    assert (facts.name, facts.version) == ("x", "")
+    assert [d.name for d in facts.dependencies] == ["a", "b", "c"]
+    assert facts.maintainers[0].name == "A"
+    assert read_setup_cfg("no section").name is None
+
+
+def test_pyproject_is_a_package_only_with_a_project() -> None:
+    assert read_pyproject({"tool": {"ruff": {}}}) is None
+    assert read_pyproject({"build-system": {"requires": []}}) is None
+    poetry = read_pyproject({"tool": {"poetry": {"name": "x", "version": "1"}}})
+    assert poetry is not None
+    assert poetry.name == "x"
+    facts = read_pyproject(
+        {
+            "project": {
+                "name": "x",
+                "version": "1",
+                "dependencies": ["a"],
+                "authors": [{"name": "A", "email": "a@x.co"}, {"name": "B"}],
+                "optional-dependencies": {"tests": ["b"]},
+            },
+            "build-system": {"requires": ["c"]},
+        }
+    )
+    assert facts is not None
+    assert [d.name for d in facts.dependencies] == ["c", "a", "b"]
+    assert [person.name for person in facts.maintainers] == ["A"]
+
+
+@pytest.mark.parametrize(
+    ("files", "name", "type_"),
+    [
+        ({"CMakeLists.txt": CMAKE.format("c")}, "c", "cmake"),
+        ({"CMakeLists.txt": CMAKE.format("c"), "setup.py": SETUP.format("name='p'")}, "c", "cmake"),
+        ({"CMakeLists.txt": CMAKE.format("c"), "pyproject.toml": "[project]\nname='p'"}, "c", "cmake"),
+        ({"setup.py": SETUP.format("name='p'")}, "p", "python"),
+        ({"setup.py": SETUP.format(""), "setup.cfg": "[metadata]\nname = q"}, "q", "python"),
+        ({"setup.py": SETUP.format(""), "pyproject.toml": "[project]\nname='r'"}, "r", "python"),
+        ({"pyproject.toml": "[project]\nname='p'"}, "p", "python"),
+        ({"pyproject.toml": "[build-system]\nrequires=[]", "setup.cfg": "[metadata]\nname=s"}, "s", "python"),
+        ({"package.xml": manifest_text("m"), "CMakeLists.txt": CMAKE.format("c")}, "m", "ros.ament_cmake"),
+        ({"CMakeLists.txt": CMAKE.format("c"), "colcon.pkg": "name: other"}, "other", "cmake"),
+        ({"package.xml": manifest_text("m"), "colcon.pkg": "name: other"}, "other", "ros.ament_cmake"),
+        ({"package.xml": manifest_text("m"), "colcon.pkg": "type: ros.cmake"}, "m", "ros.cmake"),
+        (
+            {
+                "package.xml": manifest_text("m"),
+                "CMakeLists.txt": CMAKE.format("c"),
+                "colcon.pkg": "type: cmake",
+            },
+            "c",
+            "cmake",
+        ),
+        (
+            {"AMENT_IGNORE": "", "CMakeLists.txt": CMAKE.format("c"), "colcon.pkg": "type: cmake"},
+            "c",
+            "cmake",
+        ),
+        (
+            {
+                "CMakeLists.txt": CMAKE.format("c"),
+                "setup.py": SETUP.format("name='p'"),
+                "colcon.pkg": "type: python",
+            },
+            "p",
+            "python",
+        ),
+    ],
+)
+def test_the_first_that_knows_type_and_name_decides(
+    tree: Tree, files: dict[str, str], name: str, type_: str
+) -> None:
+    package = only(tree({f"x/{file}": text for file, text in files.items()}))
+    assert (package.name, package.type, package.path) == (name, type_, Path("x"))
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"AMENT_IGNORE": "", "CMakeLists.txt": CMAKE.format("c")},
+        {"manifest.xml": "", "CMakeLists.txt": CMAKE.format("c")},
+        {"setup.py": "print()"},
+        {"pyproject.toml": "[tool.x]"},
+        {"setup.py": "("},
+        {"CMakeLists.txt": "project(Project)\ncatkin_workspace()\n"},
+        {
+            "CMakeLists.txt": CMAKE.format("c"),
+            "setup.py": SETUP.format(""),
+            "setup.cfg": "[metadata]\nname = q",
+        },
+        {"colcon.pkg": "type: cmake"},
+        {"colcon.pkg": "name: x"},
+        {"colcon.pkg": "type: ros.cmake"},
+        {"setup.py": SETUP.format("name='p'"), "colcon.pkg": "name: other"},
+        {"pyproject.toml": "["},
+        {"package.xml": "<package/>", "CMakeLists.txt": CMAKE.format("c")},
+    ],
+)
+def test_what_is_no_package(tree: Tree, files: dict[str, str]) -> None:
+    assert not walked(tree({f"x/{file}": text for file, text in files.items()})).packages
+
+
+def test_dependencies_come_from_all_cmake_files_but_hidden_ones(tree: Tree) -> None:
+    root = tree(
+        {
+            "x/CMakeLists.txt": CMAKE.format("x") + "find_package(a)\nfind_package(x)",
+            "x/cmake/more.cmake": "find_package(b)",
+            "x/sub/CMakeLists.txt": "find_package(c)",
+            "x/.git/no.cmake": "find_package(d)",
+        }
+    )
+    assert only(root).manifest.names(frozenset({Kind.BUILD})) == ("a", "b", "c")
+
+
+def test_a_name_that_is_no_literal_is_the_folders_and_noted(tree: Tree, forge: Forge) -> None:
+    root = tree(
+        {
+            "one/setup.py": SETUP.format("name=compute()"),
+            "two/CMakeLists.txt": "project(${X})",
+            "three/CMakeLists.txt": "# no project at all",
+        }
+    )
+    ran = forge("list", cwd=root)
+    assert ran.out == "one\tone\t(python)\nthree\tthree\t(cmake)\ntwo\ttwo\t(cmake)\n"
+    assert "one/setup.py: warning: the project name is not a literal" in ran.err
+    assert "two/CMakeLists.txt: warning" in ran.err
+    assert "three" not in ran.err
+
+
+def test_meta_files_name_folders_and_conflicts_are_told(tree: Tree) -> None:
+    root = tree(
+        {
+            "x/CMakeLists.txt": CMAKE.format("c"),
+            "y/CMakeLists.txt": CMAKE.format("d"),
+            "x/colcon.pkg": "name: a",
+        }
+    )
+    real = str((root / "x").resolve())
+    workspace = walked(root, by_path={real: {"name": "b"}}, by_name={"a": {"type": "cmake"}})
+    assert workspace.packages.keys() == {"a", "d"}
+    assert [note.message for note in workspace.notes] == [
+        "the name 'a' in colcon.pkg overrides 'b' in a *.meta file"
+    ]
+
+
+def test_a_broken_pyproject_is_told_where_it_is(tree: Tree) -> None:
+    workspace = walked(tree({"x/pyproject.toml": "["}))
+    (problem,) = workspace.problems
+    assert str(problem.place) == "x/pyproject.toml"
+
+
+@pytest.mark.needs("cmake")
+def test_plain_packages_build_and_their_scripts_are_on_the_path(tree: Tree, forge: Forge) -> None:
+    root = tree(
+        {
+            "src/c/CMakeLists.txt": CMAKE.format("c")
+            + "message(STATUS ${WORD})\ninstall(FILES h.sh DESTINATION share/c)\n",
+            "src/c/h.sh": "export FROM_HOOK=1\n",
+            "src/c/colcon.pkg": "cmake-args: [-DWORD=said]\nhooks: [share/c/h.sh]\n",
+            "src/p/setup.py": SETUP.format(
+                "name='p', py_modules=['p'], install_requires=['c'], "
+                "entry_points={'console_scripts': ['p=p:main']}"
+            ),
+            "src/p/p.py": "def main(): print('hello')\n",
+        }
+    )
+    ran = forge("build", "--event-handlers", "console_direct+", cwd=root, env=ENV)
+    assert (ran.code, ran.err) == (0, "")
+    assert "-- said" in ran.out
+    assert (root / "install/p/bin/p").is_file()
+    assert "source;share/c/h.sh" in (root / "install/c/share/c/package.dsv").read_text()
+    assert "0 packages finished, 2 packages unchanged" in forge("build", cwd=root, env=ENV).out

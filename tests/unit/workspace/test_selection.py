@@ -1,0 +1,121 @@
+"""Selection options to names."""
+
+import pytest
+
+from forge.base.errors import SelectionError
+from forge.workspace.selection import Query, ignored, select, twin
+
+NEEDS = {"a": frozenset[str](), "b": frozenset({"a"}), "c": frozenset({"b"}), "d": frozenset[str]()}
+ORDERED = ("a", "d", "b", "c")
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        (Query(), ("a", "d", "b", "c")),
+        (Query(select=("c", "a")), ("a", "c")),
+        (Query(select=()), ()),
+        (Query(skip=("a",)), ("d", "b", "c")),
+        (Query(select=("a", "b"), skip=("a",)), ("b",)),
+        (Query(up_to=("b",)), ("a", "b")),
+        (Query(above=("b",)), ("b", "c")),
+        (Query(up_to=("c",), above=("b",)), ("b", "c")),
+    ],
+)
+def test_every_option_only_deselects(query: Query, expected: tuple[str, ...]) -> None:
+    selection, warnings = select(query, ORDERED, NEEDS)
+    assert selection.names == expected
+    assert set(selection.left_out) == set(ORDERED) - set(expected)
+    assert not warnings
+
+
+def test_unknown_names_in_select_and_skip_are_warnings() -> None:
+    selection, warnings = select(Query(select=("aa",), skip=("x",)), ORDERED, NEEDS)
+    assert selection.names == ()
+    assert [(w.message, w.hint) for w in warnings] == [
+        ("--packages-select names 'aa', which is not in the workspace", "did you mean 'a'?"),
+        ("--packages-skip names 'x', which is not in the workspace", None),
+    ]
+
+
+def test_unknown_names_in_up_to_and_above_stop() -> None:
+    with pytest.raises(SelectionError) as error:
+        select(Query(up_to=("x",), above=("y",)), ORDERED, NEEDS)
+    assert len(error.value.problems) == 2
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        (Query(select_regex=("[ab]",)), ("a", "b")),
+        (Query(select=("c",), select_regex=("a",)), ("a", "c")),
+        (Query(select_regex=()), ()),
+        (Query(skip_regex=("[ab]",)), ("d", "c")),
+        (Query(up_to_regex=("b",)), ("a", "b")),
+        (Query(above_and_dependencies=("b",)), ("a", "b", "c")),
+        (Query(above_depth=(0, ("a",))), ("a",)),
+        (Query(above_depth=(1, ("a",))), ("a", "b")),
+        (Query(above_depth=(9, ("a",))), ("a", "b", "c")),
+        (Query(above_depth=(2, ())), ("a", "d", "b", "c")),
+        (Query(select_by_dep=("a",)), ("b", "c")),
+        (Query(select_by_dep=("nobody",)), ()),
+        (Query(skip_by_dep=("a",)), ("a", "d")),
+        (Query(skip_up_to=("b",)), ("d", "c")),
+        (Query(start="d"), ("d", "b", "c")),
+        (Query(end="d"), ("a", "d")),
+        (Query(start="d", end="b"), ("d", "b")),
+    ],
+)
+def test_every_other_option_only_deselects_too(query: Query, expected: tuple[str, ...]) -> None:
+    selection, warnings = select(query, ORDERED, NEEDS)
+    assert selection.names == expected
+    assert not warnings
+
+
+def test_what_is_on_disk_limits_as_well() -> None:
+    selection, _ = select(Query(skip=("a",)), ORDERED, NEEDS, [("not changed", frozenset({"a", "b"}))])
+    assert selection.names == ("b",)
+    assert selection.left_out == {"a": "named by --packages-skip", "c": "not changed", "d": "not changed"}
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        Query(up_to_regex=("x",)),
+        Query(above_and_dependencies=("x",)),
+        Query(above_depth=(1, ("x",))),
+        Query(start="x"),
+        Query(end="x"),
+        Query(start="c", end="a"),
+        Query(select=("x",), strict=True),
+        Query(skip_by_dep=("x",), strict=True),
+    ],
+)
+def test_what_leaves_nothing_sensible_stops(query: Query) -> None:
+    with pytest.raises(SelectionError):
+        select(query, ORDERED, NEEDS)
+
+
+def test_ignored_names_are_known_all_the_same() -> None:
+    query = Query(up_to=("gone",), ignore=("gone", "x"), ignore_regex=("g", "y"))
+    selection, warnings = select(query, ORDERED, NEEDS, known=(*ORDERED, "gone"))
+    assert selection.names == ()
+    assert [warning.message for warning in warnings] == [
+        "--packages-ignore names 'x', which is not in the workspace",
+        "--packages-ignore-regex 'y' matches no package",
+    ]
+    assert ignored(query, ["gone", "good", "a"]) == {"gone", "good"}
+
+
+def test_packages_of_one_name_are_selected_together() -> None:
+    other = twin("a", "again")
+    needs = {
+        "a": frozenset[str](),
+        other: frozenset({"d"}),
+        "b": frozenset({"a", other}),
+        "d": frozenset[str](),
+    }
+    ordered = ("a", "d", other, "b")
+    assert select(Query(select=("a",)), ordered, needs)[0].names == ("a", other)
+    assert select(Query(up_to=("b",)), ordered, needs)[0].names == ordered
+    assert select(Query(skip_by_dep=("d",)), ordered, needs)[0].names == ("a", "d")
