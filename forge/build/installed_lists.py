@@ -1,15 +1,16 @@
-"""Read the install manifests in build folders, and remove files before a task."""
+"""Find the files that earlier builds installed, and remove files before a task."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from forge.base.files import listed_paths
+from forge.base.files import BYTECODE, listed_paths
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -22,16 +23,18 @@ MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
 class ListedFiles(Mapping[str, tuple[str, ...]]):
     """The files in install manifests by package; manifests are read on demand."""
 
-    def __init__(self, layout: Layout) -> None:
-        """Store the layout of the build folders."""
+    def __init__(self, layout: Layout, links: Mapping[str, tuple[str, ...]] | None = None) -> None:
+        """Store the layout of the build folders, and installed links by package that no record lists."""
         self._layout = layout
+        self._links = links or {}
 
     def __getitem__(self, name: str) -> tuple[str, ...]:
-        """Return the absolute paths listed for a package; raises KeyError without a build folder."""
+        """Return the absolute paths known for a package; raises KeyError without a build folder and links."""
         build = self._layout.build_dir(name)
-        if not build.is_dir():
+        links = self._links.get(name, ())
+        if not links and not build.is_dir():
             raise KeyError(name)
-        return tuple(listed_files(build))
+        return (*listed_files(build), *links)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the packages that have a build folder."""
@@ -57,3 +60,34 @@ def listed_files(build: Path) -> Iterator[str]:
     """Yield the absolute paths in the install manifests of a build folder; duplicates are possible."""
     for name in MANIFESTS:
         yield from listed_paths(build / name)
+
+
+def installed_links(prefix: Path, homes: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Return the links below a merged prefix into the folders of packages, by package.
+
+    `homes` maps source and build folders to package names; a link belongs to the innermost. `cmake --install`
+    does not list a link that exists already, so that without a record nothing else names its package.
+    """
+    found: dict[str, list[str]] = {}
+    for path in _links_below(str(prefix)):
+        folder = os.readlink(path)  # noqa: PTH115  (each installed file: no Path for each)
+        while folder not in homes and folder != (parent := os.path.dirname(folder)):  # noqa: PTH120
+            folder = parent
+        if folder in homes:
+            found.setdefault(homes[folder], []).append(path)
+    return {name: tuple(paths) for name, paths in found.items()}
+
+
+def _links_below(root: str) -> Iterator[str]:
+    """Yield the links below a folder, which may be missing."""
+    waiting = [root]
+    while waiting:
+        try:
+            entries: Iterable[os.DirEntry[str]] = list(os.scandir(waiting.pop()))
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        for entry in entries:
+            if entry.is_symlink():
+                yield entry.path
+            elif entry.is_dir() and entry.name != BYTECODE:
+                waiting.append(entry.path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from forge.build.inputs.fingerprints import (
@@ -12,11 +13,11 @@ from forge.build.inputs.fingerprints import (
     fingerprint_tree,
     stamp_files,
 )
-from forge.build.installed_lists import ListedFiles
+from forge.build.installed_lists import ListedFiles, installed_links
 from forge.build.model import Snapshot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Container
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def take_snapshot(
-    root: Path, packages: Iterable[Package], layout: Layout, journal: Journal, table: FileTable
+    root: Path, packages: Collection[Package], layout: Layout, journal: Journal, table: FileTable
 ) -> Snapshot:
     """Return the state of `packages`, whose paths are relative to `root` unless they are absolute."""
     records = dict(journal.records)
@@ -43,9 +44,22 @@ def take_snapshot(
             installed[name] = fingerprint_files((*record.files, *record.folders), table, record.installed)
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
-    return Snapshot(
-        records, sources, installed, changed_externals, ListedFiles(layout), frozenset(present), changed_files
-    )
+    listed = ListedFiles(layout, _unrecorded_links(root, packages, layout, records))
+    return Snapshot(records, sources, installed, changed_externals, listed, frozenset(present), changed_files)
+
+
+def _unrecorded_links(
+    root: Path, packages: Collection[Package], layout: Layout, records: Container[str]
+) -> dict[str, tuple[str, ...]]:
+    """Return the installed links of packages without a record; in an isolated prefix all files are theirs."""
+    if not layout.merged or not layout.symlink or all(package.name in records for package in packages):
+        return {}
+    homes: dict[str, str] = {}
+    for package in packages:
+        for home in (root / package.path, layout.build_dir(package.name)):
+            homes |= dict.fromkeys((str(home), os.path.realpath(home)), package.name)
+    links = installed_links(layout.install, homes)
+    return {name: paths for name, paths in links.items() if name not in records}
 
 
 def find_changed_externals(journal: Journal, table: FileTable) -> dict[str, str]:

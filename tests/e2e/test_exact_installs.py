@@ -271,6 +271,20 @@ def test_without_records_files_of_earlier_builds_go(forge: Forge, tree: Tree) ->
     hold_against_clean(forge, root)
 
 
+@pytest.mark.parametrize("options", [(LINKED,), (LINKED, MERGED)], ids=["isolated", "merged"])
+def test_without_records_existing_links_are_installed_again(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """CMake does not list links that exist, so their hooks and stale links would be lost from sight."""
+    config = "install(FILES aConfig.cmake DESTINATION share/a/cmake)\n"
+    files = {"aConfig.cmake": "", "d/x": "1", "d/y": "1"}
+    root = tree(cmake("a", f"{config}install(DIRECTORY d/ DESTINATION share/d)", **files))
+    build(forge, root, *options)
+    shutil.rmtree(root / "build")
+    (root / "src/a/d/y").unlink()
+    hold_against_clean(forge, root, *options)
+
+
 def test_a_first_build_that_fails_leaves_no_files(forge: Forge, tree: Tree) -> None:
     """Else they would stay for ever if the next one does not install them."""
     body = "install(FILES x DESTINATION share)\ninstall(CODE [[message(FATAL_ERROR no)]])"
