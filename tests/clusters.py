@@ -133,11 +133,6 @@ def programs_of(build: Path) -> list[str]:
     return [_command(process) for process in _processes_of(build)]
 
 
-def programs_naming(word: Path) -> list[str]:
-    """Return the command lines that have a path in them."""
-    return [line for line in map(_command, _naming(word)) if line]
-
-
 def _naming(word: Path) -> list[int]:
     found = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
     return [process for process in found if str(word) in _command(process)]

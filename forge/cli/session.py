@@ -20,7 +20,6 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.named_inputs import named_by
 from forge.build.recipes.cmake import common_arguments
 from forge.build.up_to_date import relevant_environment
-from forge.cli.joining_cluster import joined, remote_runner, remote_slots
 from forge.cli.options import CLUSTER, cache_wanted, spelled
 from forge.cli.preparation import force_of
 from forge.environment.underlays import overridden
@@ -56,6 +55,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan
     from forge.cache.package_cache import PackageCache
     from forge.cli.build_mode import BuildMode
+    from forge.execution.dask.connection import Connection
     from forge.execution.runner import Runner
     from forge.output.console import Screen
     from forge.output.live import View
@@ -98,7 +98,7 @@ def run_build(
     launcher_stats = _launcher_stats(plan, request)
     audit = request.audit
     with (
-        joined(options, context, variables) if options.executor == CLUSTER else nullcontext() as line,
+        _connection(options, context) as connection,
         closing(open_log(layout.logs, "build", sys.argv)) as log_writer,
         # Reads of a worker belong to no step: under an audit each generator is a separate process.
         nullcontext({}) if audit else mode.worker(plan) as worker_variables,
@@ -115,11 +115,13 @@ def run_build(
         jobs = TaskSetup(loaded.resolution, layout, request.interpreter, surroundings, records, cache, audit)
         toolchain = _toolchain(plan, request)
         runner: Runner = jobs.runner(budget, toolchain)
-        if line:
-            runner = remote_runner(line, request, jobs.lifecycle(toolchain), runner, cache)
-        scheduler = _scheduler(
-            plan, options, remote_slots(options, line) if line else _local_slots(options, budget), seconds
-        )
+        slots = _local_slots(options, budget)
+        if connection:
+            from forge.execution.dask.dask_runner import DaskRunner  # noqa: PLC0415  (only with a cluster)
+
+            runner = DaskRunner(connection, jobs.lifecycle(toolchain))
+            slots = options.parallel_workers or connection.cluster.slots
+        scheduler = _scheduler(plan, options, slots, seconds)
         json_events.announce(seconds=seconds)
         try:
             with closing(execute(plan, runner, scheduler, records.resolve)) as events:
@@ -142,6 +144,20 @@ def run_build(
         raise_if_any(records.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
     warn(records.conflicts(plan.tasks))
     return report.exit_code if audit is None else _report_audit(audit, plan, request, records, report)
+
+
+def _connection(
+    options: argparse.Namespace, context: BuildContext
+) -> AbstractContextManager[Connection | None]:
+    """Return a context with the connection to a Dask cluster, None for a local build."""
+    if options.executor != CLUSTER:
+        return nullcontext()
+    from forge.execution.dask.connection import connected  # noqa: PLC0415  (only needed with a cluster)
+    from forge.execution.dask.messages import WorkerLimits  # noqa: PLC0415
+
+    resources = tuple(options.worker_resources)
+    limits = WorkerLimits(options.jobs, options.memory_limit, context.load_limit, resources)
+    return connected(options.scheduler, context, limits)
 
 
 def _report_audit(

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import pytest
 
-from tests import nginx
-from tests.clusters import Loopback, alone, loopback, programs_naming, programs_of
+from tests.clusters import Loopback, alone, loopback, programs_of
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT, surroundings
@@ -166,6 +165,14 @@ def test_what_workers_build_is_what_is_built_here(cluster: Loopback, tmp_path: P
     assert "Summary: 0 packages finished" in workspace.build()
 
 
+def test_the_package_cache_works_as_in_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
+    workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster, "--cache", str(tmp_path / "cache"))
+    workspace.build()
+    shutil.rmtree(workspace.home / "build")
+    shutil.rmtree(workspace.home / "install")
+    assert "1 package came from the cache" in workspace.build()
+
+
 def test_output_comes_live_whole_and_in_order(cluster: Loopback, tmp_path: Path) -> None:
     shell = "for i in $(seq 20000); do echo line $i of many; done; touch {0}; sleep 1; echo last"
     flag = tmp_path / "flag"
@@ -250,149 +257,50 @@ def test_a_worker_that_is_killed_is_replaced_by_another(cluster: Loopback, tmp_p
 
 
 @pytest.fixture(scope="module")
-def apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Loopback, nginx.Nginx, Path]]:
-    """Two workers that do not see the folder that is returned, and the cache by which results come back."""
+def apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Loopback, Path]]:
+    """Start a worker that sees everything but the folder that is returned."""
     if not alone():
         pytest.skip("no program may have mounts of its own here")
     hidden = tmp_path_factory.mktemp("hidden")
-    with (
-        loopback(tmp_path_factory.mktemp("apart"), hidden) as cluster,
-        nginx.serving(tmp_path_factory.mktemp("cache")) as server,
-    ):
+    with loopback(tmp_path_factory.mktemp("apart"), hidden) as cluster:
         cluster.add("one")
-        cluster.add("two")
-        yield cluster, server, hidden
+        yield cluster, hidden
 
 
-@pytest.fixture
-def elsewhere(
-    apart: tuple[Loopback, nginx.Nginx, Path], request: pytest.FixtureRequest
-) -> Callable[[Mapping[str, str]], Workspace]:
-    """Return what makes a workspace that no worker sees."""
-    cluster, server, hidden = apart
-    home = hidden / str(request.node.name)
-
-    def make(files: Mapping[str, str]) -> Workspace:
-        options = ("--remote-cache", server.url, "--cache", str(home / "cache"))
-        return Workspace(write(home / "ws", files), cluster, *options)
-
-    return make
-
-
-def test_workers_without_our_folders_build_what_is_built_here(
-    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
-) -> None:
-    files = {**library("a"), **plain("b"), **library("c", "a", "b"), **python("d", "c")}
-    workspace = elsewhere(files)
-    said = workspace.build()
-    assert "Summary: 4 packages finished" in said
-    assert "4 packages came from the cache" in said
-    assert "stderr" not in said
-    assert differences(look(workspace.home / "install"), workspace.clean()) == []
-    assert "Summary: 0 packages finished" in workspace.build()
-    assert [line for line in apart[1].requests() if line.startswith("PUT /ac/")]
-
-
-def test_a_worker_without_our_folders_that_is_killed_is_replaced_by_another(
-    apart: tuple[Loopback, nginx.Nginx, Path],
-    elsewhere: Callable[[Mapping[str, str]], Workspace],
-    tmp_path: Path,
-) -> None:
-    cluster, flag = apart[0], tmp_path / "flag"
-    workspace = elsewhere({**slow("a", flag), **plain("b", "a"), **plain("c")})
-    process = workspace.start(*workspace.options)
-    until(flag.exists)
-    victim = cluster.holder(flag)
-    cluster.kill(victim)
-    said, _ = process.communicate(timeout=60)
-    cluster.add(f"{victim}-again")  # no blank: what is made in such a folder has more quotes
-    assert process.returncode == 0, said
-    assert "was lost; 'a' is restarted on" in said
-    assert "3 packages came from the cache" in said
-    assert differences(look(workspace.home / "install"), workspace.clean()) == []
-
-
-def test_a_failure_without_our_folders_is_told_as_one_here(
-    elsewhere: Callable[[Mapping[str, str]], Workspace],
-) -> None:
-    broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
-    workspace = elsewhere({**broken, **plain("above", "bad")})
-    there = workspace.build(code=1)
-    shutil.rmtree(workspace.home / "build")
-    shutil.rmtree(workspace.home / "install")
-    process = workspace.start()
-    here, _ = process.communicate(timeout=120)
-    assert process.returncode == 1
-    assert _failure(there) == _failure(here)
-    assert f"{workspace.home}/src/bad/two.cpp:1" in there
-
-
-def test_ctrl_c_ends_what_runs_in_other_folders(
-    elsewhere: Callable[[Mapping[str, str]], Workspace], tmp_path: Path
-) -> None:
-    flag = tmp_path / "flag"
-    workspace = elsewhere(slow("a", flag, 60))
-    process = workspace.start(*workspace.options)
-    until(flag.exists)
-    assert programs_naming(flag)
-    process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=20)
-    assert process.returncode == 130, said
-    assert "1 package aborted: a" in said
-    assert programs_naming(flag) == []
-
-
-def test_what_holds_its_path_is_built_here(elsewhere: Callable[[Mapping[str, str]], Workspace]) -> None:
-    bound = {
-        **cmake("a", "add_library(a SHARED a.c)\ninstall(TARGETS a)\n", languages="C"),
-        "src/a/a.c": "const char *where(void) { return WHERE; }\n",
-    }
-    bound["src/a/CMakeLists.txt"] += 'target_compile_definitions(a PRIVATE WHERE="${CMAKE_BINARY_DIR}")\n'
-    workspace = elsewhere({**bound, **plain("b", "a"), **plain("c")})
-    said = workspace.build("--event-handlers", "console_direct+")
-    assert "forge: 'a' is built locally: " in said
-    assert "the path of the build folder" in said
-    assert "forge: 'b' is built locally: it needs 'a', which was" in said
-    assert "1 package came from the cache" in said
-    assert differences(look(workspace.home / "install"), workspace.clean()) == []
-
-
-def test_only_what_changed_is_shipped_again(
-    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
-) -> None:
-    workspace = elsewhere({**plain("a"), **plain("b", "a"), **plain("c", "b")})
-    workspace.build()
-    archives = set((apart[0].folder).rglob("forge/archives/*"))
-    write(workspace.home, {"src/c/here.txt": "other\n"})
-    said = workspace.build()
-    assert "1 package finished, 2 packages unchanged" in said
-    new = {path.name for path in set(apart[0].folder.rglob("forge/archives/*")) - archives}
-    assert len(new - {path.name for path in archives}) == 1
-
-
-def test_workers_without_our_folders_need_a_cache_between(
-    apart: tuple[Loopback, nginx.Nginx, Path], elsewhere: Callable[[Mapping[str, str]], Workspace]
-) -> None:
-    workspace = elsewhere(plain("a"))
-    workspace.options = workspace.options[:4]
+def test_workers_without_access_to_the_build_folder_are_rejected(apart: tuple[Loopback, Path]) -> None:
+    cluster, hidden = apart
+    workspace = Workspace(write(hidden / "ws", plain("a")), cluster)
     said = workspace.build(code=2)
-    assert "error: the workers cannot access the build folder\nhint: pass '--remote-cache URL'" in said
-    said = workspace.build("--remote-cache", apart[1].url, "--symlink-install", "--force", code=2)
-    assert "cannot link to sources on this machine" in said
-    assert "'--force' has no effect" in said
+    assert said == (
+        f"error: the workers cannot access the build folder '{workspace.home / 'build'}'\n"
+        "hint: mount it under the same path on the workers\n"
+    )
 
 
-def test_a_worker_with_other_programs_is_told_of(
-    elsewhere: Callable[[Mapping[str, str]], Workspace],
-) -> None:
-    workspace = elsewhere(plain("a"))
-    program = workspace.home / "bin" / "cmake"
+def test_one_worker_without_access_to_the_build_folder_is_named(apart: tuple[Loopback, Path]) -> None:
+    cluster, hidden = apart
+    workspace = Workspace(write(hidden / "ws", plain("a")), cluster)
+    cluster.hidden = None
+    cluster.add("with-access")
+    try:
+        said = workspace.build(code=2)
+    finally:
+        cluster.hidden = hidden
+        cluster.kill("with-access")
+    assert said.startswith("error: the workers at 'tcp://127.0.0.1:")
+    assert said.count("tcp://") == 1
+
+
+def test_a_worker_with_other_programs_is_reported(apart: tuple[Loopback, Path], tmp_path: Path) -> None:
+    cluster, hidden = apart
+    workspace = Workspace(write(tmp_path / "ws", plain("a")), cluster)
+    program = hidden / "bin" / "cmake"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec {shutil.which("cmake")} "$@"\n', encoding="utf-8")
     program.chmod(0o755)
-    path = os.pathsep.join((str(program.parent), surroundings(workspace.home.parent)["PATH"]))
+    path = os.pathsep.join((str(program.parent), surroundings(tmp_path)["PATH"]))
     said = workspace.build(code=2, env={"PATH": path})
-    assert said.count(f"is not used: '{program}' does not exist there") == 2
+    assert f"is not used: '{program}' does not exist there" in said
 
 
 def test_a_first_worker_is_waited_for(tmp_path: Path) -> None:

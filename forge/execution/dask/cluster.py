@@ -1,46 +1,74 @@
-"""Connect to a Dask scheduler, survey its workers, and reject unsuitable ones."""
+"""Connect to a Dask scheduler, compare its workers with this machine, and reject unsuitable ones."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import logging
+import os
+import platform
+import socket
 import sys
 import time
 import uuid
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge import __version__
 from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.execution.dask.surveying import traits_of
+from forge.base.layout import PACKAGE
+from forge.build.inputs.fingerprints import source_files
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
-    from distributed import Client
+    from distributed import Client, Worker
 
     from forge.base.frozen import Pairs
-    from forge.execution.dask.model import Surveyed, Traits
 
-FOLDER = ".forge_cluster"
+_FOLDER = ".forge_cluster"
 """The folder below the build folder for forge's cluster files."""
-
-OWN_PYTHON = "forge's Python"
 
 _CONNECT_SECONDS = 10
 _WORKER_SECONDS = 60
 
 
 @frozen
+class Traits:
+    """The properties that must be the same on all workers and the client.
+
+    `programs` maps names to path and digest, or '' if the program does not exist.
+    """
+
+    forge: str
+    python: str
+    programs: Pairs = ()
+
+
+@frozen
+class Surveyed:
+    """A surveyed worker: its address, its properties, and whether it shares the build folder."""
+
+    address: str
+    host: str
+    traits: Traits
+    sharing: bool
+    slots: int = 1
+
+
+@frozen
 class Cluster:
-    """A connected scheduler and its suitable workers."""
+    """A connected scheduler and its suitable workers.
+
+    `folder` is the shared folder for forge's cluster files.
+    """
 
     client: Client
     address: str
+    folder: Path
     workers: tuple[Surveyed, ...]
-    sharing: bool
-    """True if the workers share the client's build folder."""
     remarks: tuple[Problem, ...] = ()
     """The reasons why other workers are not used."""
 
@@ -56,17 +84,18 @@ class Cluster:
 
 
 @contextlib.contextmanager
-def connected(address: str, build: Path, programs: Mapping[str, str], python: str) -> Iterator[Cluster]:
+def connected_cluster(address: str, build: Path, programs: Mapping[str, str]) -> Iterator[Cluster]:
     """Yield the cluster of a scheduler; every worker must have the same `programs` at the same paths.
 
-    Workers that share the client's folders must also have the same `python`, which runs forge. Raises
-    EnvironmentFault if the scheduler is unreachable, no worker is suitable, or versions of forge or Python
-    differ.
+    This includes the Python that runs forge. Raises EnvironmentFault if the scheduler is unreachable, a
+    worker cannot access the build folder, no worker is suitable, or versions of forge or Python differ.
     """
     client = _client(address)
     try:
         _await_workers(client, address)
-        yield _surveyed(client, address, build, tuple(sorted({**programs, OWN_PYTHON: python}.items())))
+        yield _surveyed(
+            client, address, build, tuple(sorted({**programs, "forge's Python": sys.executable}.items()))
+        )
     finally:
         with contextlib.suppress(OSError, TimeoutError):
             client.close(timeout=_CONNECT_SECONDS)
@@ -123,11 +152,10 @@ def _await_workers(client: Client, address: str) -> None:
 
 
 def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Cluster:
-    from forge.execution.dask.remote_task import survey  # noqa: PLC0415  (only with Dask)
-
     token = uuid.uuid4().hex
-    probe = build / FOLDER / f"probe-{token}"
-    probe.parent.mkdir(parents=True, exist_ok=True)
+    folder = build / _FOLDER
+    probe = folder / f"probe-{token}"
+    folder.mkdir(parents=True, exist_ok=True)
     probe.write_text(token, encoding="utf-8")
     try:
         found = client.run(survey, str(probe), token, programs, on_error="return")
@@ -135,21 +163,67 @@ def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Clu
         probe.unlink()
     lost = {where: result for where, result in found.items() if isinstance(result, BaseException)}
     workers = tuple(result for where, result in sorted(found.items()) if where not in lost)
-    sharing = bool(workers) and all(worker.sharing for worker in workers)
     ours = traits_of(programs)
-    differing = {worker.address: tuple(_other_programs(worker, ours, sharing=sharing)) for worker in workers}
+    differing = {worker.address: tuple(_other_programs(worker, ours)) for worker in workers}
     fit = tuple(worker for worker in workers if not differing[worker.address])
     remarks = tuple(problem for problems in differing.values() for problem in problems)
     raise_if_any(
         (
             *(_unsurveyed(where, error) for where, error in sorted(lost.items())),
-            *_mixed(workers),
+            *_without_access(workers, build),
             *(problem for worker in workers for problem in _other_versions(worker, ours)),
             *(() if fit else remarks),
         ),
         EnvironmentFault,
     )
-    return Cluster(client, address, fit, sharing, remarks)
+    return Cluster(client, address, folder, fit, remarks)
+
+
+def survey(probe: str, content: str, programs: Pairs, dask_worker: Worker) -> Surveyed:
+    """Return the properties of this worker; the client calls this on every worker."""
+    return Surveyed(
+        dask_worker.address,
+        host_name(),
+        traits_of(programs),
+        _contains(probe, content),
+        dask_worker.state.nthreads,
+    )
+
+
+def traits_of(programs: Pairs = ()) -> Traits:
+    """Return the properties of this machine that must be equal on all machines."""
+    version = ".".join(platform.python_version_tuple()[:2])
+    identities = tuple((name, _program_identity(path)) for name, path in programs)
+    return Traits(f"{__version__} ({_own_digest()})", version, identities)
+
+
+def host_name() -> str:
+    """Return the host name of this machine."""
+    return socket.gethostname()
+
+
+def _contains(probe: str, content: str) -> bool:
+    """Return True if a file written by the client exists here under the same path."""
+    try:
+        return Path(probe).read_text(encoding="utf-8") == content
+    except (OSError, ValueError):
+        return False
+
+
+def _own_digest() -> str:
+    """Return a short digest of forge's own source files."""
+    digest = hashlib.sha256()
+    for path in source_files(str(PACKAGE), "embedded"):
+        if path.endswith(".py"):
+            digest.update(os.path.relpath(path, PACKAGE).encode() + Path(path).read_bytes())
+    return digest.hexdigest()[:8]
+
+
+def _program_identity(path: str) -> str:
+    try:
+        return f"{os.path.realpath(path)} {hashlib.sha256(Path(path).read_bytes()).hexdigest()}"
+    except OSError:
+        return ""
 
 
 def _unsurveyed(where: str, error: BaseException) -> Problem:
@@ -159,13 +233,13 @@ def _unsurveyed(where: str, error: BaseException) -> Problem:
     return Problem(f"the worker at '{where}' cannot be used: {cause}", hint=hint if missing else None)
 
 
-def _mixed(workers: tuple[Surveyed, ...]) -> Iterator[Problem]:
-    """Yield a problem if some workers share the build folder and others do not."""
-    separate = [worker for worker in workers if not worker.sharing]
-    if separate and len(separate) < len(workers):
-        hint = "mount it at the same path on all of them, or on none"
-        names = ", ".join(f"'{worker.address}'" for worker in separate)
-        yield Problem(f"some workers share the build folder, and others do not: {names}", hint=hint)
+def _without_access(workers: tuple[Surveyed, ...], build: Path) -> Iterator[Problem]:
+    """Yield a problem if workers do not share the build folder."""
+    separate = [f"'{worker.address}'" for worker in workers if not worker.sharing]
+    if separate:
+        who = "the workers" if len(separate) == len(workers) else f"the workers at {', '.join(separate)}"
+        hint = "mount it under the same path on the workers"
+        yield Problem(f"{who} cannot access the build folder '{build}'", hint=hint)
 
 
 def _other_versions(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
@@ -177,15 +251,11 @@ def _other_versions(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
             yield Problem(message, hint=f"install the same {name} on both")
 
 
-def _other_programs(worker: Surveyed, ours: Traits, *, sharing: bool) -> Iterator[Problem]:
-    """Yield a problem for each program in which a worker differs.
-
-    With shared folders, a worker continues in a build folder configured by another one; without, cached
-    results are only found with the same programs.
-    """
-    known = dict(worker.traits.tools)
-    for name, local in ours.tools:
-        if known.get(name) == local or (name == OWN_PYTHON and not sharing):
+def _other_programs(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
+    """Yield a problem for each program that differs, since a worker may continue the build of another one."""
+    known = dict(worker.traits.programs)
+    for name, local in ours.programs:
+        if known.get(name) == local:
             continue
         difference = "differs there" if known.get(name) else "does not exist there"
         hint = "install the same programs at the same paths on all machines, for example from one image"

@@ -10,29 +10,27 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import EnvironmentFault, Problem
 from forge.build.events import Aborted, Finished, Output
-from forge.execution.dask.model import ACK_INTERVAL, FINISH, INTERRUPT, KILL, MissingSources, TaskRequest
-from forge.execution.dask.remote_task import (
+from forge.execution.dask.cluster import connected_cluster
+from forge.execution.dask.messages import ACK_INTERVAL, FINISH, INTERRUPT, KILL, Router, TaskRequest
+from forge.execution.dask.worker import (
     acknowledge,
     deliver_task,
     forget,
     run_remote_task,
     send_command,
-    supply_archive,
 )
-from forge.execution.dask.router import Router
 from forge.execution.runner import GRACE_SECONDS
+from forge.workspace.load import warn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
 
     from distributed import Future
 
     from forge.build.events import Event
+    from forge.build.recipes.context import BuildContext
     from forge.execution.dask.cluster import Cluster
-    from forge.execution.dask.model import RemoteTask, Terms
-    from forge.execution.dask.router import Mailbox
-    from forge.execution.dask.sources import ArchiveStore
+    from forge.execution.dask.messages import Mailbox, RemoteTask, WorkerLimits
 
 _GIVE_UP, _ENDED, _LOST = "give up", "ended", "lost"
 """The client's own messages: a worker did not stop in time; Dask has ended the task; its result was lost."""
@@ -42,23 +40,31 @@ _RETRIES = 1
 _MESSAGE_SECONDS = 10.0
 
 
+@contextlib.contextmanager
+def connected(address: str, context: BuildContext, limits: WorkerLimits) -> Iterator[Connection]:
+    """Yield a connection to the workers of a scheduler; raises EnvironmentFault."""
+    programs = {name: identity.rsplit(" ", 2)[0] for name, identity in context.tools}
+    with connected_cluster(address, context.layout.build, programs) as cluster:
+        warn(cluster.remarks)
+        with contextlib.closing(Connection(cluster, limits)) as connection:
+            yield connection
+
+
 class Connection:
     """The connection of the runners to the workers; thread-safe. Close it when all tasks have ended."""
 
-    def __init__(self, cluster: Cluster, terms: Terms) -> None:
+    def __init__(self, cluster: Cluster, limits: WorkerLimits) -> None:
         """Subscribe to the messages of workers; nothing is submitted yet."""
         self.cluster = cluster
-        self.terms = terms
+        self.limits = limits
         self.topic = f"forge-{uuid.uuid4().hex}"
-        self.archives: ArchiveStore | None = None
-        """The archives of sources for workers without shared folders."""
         self.command = ""
         """The last command sent to all workers; empty while the build continues."""
         self._client = cluster.client
         self._router = Router()
         self._client.subscribe_topic(self.topic, self._router.deliver)
 
-    def events(self, name: str, remote_task: Callable[[int, TaskRequest], RemoteTask]) -> Iterator[Event]:
+    def events(self, name: str, remote_task: Callable[[int], RemoteTask]) -> Iterator[Event]:
         """Run a task on some worker and yield its events; the last is Finished or Aborted.
 
         `remote_task` is called when a worker requests the task, with the number of earlier attempts: a task
@@ -82,21 +88,6 @@ class Connection:
         with contextlib.suppress(OSError, TimeoutError):
             self._client.run(deliver_task, request.attempt, packed, workers=[request.address])
 
-    def digest(self, source: Path) -> str:
-        """Return the digest of the archive of a package's folder; raises Unshippable."""
-        assert self.archives is not None  # noqa: S101  (set without shared folders)
-        return self.archives.digest(source)
-
-    def supply_archive(self, missing: MissingSources) -> None:
-        """Give a worker the archives that it lacks, piece by piece."""
-        assert self.archives is not None  # noqa: S101  (set without shared folders)
-        with contextlib.suppress(OSError, TimeoutError):
-            for digest in missing.digests:
-                for piece, last in self.archives.pieces(digest):
-                    self._client.run(
-                        supply_archive, missing.attempt, digest, piece, last=last, workers=[missing.address]
-                    )
-
     def acknowledge_messages(self, request: TaskRequest) -> None:
         """Acknowledge messages to a worker."""
         with contextlib.suppress(OSError, TimeoutError):
@@ -116,8 +107,6 @@ class Connection:
 
     def close(self) -> None:
         """Unsubscribe and remove the messages from the scheduler."""
-        if self.archives:
-            self.archives.close()
         with contextlib.suppress(Exception):  # the build has ended, so errors do not matter
             self._client.unsubscribe_topic(self.topic)
             self._client.run_on_scheduler(forget, self.topic)
@@ -130,7 +119,7 @@ class Connection:
             key=key,
             pure=False,
             retries=_RETRIES,
-            resources=dict(self.terms.resources) or None,
+            resources=dict(self.limits.resources) or None,
             workers=list(self.cluster.fit) or None,
         )
         future.add_done_callback(lambda _: mailbox.note(_ENDED))
@@ -154,7 +143,7 @@ class Call:
         self,
         connection: Connection,
         name: str,
-        remote_task: Callable[[int, TaskRequest], RemoteTask],
+        remote_task: Callable[[int], RemoteTask],
         mailbox: Mailbox,
         future: Future[Any],
     ) -> None:
@@ -174,9 +163,6 @@ class Call:
             message = self._mailbox.get()
             if isinstance(message, TaskRequest):
                 events = self._receive(message)
-            elif isinstance(message, MissingSources):
-                self._connection.supply_archive(message)
-                events = ()
             elif isinstance(message, str):
                 events = self._handle_command(message)
             else:
@@ -205,7 +191,7 @@ class Call:
             return (Aborted(self._name, 0.0),)
         before, self._request, self._until_ack = self._request, request, ACK_INTERVAL
         self._mailbox.follow(request.attempt)
-        remote_task = self._make_remote_task(self._attempts, request)
+        remote_task = self._make_remote_task(self._attempts)
         self._attempts += 1
         self._connection.deliver_task(request, remote_task)
         if before is None:
@@ -214,7 +200,7 @@ class Call:
         return (self._output(message),)
 
     def _handle_command(self, command: str) -> tuple[Event, ...]:
-        """Do as our own words say."""
+        """Handle a message of the client itself."""
         aborted = Aborted(self._name, 0.0)
         if command == _ENDED:
             return self._ended()

@@ -1,4 +1,4 @@
-"""The runner for workers that share the client's folders: steps run there, the rest of the lifecycle here."""
+"""The runner for packages built on a cluster: steps run there, the rest of the lifecycle here."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
 from forge.build.events import Aborted, Finished, StepStarted
-from forge.execution.dask.cluster import FOLDER
-from forge.execution.dask.model import RemoteTask
+from forge.execution.dask.messages import RemoteTask
 from forge.execution.dask.step_runner import try_lock
 from forge.execution.runner import changed_variables
 
@@ -18,11 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from forge.base.layout import Layout
     from forge.build.events import Event
     from forge.build.tasks import Task
     from forge.execution.dask.connection import Connection
-    from forge.execution.dask.model import TaskRequest
     from forge.execution.runner import TaskLifecycle
 
 _RELEASE_SECONDS = 15.0
@@ -30,13 +27,13 @@ _RELEASE_SECONDS = 15.0
 
 
 class DaskRunner:
-    """Runs steps on workers with a shared file system."""
+    """Runs the steps of tasks on workers."""
 
-    def __init__(self, connection: Connection, lifecycle: TaskLifecycle, layout: Layout) -> None:
+    def __init__(self, connection: Connection, lifecycle: TaskLifecycle) -> None:
         """Store the connection to the workers and the lifecycle of tasks."""
         self._connection = connection
         self._lifecycle = lifecycle
-        self._folder = layout.build / FOLDER
+        self._folder = connection.cluster.folder
 
     def run(self, task: Task, put: Callable[[Event], None]) -> None:
         """Run the steps of `task` on a worker and put every event; the last is Finished or Aborted."""
@@ -56,10 +53,10 @@ class DaskRunner:
         lock = self._folder / f"{task.name}.lock"
         step_environment = dict(environment)
 
-        def remote_task(attempts: int, _request: TaskRequest) -> RemoteTask:
+        def remote_task(attempts: int) -> RemoteTask:
             if attempts:
                 step_environment.update(self._restart(task, lock))
-            return RemoteTask(task, step_environment, self._connection.terms, lock)
+            return RemoteTask(task, step_environment, self._connection.limits, lock)
 
         for event in self._connection.events(task.name, remote_task):
             match event:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from forge.build.events import Aborted, Finished
 from forge.build.model import BuildInputs, BuildRecord
-from forge.execution.dask.model import FINISH, INTERRUPT
+from forge.execution.dask.messages import FINISH, INTERRUPT
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.runner import ProcessRunner, TaskLifecycle
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from forge.build.events import Event
-    from forge.execution.dask.model import RemoteTask
+    from forge.execution.dask.messages import RemoteTask
 
 LENGTH = 4
 """The size in bytes of the length in front of each message."""
 
-COMMANDS_THREAD = "words"
+COMMANDS_THREAD = "commands"
 """The name of the thread that reads commands."""
 
 _PATIENCE_SECONDS = 30.0
@@ -54,7 +54,7 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     # The client is trusted: it may run anything here.
     remote_task: RemoteTask = pickle.loads(read_message(source))  # noqa: S301
     pool = join_pool(auth) if auth else None
-    is_short = partial(shortage, remote_task.terms.memory, remote_task.terms.load)
+    is_short = partial(shortage, remote_task.limits.memory, remote_task.limits.load)
     job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_short=is_short)
     # The client performs the rest of the task's lifecycle.
     lifecycle = TaskLifecycle(
@@ -62,17 +62,11 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
         lambda _task, _variables: None,
         lambda _: BuildRecord(BuildInputs()),
     )
-    folder = remote_task.environment.get(VARIABLE) if remote_task.lock else None
+    folder = remote_task.environment.get(VARIABLE)
     runner = ProcessRunner(lifecycle, job_pool, StartedProcesses(Path(folder)) if folder else None)
-    gently = remote_task.bundle is not None
-    listen = partial(_listen, source, runner, gently=gently)
-    threading.Thread(target=listen, name=COMMANDS_THREAD, daemon=True).start()
+    threading.Thread(target=_listen, args=(source, runner), name=COMMANDS_THREAD, daemon=True).start()
     put = partial(_write, target, threading.Lock())
     name, begun = remote_task.task.name, time.monotonic()
-    if remote_task.bundle is not None:
-        from forge.execution.dask.sources import unpack_bundle  # noqa: PLC0415  (only where folders are not shared)
-
-        unpack_bundle(remote_task.bundle)
     with contextlib.closing(job_pool), _locked(remote_task.lock), job_pool.package() as has_begun:
         stopped = None if has_begun else Aborted(name, 0.0)
         failure = stopped or runner.run_steps(remote_task.task, remote_task.environment, put, begun)
@@ -118,23 +112,20 @@ def _write(target: BinaryIO, lock: threading.Lock, event: Event) -> None:
         target.flush()
 
 
-def _listen(source: BinaryIO, runner: ProcessRunner, *, gently: bool) -> None:
-    """Execute the commands in `source`; `gently` never kills a forge, which must end its own processes."""
+def _listen(source: BinaryIO, runner: ProcessRunner) -> None:
+    """Execute the commands in `source`; kill the steps at its end."""
     for line in source:
         command = line.decode().strip()
         if command == FINISH:
             runner.finish_steps()
         else:
-            runner.interrupt(kill=command != INTERRUPT and not gently)
-    runner.interrupt(kill=not gently)
+            runner.interrupt(kill=command != INTERRUPT)
+    runner.interrupt(kill=True)
 
 
 @contextlib.contextmanager
-def _locked(lock: Path | None) -> Iterator[None]:
+def _locked(lock: Path) -> Iterator[None]:
     """Hold a lock, so that a later attempt of the same task waits for the end of this one."""
-    if lock is None:
-        yield
-        return
     with lock.open("w") as stream:
         until = time.monotonic() + _PATIENCE_SECONDS
         while not try_lock(stream.fileno()):

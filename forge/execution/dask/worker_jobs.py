@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 @frozen
-class Ticket:
+class JobSettings:
     """The job settings of a step runner: arguments, and descriptors that it inherits."""
 
     arguments: tuple[str, str]
     descriptors: tuple[int, ...] = ()
 
 
-class Share:
+class WorkerJobs:
     """The token pool of a worker: each slot has an implicit job, and the remaining tokens are in the pool.
 
     Therefore no step runner waits for another. If no tool supports a jobserver, each slot gets a fixed share.
@@ -58,16 +58,16 @@ class Share:
             return self._styles
 
     @contextlib.contextmanager
-    def slot(self) -> Iterator[Ticket]:
+    def slot(self) -> Iterator[JobSettings]:
         """Occupy a slot for a step runner."""
         if self._pool is None:
-            yield Ticket((str(max(1, self._jobs // self._slots)), ""))
+            yield JobSettings((str(max(1, self._jobs // self._slots)), ""))
             return
         if not self._active:
             self._refill(self._pool)
         self._active += 1
         try:
-            yield Ticket((str(self._jobs), self._pool.auth), self._pool.descriptors)
+            yield JobSettings((str(self._jobs), self._pool.auth), self._pool.descriptors)
         finally:
             self._active -= 1
 

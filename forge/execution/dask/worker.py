@@ -8,28 +8,22 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import hashlib
-import itertools
 import os
 import pickle
 import sys
 import uuid
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.execution.dask.model import ACK_INTERVAL, INTERRUPT, MACHINE, MissingSources, Surveyed, TaskRequest
-from forge.execution.dask.sharing import Share
+from forge.execution.dask.cluster import host_name
+from forge.execution.dask.messages import ACK_INTERVAL, INTERRUPT, TaskRequest
 from forge.execution.dask.step_runner import LENGTH, with_length
-from forge.execution.dask.surveying import host_name, shares_file, traits_of
+from forge.execution.dask.worker_jobs import WorkerJobs
 from forge.toolchain.interpreter import own_command
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from distributed import Scheduler, Worker
 
-    from forge.execution.dask.model import RemoteTask, SourceBundle
+    from forge.execution.dask.messages import RemoteTask
 
 _POLL_SECONDS = 0.5
 """How often a task checks whether its result is still needed."""
@@ -39,7 +33,7 @@ _MAX_PENDING = 2 * ACK_INTERVAL
 """The number of unacknowledged messages after which programs with much output are blocked."""
 
 _attempts: dict[str, Attempt] = {}
-_shares: dict[str, Share] = {}
+_jobs: dict[str, WorkerJobs] = {}
 
 
 class Attempt:
@@ -51,22 +45,12 @@ class Attempt:
         self.topic = topic
         self.remote_task: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self.commands: asyncio.Queue[str] = asyncio.Queue()
-        self.missing: set[str] = set()
-        self.complete = asyncio.Event()
         self.may_send = asyncio.Event()
         self.may_send.set()
         self._pending = 0
-        taken = {other.slot for other in _attempts.values()}
-        self.slot: int = next(number for number in itertools.count() if number not in taken)
-        self.home = Path(worker.local_directory, "forge")
         self._worker = worker
         self._key = key
         self._sent = 0
-
-    @property
-    def address(self) -> str:
-        """The address of the worker."""
-        return self._worker.address
 
     @property
     def is_wanted(self) -> bool:
@@ -76,7 +60,7 @@ class Attempt:
 
     def send(self, message: bytes) -> None:
         """Send a numbered message to the client."""
-        self._worker.log_event(self.topic, {"visit": self.name, "number": self._sent, "letter": message})
+        self._worker.log_event(self.topic, {"attempt": self.name, "number": self._sent, "content": message})
         self._sent += 1
         self._pending += 1
         if self._pending >= _MAX_PENDING and self.is_wanted:
@@ -97,34 +81,16 @@ async def run_remote_task(topic: str, key: str) -> None:
     _attempts[attempt.name] = attempt
     watch = asyncio.ensure_future(_watch(attempt))
     try:
-        request = TaskRequest(
-            attempt.name, worker.address, host_name(), str(attempt.home / str(attempt.slot))
-        )
+        request = TaskRequest(attempt.name, worker.address, host_name())
         attempt.send(pickle.dumps((key, request)))
         waiting: set[asyncio.Future[Any]] = {attempt.remote_task, watch}
         await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
-        if attempt.remote_task.done():
+        if attempt.remote_task.done() and not watch.done():
             remote_task: RemoteTask = pickle.loads(attempt.remote_task.result())  # noqa: S301  (a client may run anything here)
-            if remote_task.bundle is not None:
-                remote_task = await _with_sources(attempt, remote_task, remote_task.bundle, watch)
-            if not watch.done():
-                await _run(attempt, remote_task, worker)
+            await _run(attempt, remote_task, worker)
     finally:
         watch.cancel()
         del _attempts[attempt.name]
-
-
-def survey(probe: str, content: str, programs: tuple[tuple[str, str], ...], dask_worker: Worker) -> Surveyed:
-    """Return the properties of this worker; the client calls this on every worker."""
-    state = dask_worker.state
-    return Surveyed(
-        dask_worker.address,
-        host_name(),
-        traits_of(programs),
-        shares_file(probe, content),
-        state.nthreads,
-        tuple(sorted(state.total_resources.items())),
-    )
 
 
 async def deliver_task(attempt: str, remote_task: bytes) -> bool:
@@ -140,26 +106,6 @@ async def acknowledge(attempt: str) -> None:
     found = _attempts.get(attempt)
     if found is not None:
         found.acknowledge()
-
-
-async def supply_archive(attempt: str, digest: str, piece: bytes, *, last: bool) -> bool:
-    """Deliver a piece of an archive; return False if the attempt has ended. Called by the client."""
-    found = _attempts.get(attempt)
-    if found is None:
-        return False
-    draft = found.home / "archives" / f"{digest}.{attempt}"
-    with draft.open("ab") as archive:
-        archive.write(piece)
-    if last:
-        digest_found = await asyncio.to_thread(_digest_of, draft)
-        if digest_found != digest:
-            draft.unlink()
-            raise ValueError(f"an archive of sources has the digest {digest_found} instead of {digest}")
-        draft.rename(draft.with_name(digest))
-        found.missing.discard(digest)
-        if not found.missing:
-            found.complete.set()
-    return True
 
 
 async def send_command(topic: str, command: str, attempt: str = "") -> int:
@@ -189,44 +135,10 @@ async def _watch(attempt: Attempt) -> None:
     attempt.may_send.set()
 
 
-async def _with_sources(
-    attempt: Attempt, remote_task: RemoteTask, bundle: SourceBundle, watch: asyncio.Future[None]
-) -> RemoteTask:
-    """Wait for missing archives; return the task with the folders of this worker."""
-    archives = attempt.home / "archives"
-    archives.mkdir(parents=True, exist_ok=True)
-    attempt.missing = {digest for _, digest in bundle.packages if not (archives / digest).is_file()}
-    if attempt.missing:
-        attempt.send(
-            pickle.dumps(MissingSources(attempt.name, attempt.address, tuple(sorted(attempt.missing))))
-        )
-        waiting: set[asyncio.Future[Any]] = {asyncio.ensure_future(attempt.complete.wait()), watch}
-        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
-    folder = attempt.home / str(attempt.slot) / bundle.workspace
-    here = replace(bundle, folder=folder, archives=archives)
-    step = remote_task.task.steps[0]
-    step = replace(step, argv=own_command(*step.argv), cwd=folder)
-    task = replace(remote_task.task, steps=(step,), build_dir=folder / ".forge_errand")
-    return replace(
-        remote_task, task=task, environment=_worker_environment(remote_task.environment), bundle=here
-    )
-
-
-def _worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the client's environment with the machine-specific variables of this worker."""
-    own = {name: value for name, value in os.environ.items() if name in MACHINE}
-    path = (environment.get("PATH", ""), os.environ.get("PATH", ""))
-    return {**environment, **own, "PATH": os.pathsep.join(filter(None, path))}
-
-
-def _digest_of(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> None:
-    share = _shares.setdefault(attempt.topic, Share(remote_task.terms.jobs, worker.state.nthreads))
-    styles = await asyncio.to_thread(share.prepare, remote_task.environment)
-    with share.slot() as pool:
+    jobs = _jobs.setdefault(attempt.topic, WorkerJobs(remote_task.limits.jobs, worker.state.nthreads))
+    styles = await asyncio.to_thread(jobs.prepare, remote_task.environment)
+    with jobs.slot() as pool:
         argv = own_command("-m", "forge.execution.dask.step_runner", *pool.arguments, *styles)
         process = await asyncio.create_subprocess_exec(
             *argv,

@@ -1,4 +1,4 @@
-"""Route messages from workers to the threads that wait for them."""
+"""The messages between the client and its workers, and their way to the threads that wait for them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,57 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import EnvironmentFault, Problem
+from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from forge.build.events import Event
-    from forge.execution.dask.model import MissingSources, TaskRequest
+    from forge.build.tasks import Task
+    from forge.toolchain.resources import MemoryLimit
+
+FINISH, INTERRUPT, KILL = "finish", "interrupt", "kill"
+"""Commands to the step runner on a worker: stop after this step, terminate, kill."""
+
+ACK_INTERVAL = 100
+"""The number of messages after which the client acknowledges them to the worker."""
+
+
+@frozen
+class WorkerLimits:
+    """The limits that apply on every worker of a build.
+
+    `jobs` is the number of jobs per worker, None for its number of processors. `memory` and `load` are the
+    limits of the options with these names. `resources` are the Dask worker resources that a package requires.
+    """
+
+    jobs: int | None = None
+    memory: MemoryLimit | None = None
+    load: float | None = None
+    resources: tuple[tuple[str, float], ...] = ()
+
+
+@frozen
+class TaskRequest:
+    """A worker has accepted a task and requests its RemoteTask; `attempt` is the id of this attempt."""
+
+    attempt: str
+    address: str
+    host: str
+
+
+@frozen
+class RemoteTask:
+    """A task for a worker: steps to run in an environment prepared by the client.
+
+    `lock` is held while any of its programs runs.
+    """
+
+    task: Task
+    environment: Mapping[str, str]
+    limits: WorkerLimits
+    lock: Path
 
 
 class Mailbox:
@@ -33,7 +78,7 @@ class Mailbox:
         """Add a message from the client."""
         self.put("", 0, command)
 
-    def get(self) -> Event | TaskRequest | MissingSources | str:
+    def get(self) -> Event | TaskRequest | str:
         """Wait for the next task request, event of the current attempt, or message from the client.
 
         Raises EnvironmentFault if a message was lost.
@@ -81,10 +126,10 @@ class Router:
     def deliver(self, event: tuple[float, dict[str, Any]]) -> None:
         """Route one Dask event, a pair of time and message."""
         message = event[1]
-        attempt, number, content = message["visit"], message["number"], message["letter"]
+        attempt, number, content = message["attempt"], message["number"], message["content"]
         with self._lock:
             if number == 0:
-                key, content = pickle.loads(content)  # noqa: S301  (a worker of ours)
+                key, content = pickle.loads(content)  # noqa: S301  (from a trusted worker)
                 if key in self._mailboxes:
                     self._attempts[attempt] = self._mailboxes[key]
             if attempt in self._attempts:
