@@ -1,4 +1,4 @@
-"""Errors that users can fix, with position, message and hint.
+"""Errors and warnings for users, with position, message and hint.
 
     ForgeError            everything below; the command line shows its problems and exits with 2
       WorkspaceError      the workspace, a manifest or an existing install does not allow the command
@@ -11,6 +11,7 @@ Any other exception is a bug in forge and is reported as such.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -107,6 +108,31 @@ def share_hints(problems: Iterable[Problem]) -> list[Problem]:
         replace(problem, hint=None) if problem.hint == following.hint else problem
         for problem, following in pairwise(found)
     ] + found[-1:]
+
+
+class WarningReporter:
+    """Prints warnings on stderr; a watch does not repeat those of the previous build."""
+
+    def __init__(self) -> None:
+        """Start without warnings."""
+        self._current: set[str] = set()
+        self._previous: set[str] = set()
+
+    def __call__(self, problems: Iterable[Problem]) -> None:
+        """Print warnings once each; consecutive ones with the same hint show it only after the last."""
+        texts = {problem.render("warning"): problem for problem in problems}
+        for problem in share_hints(problem for text, problem in texts.items() if text not in self._previous):
+            print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)
+        self._current.update(texts)
+
+    def start_next_build(self) -> None:
+        """Keep the warnings of this build, so that the next one does not repeat them."""
+        self._previous, self._current = self._current, set()
+
+
+def print_warnings(problems: Iterable[Problem]) -> None:
+    """Print warnings on stderr once each."""
+    WarningReporter()(problems)
 
 
 def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeError) -> None:

@@ -11,9 +11,16 @@ PACKAGE = Path(__file__).parents[1]
 
 
 SCRATCH_DIR = ".forge"
-"""Folder for forge's own files below a package's build folder."""
+"""The folder for forge's own files in a package's build folder."""
 TEST_SCRATCH_DIR = ".forge_test"
 """The same for tests."""
+
+PROGRAMS_DIR = ".forge_programs"
+"""In the build folder: a folder of links to the programs that come first on PATH."""
+TEMPLATES_DIR = ".forge_templates"
+"""In the build folder: compiled templates, if the user has no cache folder."""
+OWN_CACHE_DIR = ".forge_own"
+"""In the build folder: what would be in the user's cache folder, if there is none."""
 
 
 def templates_folder() -> Path:

@@ -13,7 +13,7 @@ from forge.base.lazy import Deferred
 from forge.base.names import did_you_mean
 from forge.build.model import BuildInputs, Fingerprint
 from forge.build.recipes import RECIPES
-from forge.build.tasks import BuildPlan, Task
+from forge.build.tasks import BuildPlan, StepKind, Task
 from forge.build.up_to_date import (
     CONFIGURING,
     FOR_COMPILERS,
@@ -237,8 +237,8 @@ def _task(
 
 
 def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Return the steps with the earlier installed files added to the last one, the installation."""
-    return (*steps[:-1], replace(steps[-1], replaces=earlier))
+    """Return the steps with the earlier installed files added to the installation."""
+    return tuple(replace(step, replaces=earlier) if step.kind is StepKind.INSTALL else step for step in steps)
 
 
 def _unknown_types(names: Iterable[str], resolution: DependencyResolution) -> Iterable[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -16,20 +17,36 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 
-CONFIGURE = "cmake"
-"""The label of the step that configures a package."""
-
 TEST_FAILURES = "test failures"
 """A possible meaning of an exit code. colcon writes the same text to a package's test result file."""
 
-SUCCESS, FAILURE = "success", "failure"
+
+class StepKind(Enum):
+    """What a step does; the values are the labels that users see."""
+
+    CONFIGURE = "cmake"
+    BUILD = "build"
+    """The only kind whose program runs parallel jobs."""
+    BUILD_TARGET = "build target"
+    INSTALL = "install"
+    CTEST = "ctest"
+    PYTEST = "pytest"
+    UNITTEST = "unittest"
+
+
+class StepCondition(Enum):
+    """Whether a step runs, depending on the previous one."""
+
+    ALWAYS = "always"
+    TESTS_FAILED = "tests failed"
+    TESTS_PASSED = "tests passed"
 
 
 @frozen
 class Step:
     """One program to run. It is printed, hashed, logged and repeated by hand exactly as stored here."""
 
-    label: str
+    kind: StepKind
     argv: tuple[str, ...]
     cwd: Path
     env: Pairs = ()
@@ -40,8 +57,14 @@ class Step:
     """Files that its last run created. Symbolic links among them are removed before it starts."""
     meanings: tuple[tuple[int, str], ...] = ()
     """Nonzero exit codes that do not fail the task, and their meanings."""
-    after: str = ""
-    """Empty: always run. FAILURE or SUCCESS: run only if the previous step had TEST_FAILURES or had none."""
+    condition: StepCondition = StepCondition.ALWAYS
+    target: str = ""
+    """The target of a BUILD_TARGET step."""
+
+    @property
+    def label(self) -> str:
+        """Return the name of the step in messages and logs."""
+        return f"{self.kind.value} '{self.target}'" if self.target else self.kind.value
 
     def meaning(self, code: int) -> str | None:
         """Return the meaning of an exit code, or None if it is 0 or fails the task."""

@@ -24,7 +24,7 @@ _TOLERATED_SECONDS: Final = 1.0
 
 
 def open_remote(
-    url: str, *, seconds: float, writable: bool, variables: Mapping[str, str], report: Callable[[str], None]
+    url: str, *, seconds: float, writable: bool, variables: Mapping[str, str], report: Callable[[str], object]
 ) -> Remote:
     """Return the store for a URL without connecting to it.
 
@@ -53,7 +53,7 @@ class Remote:
     """
 
     def __init__(
-        self, store: Store, seconds: float, report: Callable[[str], None], *, writable: bool
+        self, store: Store, seconds: float, report: Callable[[str], object], *, writable: bool
     ) -> None:
         """Wrap a store, which is enabled until its first fault."""
         self.name, self.writable = store.name, writable

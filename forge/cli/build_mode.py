@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
+
+from forge.base.errors import WarningReporter
+from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -19,11 +23,17 @@ class BuildMode:
     checking = False
     """Whether to print nothing if all packages are up to date."""
 
-    def worker(self, plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
-        """Return a context that yields the environment variables for the generator worker."""
-        from forge.cli.session import warm_worker  # noqa: PLC0415  (not needed if all is up to date)
+    def __init__(self) -> None:
+        """Start without warnings."""
+        self.warn = WarningReporter()
 
-        return warm_worker(plan)
+    def worker(self, plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
+        """Return a context that yields the environment variables for the worker of interface packages."""
+        if not any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
+            return nullcontext({})
+        from forge.cli.worker import worker  # noqa: PLC0415  (only for interface packages)
+
+        return worker()
 
     def conclude(self, _plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
         """Print the summary of a build."""

@@ -21,7 +21,6 @@ from forge.build.planning import GlobalInputs
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import relevant_environment
-from forge.cli.options import cache_wanted
 from forge.environment.prefixes import find_underlays
 from forge.environment.recorded import recorded_underlays
 from forge.environment.underlays import lost_underlays
@@ -31,16 +30,16 @@ from forge.toolchain.compiler_launchers.choice import chosen
 from forge.toolchain.interpreter import find_interpreter, own_command, require_modules
 from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
-from forge.workspace.load import warn
 from forge.workspace.resolve import INTERFACE_GROUP, missing_problems
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from forge.base.errors import WarningReporter
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
     from forge.build.tasks import BuildPlan, Task
+    from forge.cli.build_options import BuildOptions
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import Loaded
 
@@ -61,7 +60,7 @@ def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str
     return workspace_environment(forgotten, variables)
 
 
-def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str]) -> None:
+def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str], warn: WarningReporter) -> None:
     """Warn about underlays that an earlier build or the environment names but that no longer exist."""
     warn(lost_underlays(layout.install, without_own(surroundings, layout.install)))
 
@@ -93,7 +92,13 @@ def check_before_planning(loaded: Loaded, names: Sequence[str], layout: Layout) 
     raise_if_any(problems, WorkspaceError)
 
 
-def check_plan(plan: BuildPlan, loaded: Loaded, context: BuildContext, variables: Mapping[str, str]) -> None:
+def check_plan(
+    plan: BuildPlan,
+    loaded: Loaded,
+    context: BuildContext,
+    variables: Mapping[str, str],
+    warn: WarningReporter,
+) -> None:
     """Raise WorkspaceError for problems of the plan that would make tasks fail or hang; print warnings."""
     errors, warnings = variable_length_problems(
         plan, loaded.resolution.packages, context.layout, context.site_packages, variables
@@ -117,24 +122,26 @@ def _unfit_generators(tasks: Iterable[Task], context: BuildContext) -> Iterator[
     yield from islice(filter(None, problems), 1)
 
 
-def prepare(
-    options: argparse.Namespace,
+def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
+    options: BuildOptions,
     loaded: Loaded,
     names: Sequence[str],
     layout: Layout,
     variables: Mapping[str, str],
+    warn: WarningReporter,
 ) -> tuple[BuildContext, Interpreter]:
     """Return the tools and options shared by all packages; raises EnvironmentFault for missing programs."""
     packages = [loaded.packages[name] for name in names]
-    warn(suspicious_arguments([word.lstrip() for word in (*options.cmake_args, *options.ament_cmake_args)]))
-    launcher = chosen(options.compiler_launcher)
+    cmake = options.cmake
+    warn(suspicious_arguments([*cmake.cmake_args, *cmake.ament_cmake_args]))
+    launcher = chosen(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
         require_modules(interpreter, ("numpy",))
     through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
     # Only the worker of a watch has loaded the modules that build Python packages.
-    warm = through_worker if getattr(options, "again", False) else own_command()
+    warm = through_worker if options.is_rebuild else own_command()
     context = BuildContext(
         root=loaded.workspace.root,
         layout=layout,
@@ -142,34 +149,30 @@ def prepare(
         site_packages=interpreter.site_packages,
         wheels=(*warm, "-m", "forge.cli.install_wheel"),
         generator=through_worker,
-        tools=identities(tools, interpreter.path, variables, options.cmake_args),
+        tools=identities(tools, interpreter.path, variables, cmake.cmake_args),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
         only_make=tools.only_make if tools else frozenset(),
-        load_limit=options.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
-        cmake_args=tuple(argument.lstrip() for argument in options.cmake_args),
-        ament_cmake_args=tuple(argument.lstrip() for argument in options.ament_cmake_args),
+        load_limit=options.jobs.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
+        cmake_args=cmake.cmake_args,
+        ament_cmake_args=cmake.ament_cmake_args,
         launcher=tools.launcher if tools else None,
         test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
-        force_configure=options.cmake_force_configure,
-        clean_cache=options.cmake_clean_cache,
-        clean_first=options.cmake_clean_first,
-        target=options.cmake_target,
-        skip_target=options.cmake_target_skip_unavailable,
+        force_configure=cmake.cmake_force_configure,
+        clean_cache=cmake.cmake_clean_cache,
+        clean_first=cmake.cmake_clean_first,
+        target=cmake.cmake_target,
+        skip_target=cmake.cmake_target_skip_unavailable,
         environment_generator=variables.get("CMAKE_GENERATOR"),
-        path_maps=_path_maps(options, loaded.workspace.root, layout, variables),
+        path_maps=_path_maps(loaded.workspace.root, layout) if options.cache.wanted else (),
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     return context, interpreter
 
 
-def _path_maps(
-    options: argparse.Namespace, root: Path, layout: Layout, variables: Mapping[str, str]
-) -> Pairs:
-    """Return compiler flags that make results independent of the workspace's path; none without a cache."""
-    if not cache_wanted(options, variables):
-        return ()
+def _path_maps(root: Path, layout: Layout) -> Pairs:
+    """Return compiler flags that make results independent of the workspace's path, as a cache needs them."""
     # Compilers use the last matching map: the root, which usually contains the others, comes first.
     folders = ((root, "."), (layout.build, "./build"), (layout.install, "./install"))
     maps = " ".join(shlex.quote(f"-ffile-prefix-map={folder}={name}") for folder, name in folders)
@@ -177,7 +180,7 @@ def _path_maps(
 
 
 def global_inputs(
-    options: argparse.Namespace,
+    options: BuildOptions,
     loaded: Loaded,
     context: BuildContext,
     variables: Mapping[str, str],
@@ -193,7 +196,7 @@ def global_inputs(
         tools=condensed(context.tools),
         environment=relevant_environment(variables),
         underlays=_names_below(find_underlays(variables, context.layout.install).prefixes),
-        force=force_of(options),
+        force=options.forced_by,
         selected=frozenset(loaded.selection.names),
         named=named.of,
     )
@@ -208,21 +211,6 @@ def _names_below(prefixes: Sequence[Path]) -> str:
             with contextlib.suppress(OSError):
                 words += (f"{prefix}/{folder}", *sorted(os.listdir(prefix / folder)))  # noqa: PTH208
     return digest_strings(*words) if words else ""
-
-
-def force_of(options: argparse.Namespace) -> str:
-    """Return the option that forces a rebuild, '' if none does or a watch has already applied it."""
-    if getattr(options, "again", False):
-        return ""
-    words = (
-        "audit",
-        "force",
-        "cmake-force-configure",
-        "cmake-clean-cache",
-        "cmake-clean-first",
-        "cmake-target",
-    )
-    return next((f"--{word}" for word in words if getattr(options, word.replace("-", "_"))), "")
 
 
 def forge_stamp() -> str:

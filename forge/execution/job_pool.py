@@ -12,7 +12,7 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from forge.base.frozen import frozen
+from forge.build.tasks import StepKind
 from forge.execution.jobserver import MAX_JOBS, TOKEN
 from forge.execution.makeflags import MakeFlags
 
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 
     from forge.build.tasks import Step
     from forge.execution.jobserver import TokenPool
-    from forge.toolchain.resources import MemoryLimit
-
-BUILD = "build"
-"""The label of steps whose tool runs parallel jobs."""
 
 _IMPLICIT_TOKEN = b""
 """The implicit token of a parent make for this process; it is never in the pool."""
@@ -33,18 +29,6 @@ _PERIOD_SECONDS = 0.25
 """The interval of memory and load checks."""
 _PAUSE_SECONDS = 0.005
 """How long a released token waits for the next package before tools may take it."""
-
-
-@frozen
-class JobOptions:
-    """The job limits of the command line; 0 or None if not set."""
-
-    jobs: int = 0
-    packages: int = 0
-    memory_limit: MemoryLimit | None = None
-    load_limit: float | None = None
-    sequential: bool = False
-    """Build one package at a time."""
 
 
 class JobPool:
@@ -100,7 +84,7 @@ class JobPool:
     ) -> Iterator[tuple[dict[str, str], tuple[int, ...]]]:
         """Yield the environment of a step, based on `variables`, and the descriptors that it inherits."""
         found = without_job_variables(variables)
-        if step.label != BUILD:
+        if step.kind is not StepKind.BUILD:
             yield self._without_jobserver(found, 1), ()
         elif self._pool is not None and self._tool(step) in self._jobserver_tools:
             found["MAKEFLAGS"] = self._flags.line(self.jobs, self._pool.auth)

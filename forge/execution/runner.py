@@ -19,7 +19,7 @@ from forge.base.files import says, write_if_changed
 from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
 from forge.build.shell_command import LAST_COMMAND, environment_file, step_line
-from forge.build.tasks import CONFIGURE, FAILURE, SUCCESS, TEST_FAILURES
+from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind
 from forge.execution.jobserver import without_jobserver_notices
 
 if TYPE_CHECKING:
@@ -164,9 +164,9 @@ class ProcessRunner:
         self, task: Task, environment: Mapping[str, str], put: Callable[[Event], None], started: float
     ) -> Event | None:
         """Run the steps until one fails or the build is stopped, which returns Finished or Aborted."""
-        outcome = SUCCESS
+        tests = StepCondition.TESTS_PASSED
         for step in task.steps:
-            if step.after not in {"", outcome}:
+            if step.condition not in {StepCondition.ALWAYS, tests}:
                 continue
             if self._stopping.is_set():
                 return Aborted(task.name, time.monotonic() - started)
@@ -175,7 +175,8 @@ class ProcessRunner:
                 return Aborted(task.name, time.monotonic() - started)
             if code and step.meaning(code) is None:
                 return Finished(task.name, code, time.monotonic() - started, step)
-            outcome = FAILURE if step.meaning(code) == TEST_FAILURES else SUCCESS
+            failed = step.meaning(code) == TEST_FAILURES
+            tests = StepCondition.TESTS_FAILED if failed else StepCondition.TESTS_PASSED
         return None
 
     def finish_steps(self) -> None:
@@ -230,7 +231,7 @@ class ProcessRunner:
         with tools as tool_context, self._launch(task, step) as argv:
             code = self._start(task, replace(step, argv=tuple(argv)), tool_context, put)
         if step.record and code == 0:
-            if step.label == CONFIGURE:
+            if step.kind is StepKind.CONFIGURE:
                 from forge.build.build_dir import restore_products  # noqa: PLC0415  (few steps configure)
 
                 restore_products(step.cwd)

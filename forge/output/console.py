@@ -8,14 +8,12 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Protocol
 
-from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, duration
 from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
 from forge.build.shell_command import environment_file, step_line
-from forge.build.tasks import CONFIGURE, TEST_FAILURES
+from forge.build.tasks import TEST_FAILURES, StepKind
 from forge.cache.model import RESTORED
 from forge.toolchain.cmake_warnings import UnusedVariables
 
@@ -28,50 +26,6 @@ if TYPE_CHECKING:
     from forge.output.diagnosis import FirstError
     from forge.toolchain.compiler_launchers.outcome import LauncherSummary
     from forge.workspace.model import Package
-
-HANDLERS = {
-    "console_start_end": True,
-    "console_stderr": True,
-    "summary": True,
-    "status": True,
-    "console_direct": False,
-    "console_cohesion": False,
-    "console_package_list": False,
-    # Accepted for compatibility with colcon, without effect except for compile_commands.
-    "log": True,
-    "event_log": True,
-    "log_command": True,
-    "store_result": True,
-    "compile_commands": True,
-    "desktop_notification": False,
-    "parallel_status": False,
-    "terminal_title": False,
-}
-"""The event handlers of --event-handlers and their defaults."""
-
-_PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
-"""The event handlers that print text on stdout."""
-
-
-def handlers_of(words: Sequence[str]) -> dict[str, bool]:
-    """Return the state of each event handler; raises SelectionError for unknown ones."""
-    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
-    raise_if_any(
-        (
-            Problem(
-                f"--event-handlers expects names followed by '+' or '-', not '{word}'",
-                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
-            )
-            for word in unknown
-        ),
-        SelectionError,
-    )
-    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
-
-
-def without_prose(handlers: Mapping[str, bool]) -> dict[str, bool]:
-    """Return the event handlers with those disabled that print text on stdout."""
-    return {**handlers, **dict.fromkeys(_PROSE, False)}
 
 
 class Screen(Protocol):
@@ -223,7 +177,7 @@ class ConsoleReporter:
             case Fresh(task):
                 self._fresh.append(task)
             case StepFinished(task, step, code):
-                if step.label == CONFIGURE:
+                if step.kind is StepKind.CONFIGURE:
                     self._configured.add(task)
                 # Of repeated steps, only the last result counts.
                 failed = step.meaning(code) == TEST_FAILURES

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _EARLY = 2.0
 """Seconds before the first estimate."""
+_LONGEST_SECONDS = 1e7
+"""An estimate above this comes from a damaged record of durations."""
 
 
 @frozen
@@ -70,7 +72,8 @@ class Progress:
         made += sum(min(now - r.begun, worth.get(r.name, 0.0)) for r in self.running)
         if passed < _EARLY or made <= 0:
             return None
-        return max(0.0, (sum(worth.values()) - made) * passed / made)
+        left = (sum(worth.values()) - made) * passed / made
+        return max(0.0, left) if left < _LONGEST_SECONDS else None
 
     def _without(self, name: str) -> tuple[Running, ...]:
         return tuple(running for running in self.running if running.name != name)

@@ -16,28 +16,30 @@ from forge.build.tasks import BuildPlan, Task
 from forge.build.up_to_date import source_changes
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.environment.recorded import recorded_python
-from forge.execution.job_pool import JobOptions, JobPool
+from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.testing.looking import inspect_tests
-from forge.testing.recipes import TEST_RECIPES, Look, TestContext, TestOptions, framework
+from forge.testing.recipes import TEST_RECIPES, Look, TestContext, framework
 from forge.toolchain.interpreter import find_interpreter, missing_modules
 from forge.toolchain.programs import CMAKE_TYPES, find_ctest
 from forge.toolchain.resources import processors, shortage
-from forge.workspace.load import warn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from forge.base.errors import WarningReporter
     from forge.base.layout import Layout
+    from forge.execution.options import JobOptions
+    from forge.testing.options import TestOptions
     from forge.workspace.load import Loaded
     from forge.workspace.model import Package
 
 _AROUND_PYTEST = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
 
 
-def tested_names(loaded: Loaded) -> tuple[str, ...]:
-    """Return the selected packages with a supported build type, except embedded ones.
+def tested_names(loaded: Loaded, warn: WarningReporter) -> tuple[str, ...]:
+    """Return the selected packages with a supported build type, except embedded ones; warn about others.
 
     Raises WorkspaceError for invalid manifests and duplicate names.
     """
@@ -148,7 +150,7 @@ def prepare_context(
     )
 
 
-def open_test_budget(options: JobOptions, variables: Mapping[str, str]) -> JobPool:
+def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> JobPool:
     """Return the job pool with one job per package under test; a parent make may provide it."""
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
     pool = join_pool(flags.auth) if flags.auth and not options.jobs else None
@@ -156,14 +158,16 @@ def open_test_budget(options: JobOptions, variables: Mapping[str, str]) -> JobPo
     return JobPool(options.jobs or flags.jobs or processors(), pool, flags=flags, is_short=short)
 
 
-def make_test_plan(names: Sequence[str], loaded: Loaded, context: TestContext) -> BuildPlan:
+def make_test_plan(
+    names: Sequence[str], loaded: Loaded, context: TestContext, warn: WarningReporter
+) -> BuildPlan:
     """Return a task per package, without dependencies. Raises EnvironmentFault if pytest is missing."""
     looks = {}
     for name in names:
         package = loaded.packages[name]
         looks[name] = inspect_tests(package, context.source(package), context.layout.build_dir(name))
     raise_if_any(_without_pytest([loaded.packages[name] for name in names], context, looks), EnvironmentFault)
-    if context.options.coverage and "pytest_cov" not in context.modules:
+    if context.options.pytest_with_coverage and "pytest_cov" not in context.modules:
         warn([Problem("coverage is not measured: the interpreter has no pytest-cov")])
     tasks = {}
     for name in names:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.templating import render
-from forge.build.tasks import FAILURE, SUCCESS, TEST_FAILURES, Step
+from forge.build.tasks import TEST_FAILURES, Step, StepCondition, StepKind
+from forge.testing.options import TestOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -23,26 +24,6 @@ NO_TESTS = "no tests"
 UNITTESTS = Path(__file__).with_name("unittests.py")
 _OF_CTEST = ((8, TEST_FAILURES),)
 _OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS))
-
-
-@frozen
-class TestOptions:
-    """The options of `forge test` that affect how tests run."""
-
-    __test__ = False  # pytest collects classes with this prefix
-
-    python: str | None = None
-    """The interpreter; None for that of the last build."""
-    results: Path | None = None
-    """A folder for results, None for the build folders."""
-    framework: str | None = None
-    """`pytest` or `unittest`; None to select by package."""
-    until_fail: int = 0
-    until_pass: int = 0
-    coverage: bool = False
-    ctest_args: tuple[str, ...] = ()
-    pytest_args: tuple[str, ...] = ()
-    unittest_args: tuple[str, ...] = ()
 
 
 @frozen
@@ -72,7 +53,7 @@ class TestContext:
         options = self.options
         own = replace(
             options,
-            framework=options.framework or next(iter(package.words("python-testing")), None),
+            python_testing=options.python_testing or next(iter(package.words("python-testing")), None),
             ctest_args=(*options.ctest_args, *package.words("ctest-args")),
             pytest_args=(*options.pytest_args, *package.words("pytest-args")),
             unittest_args=(*options.unittest_args, *package.words("unittest-args")),
@@ -81,7 +62,7 @@ class TestContext:
 
     def results_of(self, name: str) -> Path:
         """Return the folder for results of a package."""
-        return (self.options.results or self.layout.build) / name
+        return (self.options.test_result_base or self.layout.build) / name
 
 
 @frozen
@@ -112,21 +93,22 @@ def ctest_recipe(package: Package, context: TestContext, look: Look) -> TestReci
     if not look.configuration:
         return TestRecipe()
     build = context.layout.build_dir(package.name)
+    until_fail = context.options.retest_until_fail
     named = any(word in {"-C", "--build-config"} for word in context.options.ctest_args)
     argv = (
         str(context.ctest),
         *(() if named else ("-C", look.configuration)),
         *("-D", "ExperimentalTest", "--no-compress-output", "-V", "--force-new-ctest-process"),
         *context.options.ctest_args,
-        *(("--repeat-until-fail", str(context.options.until_fail + 1)) if context.options.until_fail else ()),
+        *(("--repeat-until-fail", str(until_fail + 1)) if until_fail else ()),
     )
-    step = Step("ctest", argv, build, meanings=_OF_CTEST)
-    again = replace(step, argv=(*argv, "--rerun-failed"), after=FAILURE)
+    step = Step(StepKind.CTEST, argv, build, meanings=_OF_CTEST)
+    again = replace(step, argv=(*argv, "--rerun-failed"), condition=StepCondition.TESTS_FAILED)
     # Each run gets a new name; a full run also removes results of deleted tests.
     stale = [build / "Testing" / "TAG"]
     if not context.options.ctest_args:
         stale += [build / "Testing" / "[0-9]*-[0-9]*", build / "test_results" / package.name / "*.xml"]
-    return TestRecipe((step, *(again,) * context.options.until_pass), clean=tuple(stale))
+    return TestRecipe((step, *(again,) * context.options.retest_until_pass), clean=tuple(stale))
 
 
 def python_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
@@ -137,8 +119,8 @@ def python_recipe(package: Package, context: TestContext, look: Look) -> TestRec
 
 def framework(package: Package, context: TestContext, look: Look) -> str:
     """Return 'pytest' or 'unittest': the option, else according to the package's metadata and manifest."""
-    if context.options.framework:
-        return "pytest" if context.options.framework == "pytest" else "unittest"
+    if context.options.python_testing:
+        return "pytest" if context.options.python_testing == "pytest" else "unittest"
     declared = {dependency.name for dependency in package.manifest.dependencies}
     return "pytest" if "pytest" in look.wants or "python3-pytest" in declared else "unittest"
 
@@ -147,22 +129,23 @@ def pytest_recipe(package: Package, context: TestContext, look: Look) -> TestRec
     """Return the pytest run; without plugins for repetition the whole run is repeated."""
     build = context.layout.build_dir(package.name)
     junit = context.results_of(package.name) / "pytest.xml"
-    covered = (context.options.coverage or "pytest-cov" in look.wants) and "pytest_cov" in context.modules
-    repeats = context.options.until_fail and "pytest_repeat" in context.modules
-    reruns = context.options.until_pass and "pytest_rerunfailures" in context.modules
+    options, modules = context.options, context.modules
+    covered = (options.pytest_with_coverage or "pytest-cov" in look.wants) and "pytest_cov" in modules
+    repeats = options.retest_until_fail and "pytest_repeat" in modules
+    reruns = options.retest_until_pass and "pytest_rerunfailures" in modules
     argv = (
         *(str(context.python), "-m", "pytest", "--tb=short"),
         f"--junit-xml={junit}",
         f"--junit-prefix={package.name}",
         *("-o", f"cache_dir={build / '.pytest_cache'}"),
         *(_coverage(context.source(package), build) if covered else ()),
-        *((f"--count={context.options.until_fail + 1}",) if repeats else ()),
-        *((f"--reruns={context.options.until_pass}",) if reruns else ()),
-        *context.options.pytest_args,
+        *((f"--count={options.retest_until_fail + 1}",) if repeats else ()),
+        *((f"--reruns={options.retest_until_pass}",) if reruns else ()),
+        *options.pytest_args,
     )
     env = (("COVERAGE_FILE", str(build / ".coverage")),) if covered else ()
-    step = Step("pytest", argv, context.source(package), env, meanings=_OF_PYTHON)
-    further = 0 if repeats or reruns else context.options.until_fail or context.options.until_pass
+    step = Step(StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
+    further = 0 if repeats or reruns else options.retest_until_fail or options.retest_until_pass
     return TestRecipe(
         (step, *(_again(step, context),) * further), ((junit, missing_result(package, "pytest")),)
     )
@@ -179,8 +162,10 @@ def unittest_recipe(package: Package, context: TestContext, _: Look) -> TestReci
         "-v",
         *context.options.unittest_args,
     )
-    step = Step("unittest", argv, context.source(package), meanings=_OF_PYTHON)
-    further = (_again(step, context),) * (context.options.until_fail or context.options.until_pass)
+    step = Step(StepKind.UNITTEST, argv, context.source(package), meanings=_OF_PYTHON)
+    further = (_again(step, context),) * (
+        context.options.retest_until_fail or context.options.retest_until_pass
+    )
     return TestRecipe((step, *further), ((junit, missing_result(package, "unittest")),))
 
 
@@ -198,7 +183,9 @@ TEST_RECIPES: Mapping[str, Callable[[Package, TestContext, Look], TestRecipe]] =
 
 
 def _again(step: Step, context: TestContext) -> Step:
-    return replace(step, after=SUCCESS if context.options.until_fail else FAILURE)
+    until_fail = context.options.retest_until_fail
+    condition = StepCondition.TESTS_PASSED if until_fail else StepCondition.TESTS_FAILED
+    return replace(step, condition=condition)
 
 
 def _coverage(source: Path, build: Path) -> tuple[str, ...]:

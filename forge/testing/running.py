@@ -13,7 +13,7 @@ from forge.build.events import Aborted, Finished
 from forge.build.installed_lists import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.shell_command import environment_file, step_line
-from forge.build.tasks import TEST_FAILURES
+from forge.build.tasks import TEST_FAILURES, StepKind
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import VARIABLE, StartedProcesses
@@ -56,7 +56,7 @@ class TestSetup:
         return {"PYTHONDONTWRITEBYTECODE": "1", **found, VARIABLE: str(layout.build)}
 
     def _finish(self, task: Task) -> BuildRecord:
-        if self.context.options.results is not None:
+        if self.context.options.test_result_base is not None:
             _copy_last_run(task, self.context)
         return BuildRecord(BuildInputs())
 
@@ -78,15 +78,16 @@ def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
     """Yield the failed tests of a package in its last run."""
     found = collect(context.results_of(task.name)).outcomes
     step = task.steps[-1]
-    if step.label == "ctest":
-        junits = found if context.options.results is None else (*found, *collect(task.build_dir).outcomes)
+    if step.kind is StepKind.CTEST:
+        elsewhere = context.options.test_result_base is not None
+        junits = (*found, *collect(task.build_dir).outcomes) if elsewhere else found
         for case in (case for outcome in found if outcome.by_name for case in outcome.cases):
             yield _ctest_failure(case, task, junits)
         return
-    own = context.results_of(task.name) / f"{step.label}.xml"
+    own = context.results_of(task.name) / f"{step.kind.value}.xml"
     exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
     for case in (case for outcome in found if outcome.path == str(own) for case in outcome.cases):
-        selector = _selector(case, task.name, step.label, exists)
+        selector = _selector(case, task.name, step.kind, exists)
         # Without a result, repeat the whole run.
         repeat = step if case.name.endswith(".missing_result") else _again(step, selector)
         label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
@@ -108,13 +109,13 @@ def _ctest_failure(case: Case, task: Task, junits: Sequence[Outcome]) -> Failure
 
 def _again(step: Step, selector: tuple[str, ...]) -> Step:
     """Return a step that runs one test with the framework's own command."""
-    return replace(step, argv=(step.argv[0], "-m", step.label, *selector), env=())
+    return replace(step, argv=(step.argv[0], "-m", step.kind.value, *selector), env=())
 
 
-def _selector(case: Case, package: str, label: str, exists: Callable[[str], bool]) -> tuple[str, ...]:
+def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], bool]) -> tuple[str, ...]:
     """Return the arguments to run a single case."""
     parts = case.suite.split(".")
-    if label == "unittest":
+    if kind is StepKind.UNITTEST:
         whole = not case.suite or " " in case.name or "_FailedTest" in case.suite
         return () if whole else (f"{case.suite}.{case.name}",)
     if parts[:1] == [package]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import home
-from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any, share_hints
+from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import ordered_names
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
@@ -46,8 +45,8 @@ class Loaded:
     packages: Mapping[str, Package]
     needs: Mapping[str, frozenset[str]]
     ordered: tuple[str, ...]
-    doubts: tuple[Problem, ...] = ()
-    """Warnings; in a listing also unreadable manifests."""
+    warnings: tuple[Problem, ...] = ()
+    """In a listing also for unreadable manifests."""
 
 
 def load_workspace(
@@ -58,27 +57,13 @@ def load_workspace(
     embedded: bool = False,
     install: Path | None = None,
 ) -> Loaded:
-    """Return the workspace described by the query, and print warnings.
+    """Return the workspace described by the query, with warnings for the caller to print.
 
     `embedded` adds forge's embedded packages; `install` is the workspace's install folder, which is not used
     as an underlay. Commands without it list packages, including several with the same name and with invalid
     manifests. Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same
     name; SelectionError for names that cannot be selected.
     """
-    loaded = inspect_workspace(root, query, variables, embedded=embedded, install=install)
-    warn(loaded.doubts)
-    return loaded
-
-
-def inspect_workspace(
-    root: Path,
-    query: Query,
-    variables: Mapping[str, str],
-    *,
-    embedded: bool = False,
-    install: Path | None = None,
-) -> Loaded:
-    """Like load_workspace, but do not print warnings."""
     found = find_packages(root, query.search, variables)
     workspace = _without(found, ignored(query, found.packages))
     whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
@@ -89,33 +74,13 @@ def inspect_workspace(
     needs = _needs(resolution, twins)
     limits = filter_limits(query.filters, root, workspace.packages, resolution.needs)
     ordered = ordered_names(needs)
-    selection, warnings = select(query, ordered, needs, limits, found.packages)
+    selection, notes = select(query, ordered, needs, limits, found.packages)
     clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
-    doubts = (*workspace.notes, *circles, *unmet_versions(workspace.packages))
+    warnings = (*workspace.notes, *circles, *unmet_versions(workspace.packages), *notes)
     faults = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    return Loaded(workspace, resolution, selection, packages, needs, ordered, (*faults, *doubts, *warnings))
-
-
-_current: set[str] = set()
-_previous: set[str] = set()
-"""Warnings of the current and of the previous build of a watch; other commands have only one build."""
-
-
-def warn(problems: Iterable[Problem]) -> None:
-    """Print warnings on stderr; omit repeated ones, and print a shared hint only once."""
-    texts = {problem.render("warning"): problem for problem in problems}
-    for problem in share_hints(problem for text, problem in texts.items() if text not in _previous):
-        print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)
-    _current.update(texts)
-
-
-def forget_old_warnings() -> None:
-    """Start a new build of a watch, which does not repeat warnings of the previous build."""
-    _previous.clear()
-    _previous.update(_current)
-    _current.clear()
+    return Loaded(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
 
 
 def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started
-from forge.build.tasks import BuildPlan, Step, Task
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.output.charts.sampling import Usage
-from forge.output.console import HANDLERS, ConsoleReporter, without_prose
+from forge.output.console import ConsoleReporter
+from forge.output.handlers import HANDLERS, without_prose
 from forge.output.json_events import JsonEvents
 from tests.packages import manifest_text, package
 from tests.snippets import ROOT
@@ -182,7 +183,7 @@ def test_an_interrupted_build_says_so(tree: Tree) -> None:
 
 def test_the_page_names_every_event_and_every_key(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     table = {"a": package("a")}
-    step = Step("build", ("make",), tmp_path)
+    step = Step(StepKind.BUILD, ("make",), tmp_path)
     plan = BuildPlan({"a": Task("a", table["a"], tmp_path, tmp_path, (), (step,), "why")}, ("a",))
     report = ConsoleReporter(plan, table, without_prose(HANDLERS), tmp_path)
     json_events = JsonEvents(plan, table, printed=True, output=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.build.audit.accesses import Access, Kind
 from forge.build.audit.untracked import COMPILER, LITTER, untracked
-from forge.build.tasks import CONFIGURE
+from forge.build.tasks import StepKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
@@ -56,7 +56,7 @@ class Finding:
     """An access to an untracked path."""
 
     package: str
-    step: str
+    step: StepKind
     path: str
     kind: Kind
     program: str
@@ -67,7 +67,7 @@ SOURCES = "sources"
 
 
 def findings(
-    package: str, step: str, accesses: Accesses, tracked: Tracked, environment: tuple[Machine, Disk]
+    package: str, step: StepKind, accesses: Accesses, tracked: Tracked, environment: tuple[Machine, Disk]
 ) -> tuple[Finding, ...]:
     """Return the accesses of a step that forge neither tracks nor ignores on purpose, sorted by path."""
     found: dict[str, Finding] = {}
@@ -84,13 +84,13 @@ def findings(
 _WEIGHT = {kind: weight for weight, kind in enumerate(Kind)}
 
 
-def _effective_kind(kind: Kind, program: str, step: str) -> Kind:
+def _effective_kind(kind: Kind, program: str, step: StepKind) -> Kind:
     """Return the effective kind of an access.
 
     A compiler reports all headers that it used; it opens others only for __has_include, which depends on
     names. This does not apply to CMake's compile checks, whose headers are not reported.
     """
-    if kind is Kind.READ and step != CONFIGURE and COMPILER.match(program):
+    if kind is Kind.READ and step is not StepKind.CONFIGURE and COMPILER.match(program):
         return Kind.SEEN
     return kind
 
@@ -185,7 +185,8 @@ def report(found: Iterable[Finding], packages: int) -> tuple[str, ...]:
 
 def _group(finding: Finding, folder: str, paths: list[str]) -> Iterator[str]:
     """Yield the lines for the paths of one folder."""
-    by = f"{finding.step} step, by {finding.program}" if finding.program else f"{finding.step} step"
+    step = f"{finding.step.value} step"
+    by = f"{step}, by {finding.program}" if finding.program else step
     if len(paths) > _MAX_LISTED:
         paths = [f"{len(paths)} names in {folder}, such as {basename(paths[0])}"]
     yield from (f"{finding.package}: {finding.kind.value} {path} ({by})" for path in paths)
@@ -196,7 +197,7 @@ def _plural(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _advice(step: str, kind: Kind, owner: str) -> str:
+def _advice(step: StepKind, kind: Kind, owner: str) -> str:
     """Return a hint for the author of the package."""
     if owner:
         return f"add <depend>{owner}</depend> to package.xml"
@@ -208,7 +209,8 @@ def _advice(step: str, kind: Kind, owner: str) -> str:
 
 
 _ADVICE = {
-    "cmake": "set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS FILE) lets forge track it",
-    "build": "add_custom_command(... DEPENDS FILE) lets forge track it",
-    "install": "install(FILES FILE ...) lets forge track it",
+    StepKind.CONFIGURE: "set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS FILE) lets forge "
+    "track it",
+    StepKind.BUILD: "add_custom_command(... DEPENDS FILE) lets forge track it",
+    StepKind.INSTALL: "install(FILES FILE ...) lets forge track it",
 }

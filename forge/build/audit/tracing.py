@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.build.audit.accesses import Accesses
-    from forge.build.tasks import Step, Task
+    from forge.build.tasks import Step, StepKind, Task
 
 FOLDER = ".forge_audit"
 _CALLS = ",".join(f"?{call}" for call in CALLS)  # '?': ignore calls that this machine does not have
@@ -31,7 +31,7 @@ class Audit:
         """Store the strace command and the folder for its output."""
         self._strace = tuple(strace)
         self._folder = folder
-        self.steps: dict[str, list[tuple[str, Accesses]]] = {}
+        self.steps: dict[str, list[tuple[StepKind, Accesses]]] = {}
 
     @contextmanager
     def launch(self, task: Task, step: Step) -> Iterator[Sequence[str]]:
@@ -42,7 +42,7 @@ class Audit:
         try:
             yield (*self._strace, "-o", str(trace), *step.argv)
             if trace.is_file():
-                steps.append((step.label, _read(trace, str(step.cwd))))
+                steps.append((step.kind, _read(trace, str(step.cwd))))
         finally:
             trace.unlink(missing_ok=True)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.layout import SCRATCH_DIR
 from forge.build.recipes.context import Recipe, common_options
-from forge.build.tasks import CONFIGURE, Step
+from forge.build.tasks import Step, StepKind
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,8 +70,9 @@ def _recipe(package: Package, context: BuildContext, arguments: tuple[str, ...],
     configure = _configure(package, context, arguments, files[0][1])
     cmake = str(context.cmake)
     first = ("--clean-first",) if context.clean_first else ()
-    build_step = Step("build", (cmake, "--build", str(build), *first, *_jobs(context)), build)
-    install_step = Step("install", (cmake, "--install", str(build)), build, _how_to_install(package, context))
+    build_step = Step(StepKind.BUILD, (cmake, "--build", str(build), *first, *_jobs(context)), build)
+    install = (cmake, "--install", str(build))
+    install_step = Step(StepKind.INSTALL, install, build, _how_to_install(package, context))
     return Recipe((configure, *_target(build, context), build_step, install_step), files)
 
 
@@ -82,7 +83,7 @@ def _target(build: Path, context: BuildContext) -> tuple[Step, ...]:
     argv = (str(context.cmake), "--build", str(build), "--target", context.target, *_jobs(context))
     if context.skip_target:
         argv = ("sh", "-c", _IF_TARGET_EXISTS, context.target, *argv)
-    return (Step(f"build target '{context.target}'", argv, build),)
+    return (Step(StepKind.BUILD_TARGET, argv, build, target=context.target),)
 
 
 _IF_TARGET_EXISTS = r"""targets=$("$1" --build "$3" --target help) || exit
@@ -108,7 +109,7 @@ def _configure(package: Package, context: BuildContext, arguments: tuple[str, ..
     )
     parts = (*argv, *(flags for _, flags in env), cache_text)
     digest = hashlib.sha256("\0".join(parts).encode(errors="surrogateescape")).hexdigest()
-    return Step(CONFIGURE, argv, build, env, record=(scratch_folder(build) / RECORD, digest))
+    return Step(StepKind.CONFIGURE, argv, build, env, record=(scratch_folder(build) / RECORD, digest))
 
 
 def _with_path_maps(arguments: tuple[str, ...], context: BuildContext) -> tuple[tuple[str, ...], Pairs]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.build.recipes.context import Recipe
-from forge.build.tasks import Step
+from forge.build.tasks import Step, StepKind
 
 if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
@@ -41,4 +41,4 @@ def _recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
         *more,
         *(("--link",) if context.layout.symlink and not package.embedded else ()),
     )
-    return Recipe((Step("install", argv, build),))
+    return Recipe((Step(StepKind.INSTALL, argv, build),))

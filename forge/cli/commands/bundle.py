@@ -7,10 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem
+from forge.base.errors import Problem, print_warnings
 from forge.environment.bundling import write_bundle
 from forge.environment.recorded import recorded_underlays
-from forge.workspace.load import warn
 
 if TYPE_CHECKING:
     import argparse
@@ -43,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     underlays = [str(path) for path in recorded_underlays(install)]
     if underlays:
         hint = "install them at the same path on the target machine, or bundle them, too"
-        warn(
+        print_warnings(
             [Problem(f"underlays are not part of the archive: {', '.join(map(repr, underlays))}", hint=hint)]
         )
     sys.stdout.flush()

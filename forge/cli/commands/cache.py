@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
 from forge.cache.folder_store import FolderStore
+from forge.cache.opening import byte_count, cache_folder
 from forge.cache.pruning import DEFAULT_SIZE, prune, scan_store
 from forge.cache.tallying import read_counts
 from forge.cache.verifying import verify
-from forge.cli import options as shared
-from forge.cli.opening_cache import folder_of
+from forge.cli.options import argument_type
 
 if TYPE_CHECKING:
     import argparse
@@ -27,7 +27,7 @@ def register(parser: Parser) -> None:
     pruning = _verb(verbs, "prune", "remove the least recently used entries", _prune)
     pruning.add_argument(
         "--size",
-        type=shared.byte_count,
+        type=argument_type(byte_count),
         default=DEFAULT_SIZE,
         metavar="SIZE",
         help="target size; 0 empties the cache (default: 20G)",
@@ -37,7 +37,7 @@ def register(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the verb; returns 0, or 1 if the cache contained corrupt entries."""
-    store = FolderStore(folder_of(options.cache, os.environ))
+    store = FolderStore(cache_folder(options.cache, os.environ))
     try:
         code: int = options.verb(store, options)
     except OSError as error:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
 from forge.base.names import did_you_mean
 from forge.build.cleaning import (
     BASES,
@@ -60,7 +60,7 @@ def register(parser: Parser) -> None:
         help="folders to remove, for 'workspace' (default: all)",
     )
     package_options.add(parser)
-    shared.add_layout(parser)
+    shared.add_options(parser, "output folders", shared.FolderOptions)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -126,6 +126,7 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> Loaded:
     loaded = load_workspace(
         root, package_options.query_of(options), variables, embedded=True, install=layout.install
     )
+    print_warnings(loaded.warnings)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     return loaded
 
@@ -147,12 +148,14 @@ def _as_installed(layout: Layout) -> Layout:
 
 def _shown(litter: Removable, options: argparse.Namespace) -> str:
     if len(litter.paths) > 1:
-        return f"{litter.label} in {_spelled(litter.base, options)}"
-    return f"{_spelled(litter.paths[0], options)} ({litter.label})"
+        return f"{litter.label} in {_displayed(litter.base, options)}"
+    return f"{_displayed(litter.paths[0], options)} ({litter.label})"
 
 
-def _spelled(path: Path, options: argparse.Namespace) -> str:
-    return shared.spelled(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, options)
+def _displayed(path: Path, options: argparse.Namespace) -> str:
+    return shared.displayed(
+        os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, options.origin
+    )
 
 
 def _confirmed(question: str) -> bool:
@@ -163,7 +166,7 @@ def _confirmed(question: str) -> bool:
 
 def _report_rest(paths: Iterable[Path], options: argparse.Namespace) -> None:
     for path in paths:
-        print(f"not removed, because forge did not create it: {_spelled(path, options)}", file=sys.stderr)
+        print(f"not removed, because forge did not create it: {_displayed(path, options)}", file=sys.stderr)
 
 
 def _write_scripts(layout: Layout) -> None:

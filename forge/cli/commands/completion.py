@@ -23,7 +23,7 @@ from forge.cli.completing import (
     Option,
     completion,
 )
-from forge.output.console import HANDLERS
+from forge.output.handlers import HANDLERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

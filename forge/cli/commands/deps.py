@@ -6,7 +6,14 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.errors import (
+    EnvironmentFault,
+    Problem,
+    SelectionError,
+    WorkspaceError,
+    print_warnings,
+    raise_if_any,
+)
 from forge.base.names import did_you_mean
 from forge.cli import package_options
 from forge.doctor.system_deps.common_keys import common_keys
@@ -17,7 +24,7 @@ from forge.doctor.system_deps.system_packages import installed_names
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.load import inspect_workspace, warn
+from forge.workspace.load import load_workspace
 from forge.workspace.model import Kind
 from forge.workspace.resolve import answered_names
 
@@ -85,12 +92,12 @@ def run(options: argparse.Namespace) -> int:
     database = merged(
         (*read_databases(options.rosdep_file or ()), *known_databases(system, os.environ), common_keys())
     )
-    loaded = inspect_workspace(root, package_options.query_of(options), os.environ)
+    loaded = load_workspace(root, package_options.query_of(options), os.environ)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     if not loaded.packages:
         hint = "change to the root of the workspace, the folder that contains 'src'"
         raise SelectionError(Problem(f"no packages found below '{root}'", hint=hint))
-    warn(loaded.doubts)
+    print_warnings(loaded.warnings)
     selected = [loaded.packages[node] for node in loaded.selection.names]
     needs = needs_of(selected, kinds, _provider(loaded, root / options.install_base), database, system)
     python = _python(options)

@@ -15,7 +15,7 @@ from forge.doctor.checks.checkup import CheckResult
 from forge.doctor.checks.showing import lines, plain
 from forge.doctor.checks.subject import Subject, files_of
 from forge.environment.prefixes import find_underlays
-from forge.workspace.load import inspect_workspace
+from forge.workspace.load import load_workspace
 from forge.workspace.resolve import missing_problems
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ EXIT_USER = 2
 def register(parser: Parser) -> None:
     """Add the options of `forge doctor`."""
     package_options.add(parser)
-    shared.add_layout(parser)
+    shared.add_options(parser, "output folders", shared.FolderOptions)
     parser.add_argument("--python", metavar="PATH", help="interpreter to check, as for 'forge build'")
     parser.add_argument(
         "--all",
@@ -83,7 +83,7 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
             "workspace", "none: not searching for packages in a whole home folder or file system"
         ), bare
     try:
-        loaded = inspect_workspace(
+        loaded = load_workspace(
             root, package_options.query_of(options), variables, embedded=True, install=layout.install
         )
     except ForgeError as error:
@@ -96,7 +96,7 @@ def _workspace(loaded: Loaded) -> CheckResult:
     count = len(loaded.selection.names)
     summary = f"{count} package{'' if count == 1 else 's'}" if count else "no packages found"
     faults = (*loaded.workspace.problems, *errors)
-    return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.doubts, *warnings))
+    return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.warnings, *warnings))
 
 
 def _subject(bare: Subject, loaded: Loaded) -> Subject:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.build.recipes import RECIPES
-from forge.cli.options import CLUSTER, EXECUTORS
 from forge.environment.shells import SHELLS
-from forge.output.console import HANDLERS
+from forge.execution.options import DASK, EXECUTORS
+from forge.output.handlers import HANDLERS
 from forge.testing.recipes import TEST_RECIPES
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: ARG001  (every command is 
         "build types": sorted(RECIPES),
         "tested build types": sorted(TEST_RECIPES),
         "event handlers": sorted(handlers),
-        "executors": sorted((*EXECUTORS, CLUSTER)),
+        "executors": sorted((*EXECUTORS, DASK)),
         "shells": sorted(SHELLS),
     }
     for title, rows in tables.items():

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.errors import print_warnings
 from forge.cli import package_options
 from forge.output.charts import charts
 from forge.output.charts.charts import Chart
@@ -48,6 +49,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the graph of the selected packages, or write it to a file."""
     root = Path.cwd()
     loaded = load_workspace(root, package_options.query_of(options), os.environ, embedded=options.embedded)
+    print_warnings(loaded.warnings)
     chart = Chart(loaded.ordered, loaded.needs, loaded.packages, frozenset(loaded.selection.names))
     text = _text(chart, options, root)
     if options.output is None:

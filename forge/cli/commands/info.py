@@ -7,11 +7,11 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, print_warnings
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
-from forge.workspace.load import load_workspace, warn
+from forge.workspace.load import load_workspace
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def run(options: argparse.Namespace) -> int:
     loaded = load_workspace(
         Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
     )
+    print_warnings(loaded.warnings)
     packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
     if options.json:
@@ -62,13 +63,13 @@ def _requested(loaded: Loaded, names: tuple[str, ...]) -> list[Package]:
         raise SelectionError(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
     if names and len(unknown) == len(names):
         raise SelectionError(*unknown)
-    warn(unknown)
+    print_warnings(unknown)
     selected = (loaded.packages[node] for node in loaded.selection.names)
     return [package for package in selected if not names or package.name in names]
 
 
 def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
-    yield f"path: {shared.spelled(package.path, options)}"
+    yield f"path: {shared.displayed(package.path, options.origin)}"
     yield f"  type: {package.type}"
     yield f"  name: {package.name}"
     dependencies = _dependencies(package)
@@ -85,7 +86,7 @@ def _paragraph(package: Package, options: argparse.Namespace) -> Iterator[str]:
 
 def _plain(package: Package, options: argparse.Namespace) -> dict[str, object]:
     return {
-        "path": shared.spelled(package.path, options),
+        "path": shared.displayed(package.path, options.origin),
         "type": package.type,
         "name": package.name,
         "dependencies": _dependencies(package),

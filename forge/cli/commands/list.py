@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, print_warnings
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.workspace.load import load_workspace
@@ -50,11 +50,15 @@ def run(options: argparse.Namespace) -> int:
     loaded = load_workspace(
         Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
     )
+    print_warnings(loaded.warnings)
     packages = [loaded.packages[node] for node in loaded.selection.names]
     if not options.topological_order:
         packages.sort(key=lambda package: (package.name, str(package.path)))
     if options.json:
-        rows = [{"name": p.name, "path": shared.spelled(p.path, options), "type": p.type} for p in packages]
+        rows = [
+            {"name": p.name, "path": shared.displayed(p.path, options.origin), "type": p.type}
+            for p in packages
+        ]
         print(json.dumps(rows, indent=2))
         return 0
     lines = [_line(package, options) for package in packages]
@@ -67,8 +71,8 @@ def _line(package: Package, options: argparse.Namespace) -> str:
     if options.names_only:
         return package.name
     if options.paths_only:
-        return shared.spelled(package.path, options)
-    return f"{package.name}\t{shared.spelled(package.path, options)}\t({package.type})"
+        return shared.displayed(package.path, options.origin)
+    return f"{package.name}\t{shared.displayed(package.path, options.origin)}\t({package.type})"
 
 
 def _graph(options: argparse.Namespace) -> int:

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     for name in sorted(ignored):
         message = f"ignoring results of '{name}', which is no longer in the workspace"
         print(Problem(message, hint="forge clean stale").render("warning"), file=sys.stderr)
-    named = [replace(one, path=shared.spelled(one.path, options)) for one in counted]
+    named = [replace(one, path=shared.displayed(one.path, options.origin)) for one in counted]
     outcomes = counted_once(named)
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
     total = _sum(outcomes)
@@ -87,7 +87,7 @@ def _delete(files: Sequence[str], options: argparse.Namespace) -> int:
     if not files:
         print("No result files found to delete")
         return 0
-    print(*(f"- {shared.spelled(path, options)}" for path in files), sep="\n")
+    print(*(f"- {shared.displayed(path, options.origin)}" for path in files), sep="\n")
     while not options.delete_yes:
         print(f"Delete these {len(files)} files? [y/n] ", end="", flush=True)
         answer = sys.stdin.readline()

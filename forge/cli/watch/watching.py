@@ -15,33 +15,29 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem, SelectionError, share_hints
+from forge.base.errors import EnvironmentFault, ForgeError, Problem, share_hints
 from forge.base.os_errors import refusal
 from forge.base.text import duration
-from forge.cli import options as shared
-from forge.cli import package_options
 from forge.cli.build_mode import BuildMode
+from forge.cli.build_options import for_rebuild
 from forge.cli.preparation import forge_stamp
 from forge.cli.watch.saves import STEP, FileWatcher, interests
 from forge.environment.sourcing import clear_edit_cache
 from forge.workspace.forge_toml import FORGE_TOML
-from forge.workspace.load import find_packages, forget_old_warnings, warn
+from forge.workspace.load import find_packages
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
-    import argparse
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from forge.build.tasks import BuildPlan
+    from forge.cli.build_options import BuildOptions
     from forge.cli.watch.saves import WatchSpec
     from forge.output.console import ConsoleReporter, Tally
     from forge.workspace.model import Package
 
-    Build = Callable[[argparse.Namespace, BuildMode], int]
-
-_ONCE = ("force", "cmake_force_configure", "cmake_clean_cache", "cmake_clean_first", "reset_underlays")
-"""Options that apply only to the first build."""
+    Build = Callable[[BuildOptions, BuildMode], int]
 
 _LOGS = 10
 """Number of log folders of its own that a watch keeps."""
@@ -52,15 +48,15 @@ _SUSPICIOUS = 5
 _LONGEST_PAUSE = 30.0
 
 
-def watch(options: argparse.Namespace, build: Build) -> int:
+def watch(options: BuildOptions, read_again: Callable[[], BuildOptions], build: Build) -> int:
     """Build, then rebuild after each change until interrupted; returns 0 if interrupted while waiting.
 
-    Errors that prevent the first build end the watch; later ones are reported, and the next change retries.
+    `read_again` returns the options anew, because option files may change. Errors that prevent the first
+    build end the watch; later ones are reported, and the next change retries.
     """
-    _check_options(options)
     stamp = forge_stamp()
     with ExitStack() as at_the_end:
-        loop = WatchLoop(options, build, at_the_end)
+        loop = WatchLoop(options, read_again, build, at_the_end)
         loop.build_first()
         try:
             while True:
@@ -78,12 +74,20 @@ def watch(options: argparse.Namespace, build: Build) -> int:
 class WatchLoop(BuildMode):
     """The builds of one watch, their shared resources and their output."""
 
-    def __init__(self, options: argparse.Namespace, build: Build, at_the_end: ExitStack) -> None:
+    def __init__(
+        self,
+        options: BuildOptions,
+        read_again: Callable[[], BuildOptions],
+        build: Build,
+        at_the_end: ExitStack,
+    ) -> None:
         """Watch nothing yet; `at_the_end` closes the resources shared by the builds."""
+        super().__init__()
         self._options = options
+        self._read_again = read_again
         self._build = build
         self._at_the_end = at_the_end
-        self._watcher = FileWatcher(warn)
+        self._watcher = FileWatcher(self.warn)
         self._worker: dict[str, str] | None = None
         self._folders_outdated = True
         self._logs: list[Path] = []
@@ -120,7 +124,7 @@ class WatchLoop(BuildMode):
             name = os.path.relpath(min(changed, default="."))
             message = f"'{name}' changed during {_SUSPICIOUS} consecutive builds"
             hint = "let packages write only into their build folders; forge now pauses between builds"
-            warn([Problem(message, hint=hint)])
+            self.warn([Problem(message, hint=hint)])
 
     def worker(self, plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
         """Return the variables to connect to the worker shared by all builds."""
@@ -135,16 +139,16 @@ class WatchLoop(BuildMode):
         self._ran = bool(tally.finished or tally.embedded or tally.failed)
         if not self.quiet:
             super().conclude(plan, report, seconds)
-        elif not self._options.json and (self._ran or tally.aborted or not self.checking):
+        elif not self._options.report.json and (self._ran or tally.aborted or not self.checking):
             line = line_of(tuple(plan.tasks), tally, seconds)
             report.screen.write(f"{_clock()} {line}\n".encode())
 
     def _build_once(self) -> None:
         """Build once with the current options, and report errors that prevent the build."""
-        forget_old_warnings()
+        self.warn.start_next_build()
         clear_edit_cache()
         try:
-            self._options = _again(self._options)
+            self._options = for_rebuild(self._read_again())
             if self._folders_outdated:
                 self._update_folders()
             self._build(self._options, self)
@@ -159,14 +163,14 @@ class WatchLoop(BuildMode):
     def _update_folders(self) -> None:
         """Update the set of watched folders."""
         options, root = self._options, Path.cwd()
-        layout = shared.layout_of(options, root)
+        layout = options.folders.layout(root)
         self._watcher.blind = frozenset(map(str, (layout.build, layout.install, layout.logs)))
 
         def folders() -> Mapping[str, WatchSpec]:
-            search = package_options.search_paths_of(options)
+            search = options.query.search
             workspace = find_packages(root, search, os.environ)
             self._warm(workspace.packages.values())
-            return interests(workspace, search.base_paths, (FORGE_TOML, *options.metas), self._watcher.blind)
+            return interests(workspace, search.base_paths, (FORGE_TOML, *search.metas), self._watcher.blind)
 
         self._folders_outdated = True
         self._watcher.watch(folders)
@@ -188,7 +192,7 @@ class WatchLoop(BuildMode):
         del self._logs[:-_LOGS]
 
     def _print(self, line: str) -> None:
-        if not self._options.json:
+        if not self._options.report.json:
             sys.stdout.write(f"{_clock()} {line}\n")
             sys.stdout.flush()
 
@@ -227,21 +231,3 @@ def _some(names: Sequence[str]) -> str:
 
 def _clock() -> str:
     return datetime.now().astimezone().strftime("%H:%M:%S")
-
-
-def _again(options: argparse.Namespace) -> argparse.Namespace:
-    """Return the options parsed again, without those that apply only to the first build."""
-    fresh: argparse.Namespace = options.read_again()
-    fresh.read_again = options.read_again
-    fresh.again = True
-    for name in _ONCE:
-        setattr(fresh, name, False)
-    return fresh
-
-
-def _check_options(options: argparse.Namespace) -> None:
-    for name, words in (("dry_run", "--dry-run"), ("print_command", "--print-command")):
-        if getattr(options, name):
-            raise SelectionError(
-                Problem(f"'--watch' cannot be combined with '{words}'", hint="remove one of them")
-            )

@@ -20,7 +20,6 @@ from forge.execution.dask.worker import (
     send_command,
 )
 from forge.execution.runner import GRACE_SECONDS
-from forge.workspace.load import warn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -45,7 +44,6 @@ def connected(address: str, context: BuildContext, limits: WorkerLimits) -> Iter
     """Yield a connection to the workers of a scheduler; raises EnvironmentFault."""
     programs = {name: identity.rsplit(" ", 2)[0] for name, identity in context.tools}
     with connected_cluster(address, context.layout.build, programs) as cluster:
-        warn(cluster.remarks)
         with contextlib.closing(Connection(cluster, limits)) as connection:
             yield connection
 

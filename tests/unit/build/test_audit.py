@@ -12,6 +12,7 @@ from forge.build.audit.accesses import Access, Accesses, Kind, parent_processes,
 from forge.build.audit.comparison import SOURCES, Disk, Tracked, explain, findings, report
 from forge.build.audit.tracked import counts_as_source, first_missing
 from forge.build.audit.untracked import ROWS, Machine
+from forge.build.tasks import StepKind
 
 PAGE = Path(__file__).parents[3] / "docs/explanation/change-detection.md"
 MACHINE = Machine("/home/me", "/scratch", frozenset({"/home/me/tool/bin"}), frozenset({"/checkout"}))
@@ -205,15 +206,17 @@ def test_a_compiler_reports_what_it_reads_and_a_check_of_cmake_does_not() -> Non
     accesses = Accesses(
         {("/usr/include/c++/12/any", Kind.READ): "cc1plus", ("/x/y.h", Kind.READ): "cc1"}, frozenset()
     )
-    (found,) = findings("a", "build", accesses, TRACKED, (MACHINE, DISK))
+    (found,) = findings("a", StepKind.BUILD, accesses, TRACKED, (MACHINE, DISK))
     assert (found.path, found.kind) == ("/x/y.h", Kind.SEEN)
-    (found,) = findings("a", "cmake", accesses, TRACKED, (MACHINE, DISK))
+    (found,) = findings("a", StepKind.CONFIGURE, accesses, TRACKED, (MACHINE, DISK))
     assert (found.path, found.kind) == ("/x/y.h", Kind.READ)
 
 
 def test_what_lies_in_a_folder_that_the_build_made_is_its_own() -> None:
     accesses = Accesses({("/x/d/e/f", Kind.READ): "cat", ("/x/other", Kind.READ): "cat"}, frozenset({"/x/d"}))
-    assert [one.path for one in findings("a", "build", accesses, TRACKED, (MACHINE, DISK))] == ["/x/other"]
+    assert [one.path for one in findings("a", StepKind.BUILD, accesses, TRACKED, (MACHINE, DISK))] == [
+        "/x/other"
+    ]
 
 
 def test_a_name_in_a_folder_that_is_missing_depends_on_the_folder_above() -> None:
@@ -252,7 +255,7 @@ def test_a_report_says_what_and_what_to_do() -> None:
         },
         frozenset(),
     )
-    found = findings("a", "build", accesses, TRACKED, (MACHINE, DISK))
+    found = findings("a", StepKind.BUILD, accesses, TRACKED, (MACHINE, DISK))
     assert report(found, 2) == (
         "a: read /ws/install/c/c.h (build step, by cat)",
         "  hint: add <depend>c</depend> to package.xml",

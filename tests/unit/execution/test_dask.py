@@ -16,7 +16,7 @@ from distributed import LocalCluster
 
 from forge.base.errors import EnvironmentFault
 from forge.build.events import Aborted, Event, Finished, Output, StepFinished, StepStarted
-from forge.build.tasks import Step, Task
+from forge.build.tasks import Step, StepKind, Task
 from forge.execution.dask import worker
 from forge.execution.dask.connection import Call
 from forge.execution.dask.messages import FINISH, Mailbox, RemoteTask, Router, TaskRequest, WorkerLimits
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def task(folder: Path, *programs: str) -> Task:
     """Return a task whose steps are Python programs."""
-    steps = tuple(Step(f"step {i}", (sys.executable, "-c", code), folder) for i, code in enumerate(programs))
+    steps = tuple(Step(StepKind.INSTALL, (sys.executable, "-c", code), folder) for code in programs)
     return Task("a", package("a"), folder, folder / "a", (), steps, "")
 
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import BuildPlan, Step, Task
-from forge.execution.job_pool import BUILD, JobPool
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import (
     FIFO,
     PIPE,
@@ -66,9 +66,9 @@ def lying_in(auth: str) -> bytes:
     return found
 
 
-def step(tmp_path: Path, label: str = BUILD) -> Step:
+def step(tmp_path: Path, kind: StepKind = StepKind.BUILD) -> Step:
     """Return a step in a folder."""
-    return Step(label, ("true",), tmp_path)
+    return Step(kind, ("true",), tmp_path)
 
 
 def auth_in(budget: JobPool, tmp_path: Path) -> str:
@@ -251,7 +251,7 @@ def test_what_a_step_is_told_depends_on_its_tool(tmp_path: Path) -> None:
     given = {"MAKEFLAGS": "-k -j9", "CMAKE_BUILD_PARALLEL_LEVEL": "9", "X": "1"}
     flags = MakeFlags(rest=("-k",))
     with closing(JobPool(4, create_pool(PIPE), frozenset({"make"}), flags)) as budget, budget.package():
-        with budget.tools(step(tmp_path, "cmake"), given) as (variables, descriptors):
+        with budget.tools(step(tmp_path, StepKind.CONFIGURE), given) as (variables, descriptors):
             assert variables == {"MAKEFLAGS": "-k", "CMAKE_BUILD_PARALLEL_LEVEL": "1", "X": "1"}
             assert not descriptors
         with budget.tools(step(tmp_path), given) as (variables, descriptors):
@@ -346,7 +346,7 @@ def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
             tmp_path,
             tmp_path / name,
             (),
-            (Step("step", (sys.executable, "-c", code), tmp_path),),
+            (Step(StepKind.INSTALL, (sys.executable, "-c", code), tmp_path),),
             "",
         )
         for name, code in steps.items()

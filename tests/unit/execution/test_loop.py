@@ -24,7 +24,7 @@ from forge.build.events import (
     StepStarted,
 )
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import BuildPlan, Step, Task
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.execution.loop import execute
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.scheduler import Scheduler
@@ -37,9 +37,7 @@ if TYPE_CHECKING:
 
 def task(tmp_path: Path, name: str, *programs: str, needs: Sequence[str] = ()) -> Task:
     """Return a task whose steps are Python programs."""
-    steps = tuple(
-        Step(f"step {i}", (sys.executable, "-c", code), tmp_path) for i, code in enumerate(programs)
-    )
+    steps = tuple(Step(StepKind.INSTALL, (sys.executable, "-c", code), tmp_path) for code in programs)
     return Task(name, package(name), tmp_path, tmp_path / name, tuple(needs), steps, "")
 
 
@@ -108,12 +106,12 @@ def test_a_failed_step_ends_its_task_and_is_named(tmp_path: Path) -> None:
     assert isinstance(last, Finished)
     assert last.code == 3
     assert last.step is not None
-    assert last.step.label == "step 0"
+    assert last.step.argv[-1] == "raise SystemExit(3)"
     assert not done
 
 
 def test_a_program_that_cannot_start_is_a_failure_with_a_reason(tmp_path: Path) -> None:
-    broken = replace(task(tmp_path, "a"), steps=(Step("s", ("/no/such/program",), tmp_path),))
+    broken = replace(task(tmp_path, "a"), steps=(Step(StepKind.INSTALL, ("/no/such/program",), tmp_path),))
     events = run(plan_of(broken))
     assert (
         Output("a", b"forge: cannot start '/no/such/program': No such file or directory\n", stderr=True)
@@ -159,7 +157,7 @@ def test_a_record_is_there_only_after_success(tmp_path: Path) -> None:
     record = tmp_path / "record"
     for code, expected in ((0, True), (1, False)):
         step = Step(
-            "s",
+            StepKind.INSTALL,
             (sys.executable, "-c", f"raise SystemExit({code})"),
             tmp_path,
             record=(record, f"digest {code}"),
@@ -169,7 +167,12 @@ def test_a_record_is_there_only_after_success(tmp_path: Path) -> None:
 
 
 def test_what_its_record_says_was_done_is_not_done_again(tmp_path: Path) -> None:
-    step = Step("s", (sys.executable, "-c", "raise SystemExit(1)"), tmp_path, record=(tmp_path / "r", "done"))
+    step = Step(
+        StepKind.INSTALL,
+        (sys.executable, "-c", "raise SystemExit(1)"),
+        tmp_path,
+        record=(tmp_path / "r", "done"),
+    )
     (tmp_path / "r").write_text("done")
     assert ends(run(plan_of(replace(task(tmp_path, "a"), steps=(step,))))) == {"a": 0}
     (tmp_path / "r").write_text("other")
@@ -183,7 +186,12 @@ def test_files_are_written_before_the_first_step(tmp_path: Path) -> None:
 
 
 def test_a_steps_own_variables_win(tmp_path: Path) -> None:
-    step = Step("s", (sys.executable, "-c", "import os; print(os.environ['X'])"), tmp_path, (("X", "mine"),))
+    step = Step(
+        StepKind.INSTALL,
+        (sys.executable, "-c", "import os; print(os.environ['X'])"),
+        tmp_path,
+        (("X", "mine"),),
+    )
     runner = ProcessRunner(
         TaskLifecycle(
             lambda _: {**os.environ, "X": "theirs"},

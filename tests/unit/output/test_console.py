@@ -9,12 +9,13 @@ import pytest
 
 from forge.base.text import duration
 from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
-from forge.build.tasks import BuildPlan, Step, Task
-from forge.output.console import HANDLERS, ConsoleReporter
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.output.console import ConsoleReporter
 from forge.output.diagnosis import first_error
+from forge.output.handlers import HANDLERS
 from tests.packages import package
 
-STEP = Step("build", ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/build/my pkg"))
+STEP = Step(StepKind.BUILD, ("cmake", "--build", "/ws/build/my pkg"), Path("/ws/build/my pkg"))
 
 
 def report_on(

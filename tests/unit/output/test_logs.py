@@ -9,7 +9,7 @@ import pytest
 
 from forge.base.errors import EnvironmentFault
 from forge.build.events import Finished, Output, Started, StepFinished, StepStarted
-from forge.build.tasks import Step
+from forge.build.tasks import Step, StepKind
 from forge.output.logs import open_log
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
 
 
 def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
-    step = Step("build", ("make", "a b"), tmp_path)
+    step = Step(StepKind.BUILD, ("make", "a b"), tmp_path)
     with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
         for event in (
             Started("a"),

@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.build.events import Aborted, Event, Finished, Fresh, Skipped, Started, StepStarted
-from forge.build.tasks import Step
+from forge.build.tasks import Step, StepKind
 from forge.output.live import lines
 from forge.output.progress import Progress, Running, expectations
 
 NAMES = st.sampled_from(["a", "b", "c", "d"])
 EVENTS = st.one_of(
     NAMES.map(Started),
-    st.builds(StepStarted, NAMES, st.just(Step("build", (), Path()))),
+    st.builds(StepStarted, NAMES, st.just(Step(StepKind.BUILD, (), Path()))),
     st.builds(Finished, NAMES, st.integers(0, 1), st.floats(0, 9)),
     st.builds(Aborted, NAMES, st.floats(0, 9)),
     NAMES.map(Fresh),
@@ -32,7 +32,7 @@ def after(progress: Progress, *events: tuple[float, Event]) -> Progress:
 
 def test_what_runs_is_known_with_its_step() -> None:
     begun = Progress(0.0, {}, 3)
-    step = StepStarted("b", Step("cmake", (), Path()))
+    step = StepStarted("b", Step(StepKind.CONFIGURE, (), Path()))
     now = after(begun, (1, Started("a")), (2, Started("b")), (3, step), (4, Finished("a", 1, 3.0)))
     assert now.running == (Running("b", 2, "cmake"),)
     assert now.done == {"a"}

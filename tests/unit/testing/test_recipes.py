@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.layout import Layout
-from forge.build.tasks import FAILURE, SUCCESS, TEST_FAILURES, Step
+from forge.build.tasks import TEST_FAILURES, Step, StepCondition
+from forge.testing.options import TestOptions
 from forge.testing.recipes import (
     Look,
     TestContext,
-    TestOptions,
     ctest_recipe,
     framework,
     missing_result,
@@ -76,21 +76,25 @@ def test_without_ctest_tests_there_is_nothing_to_do() -> None:
 
 
 def test_ctest_repeats_by_itself_while_tests_pass_and_is_started_again_for_failed_ones() -> None:
-    words = only(ctest_recipe(CM, with_options(until_fail=2), DEBUG).steps)
+    words = only(ctest_recipe(CM, with_options(retest_until_fail=2), DEBUG).steps)
     assert words[-2:] == ("--repeat-until-fail", "3")
-    steps = ctest_recipe(CM, with_options(until_pass=2), DEBUG).steps
-    assert [step.after for step in steps] == ["", FAILURE, FAILURE]
+    steps = ctest_recipe(CM, with_options(retest_until_pass=2), DEBUG).steps
+    assert [step.condition for step in steps] == [
+        StepCondition.ALWAYS,
+        StepCondition.TESTS_FAILED,
+        StepCondition.TESTS_FAILED,
+    ]
     assert all(step.argv[-1] == "--rerun-failed" for step in steps[1:])
 
 
 @pytest.mark.parametrize(
     ("context", "words", "count"),
     [
-        ({"until_fail": 2, "modules": frozenset({"pytest_repeat"})}, "--count=3", 1),
-        ({"until_pass": 2, "modules": frozenset({"pytest_rerunfailures"})}, "--reruns=2", 1),
-        ({"until_fail": 2}, "--tb=short", 3),
-        ({"until_pass": 2}, "--tb=short", 3),
-        ({"coverage": True, "modules": frozenset({"pytest_cov"})}, "--cov=/ws/src/p", 1),
+        ({"retest_until_fail": 2, "modules": frozenset({"pytest_repeat"})}, "--count=3", 1),
+        ({"retest_until_pass": 2, "modules": frozenset({"pytest_rerunfailures"})}, "--reruns=2", 1),
+        ({"retest_until_fail": 2}, "--tb=short", 3),
+        ({"retest_until_pass": 2}, "--tb=short", 3),
+        ({"pytest_with_coverage": True, "modules": frozenset({"pytest_cov"})}, "--cov=/ws/src/p", 1),
         ({"pytest_args": ("-k", "x")}, "x", 1),
     ],
 )
@@ -100,8 +104,9 @@ def test_pytest_repeats_with_its_plugins_or_is_started_again(
     recipe = pytest_recipe(PY, with_options(**context), Look())
     assert words in recipe.steps[0].argv
     assert len(recipe.steps) == count
-    after = SUCCESS if "until_fail" in context else FAILURE
-    assert all(step.after == after for step in recipe.steps[1:])
+    until_fail = "retest_until_fail" in context
+    condition = StepCondition.TESTS_PASSED if until_fail else StepCondition.TESTS_FAILED
+    assert all(step.condition is condition for step in recipe.steps[1:])
 
 
 def test_a_package_that_wants_coverage_gets_it_where_it_can_be() -> None:
@@ -128,18 +133,18 @@ def test_a_package_that_wants_coverage_gets_it_where_it_can_be() -> None:
 def test_a_package_says_what_tests_it(
     of: Package, wants: frozenset[str], option: str | None, expected: str
 ) -> None:
-    assert framework(of, with_options(framework=option), Look(wants=wants)) == expected
+    assert framework(of, with_options(python_testing=option), Look(wants=wants)) == expected
 
 
 def test_settings_of_a_package_come_after_the_options_of_all() -> None:
     settings = {"ctest-args": ["-R", "x"], "python-testing": "pytest", "pytest-args": "-v"}
     context = with_options(ctest_args=("-j2",)).of(replace(PY, settings=settings))
     assert context.options.ctest_args == ("-j2", "-R", "x")
-    assert (context.options.framework, context.options.pytest_args) == ("pytest", ("-v",))
+    assert (context.options.python_testing, context.options.pytest_args) == ("pytest", ("-v",))
     assert CONTEXT.of(PY) is CONTEXT
 
 
 def test_a_result_stands_before_there_is_one() -> None:
-    recipe = python_recipe(PY, with_options(results=Path("/r")), Look())
+    recipe = python_recipe(PY, with_options(test_result_base=Path("/r")), Look())
     assert recipe.files == ((Path("/r/p/unittest.xml"), missing_result(PY, "unittest")),)
     assert 'errors="1"' in recipe.files[0][1]

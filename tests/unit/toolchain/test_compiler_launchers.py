@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import socket
@@ -19,9 +18,9 @@ from forge.base.errors import SelectionError
 from forge.base.layout import Layout
 from forge.build.recipes.context import BuildContext
 from forge.build.recipes.initial_cache import initial_cache
-from forge.build.tasks import BuildPlan
 from forge.build.up_to_date import relevant_environment
-from forge.cli.session import open_budget
+from forge.execution.opening import open_job_pool
+from forge.execution.options import JobOptions
 from forge.toolchain.compiler_launchers.accounts import LOG, open_launcher_stats
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, chosen, launcher_variables
 from forge.toolchain.compiler_launchers.farms import HostPool, distcc_farm, read_hosts
@@ -44,7 +43,7 @@ PACKAGE = {
 }
 
 
-def kitchen_of(launcher: Path | None) -> BuildContext:
+def context_of(launcher: Path | None) -> BuildContext:
     return BuildContext(
         root=Path("/ws"),
         layout=Layout(Path("/ws/build"), Path("/ws/install"), None),
@@ -110,11 +109,11 @@ def test_cmake_is_told_of_each_language_that_a_launcher_understands() -> None:
 
 
 def test_the_initial_cache_sets_a_launcher_and_takes_back_one_of_before() -> None:
-    text = initial_cache(kitchen_of(Path("/opt/my tools/distcc")), Path("manifest.cmake"))
+    text = initial_cache(context_of(Path("/opt/my tools/distcc")), Path("manifest.cmake"))
     assert 'set(CMAKE_CXX_COMPILER_LAUNCHER "/opt/my tools/distcc" CACHE STRING' in text
     assert "unset(CMAKE_CUDA_COMPILER_LAUNCHER CACHE)" in text
     assert "unset(CMAKE_CXX_COMPILER_LAUNCHER CACHE)" in initial_cache(
-        kitchen_of(None), Path("manifest.cmake")
+        context_of(None), Path("manifest.cmake")
     )
 
 
@@ -250,8 +249,10 @@ def test_the_farm_behind_ccache_counts(tmp_path: Path) -> None:
 
 
 def budget_of(host_pool: HostPool, jobs: int | None = None, **variables: str) -> JobPool:
-    options = argparse.Namespace(jobs=jobs, memory_limit=None)
-    return open_budget(options, kitchen_of(None), variables, BuildPlan({}, ()), host_pool)
+    options = JobOptions(jobs=jobs)
+    return open_job_pool(
+        options, context_of(None), variables, compiles=False, remote_slots=host_pool.slots, warn=print
+    )
 
 
 def test_a_farm_adds_its_slots_to_our_processors() -> None:

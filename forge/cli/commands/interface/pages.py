@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
-from forge.base.errors import ForgeError, InterfaceError, Place, Problem, raise_if_any
+from forge.base.errors import ForgeError, InterfaceError, Place, Problem, print_warnings, raise_if_any
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
 from forge.interfaces.declarations import LOWER_NAME
@@ -18,7 +18,6 @@ from forge.interfaces.resolution import referred, resolve
 from forge.interfaces.sources import EMBEDDED, Library, names_in, read_folder
 from forge.interfaces.writing import write_site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
-from forge.workspace.load import warn
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.root import find_root
 
@@ -37,7 +36,7 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     """Write the requested pages; `default` is the output folder relative to the root of the workspace."""
     root = find_root(Path.cwd(), Path.home())
     found = discover(root, ["."], os.environ)
-    warn(found.problems)
+    print_warnings(found.problems)
     packages = _interface_packages(found)
     folders = {name: root / package.path for name, package in packages.items()}
     folders |= {name: Path(folder) for name, folder in options.includes}

@@ -1,0 +1,78 @@
+"""Command-line options as fields of frozen dataclasses.
+
+    @frozen
+    class JobOptions:
+        jobs: int = option("maximum number of jobs", default=0, parse=positive_number, metavar="N")
+
+forge.cli.options adds an argument for each such field, named like the field, and fills the dataclass. All
+other packages see only the dataclass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, field
+from typing import TYPE_CHECKING, Any
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from dataclasses import Field
+
+_KEY = "option"
+
+
+@frozen
+class Option:
+    """The command-line part of a field; a field whose default is False is a flag, a tuple takes a list."""
+
+    help: str | None
+    """None: not listed."""
+    metavar: str | None = None
+    nargs: str | None = None
+    const: object = None
+    """The value of an option with nargs='?' that is used without one."""
+    choices: tuple[str, ...] | None = None
+    parse: Callable[[str], object] | None = None
+    """Converts a value; raises ValueError with the message for users."""
+    group: str = ""
+    """The title of the group in the help, if it is not that of the other fields."""
+    conflicts: str = ""
+    """Options with the same text cannot be combined."""
+    takes_options: bool = False
+    """Take all arguments up to the next option of the command, even those that start with a dash."""
+    inherited: bool = False
+    """Also allowed before the command, which holds if the command does not have it."""
+    first_build_only: bool = False
+    """`forge build --watch` applies it only to its first build."""
+
+
+def option(
+    help: str | None,  # noqa: A002  (argparse's name)
+    *,
+    default: Any = None,  # noqa: ANN401
+    default_factory: Callable[[], Any] | None = None,
+    **more: Any,  # noqa: ANN401
+) -> Any:  # noqa: ANN401  (the type of the field)
+    """Return a dataclass field with an Option; `more` are its attributes."""
+    metadata = {_KEY: Option(help, **more)}
+    if default_factory is not None:
+        return field(default_factory=default_factory, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def option_of(declared: Field[Any]) -> Option | None:
+    """Return the Option of a field, None if it is not set on the command line."""
+    found: Option | None = declared.metadata.get(_KEY)
+    return found
+
+
+def default_of(declared: Field[Any]) -> object:
+    """Return the default of a field."""
+    return declared.default if declared.default_factory is MISSING else declared.default_factory()
+
+
+def declared_options(cls: Any) -> Sequence[tuple[Field[Any], Option]]:  # noqa: ANN401  (a dataclass)
+    """Return the fields of a dataclass that are options, in their order."""
+    fields: Sequence[Field[Any]] = tuple(cls.__dataclass_fields__.values())
+    return [(each, found) for each in fields if (found := option_of(each)) is not None]

@@ -1,0 +1,150 @@
+"""The command-line options of the package cache, and the cache that they describe."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.env_vars import cache_home
+from forge.base.errors import Problem
+from forge.base.frozen import frozen
+from forge.base.options import option
+from forge.toolchain.resources import memory_limit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from forge.build.state import Records
+    from forge.cache.folder_store import FolderStore
+    from forge.cache.package_cache import CacheContext, PackageCache
+
+
+def _seconds(text: str) -> float:
+    try:
+        found = float(text)
+    except ValueError:
+        found = 0.0
+    if not 0 < found < float("inf"):
+        raise ValueError(f"'{text}' is not a positive number of seconds")
+    return found
+
+
+def byte_count(text: str) -> int:
+    """Return the number of bytes in '500M', '20G' or '0'; raises ValueError with a message for users."""
+    try:
+        size = 0 if text == "0" else memory_limit(text).size
+    except ValueError:
+        size = None
+    if size is None:
+        raise ValueError(f"'{text}' is not a size such as 500M or 20G")
+    return size
+
+
+@frozen
+class CacheOptions:
+    """The options of the package cache."""
+
+    cache: str | None = option(
+        "restore installed files of packages from a cache, and store them there (default folder: "
+        "~/.cache/forge/packages)",
+        nargs="?",
+        const="",
+        metavar="DIR",
+    )
+    remote_cache: str | None = option(
+        "share results through this remote cache, too: http://HOST:PORT, s3://BUCKET",
+        default_factory=lambda: os.environ.get("FORGE_REMOTE_CACHE"),
+        metavar="URL",
+    )
+    cache_read_only: bool = option("read from the remote cache, but upload nothing", default=False)
+    cache_timeout: float = option(
+        "timeout of the remote cache, after which the build continues without it (default: 10)",
+        default=10.0,
+        parse=_seconds,
+        metavar="SECONDS",
+    )
+    cache_size: int | None = option(
+        "size limit of the cache folder; the least recently used entries are removed first (default: 20G)",
+        parse=byte_count,
+        metavar="SIZE",
+    )
+
+    @property
+    def wanted(self) -> bool:
+        """Tell whether a package cache is enabled."""
+        return bool(self.remote_cache) or self.cache is not None
+
+    def check(self) -> None:
+        """Raise ForgeError if the URL of the remote cache is invalid."""
+        if self.remote_cache:
+            from forge.cache.urls import check_url  # noqa: PLC0415  (only needed with a remote cache)
+
+            check_url(self.remote_cache)
+
+
+def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
+    """Return the cache folder: the option's value, else $FORGE_CACHE_DIR/packages, else the user's cache."""
+    return Path(option).expanduser().absolute() if option else cache_home(variables) / "packages"
+
+
+@contextmanager
+def open_cache(
+    options: CacheOptions,
+    context: CacheContext,
+    records: Records,
+    variables: Mapping[str, str],
+    warn: Callable[[Iterable[Problem]], object],
+) -> Iterator[PackageCache]:
+    """Yield the cache of a build; on exit finish uploads, store statistics and prune.
+
+    Raises ForgeError for an invalid URL.
+    """
+    from forge.cache.folder_store import FolderStore  # noqa: PLC0415  (only needed with a cache)
+    from forge.cache.package_cache import PackageCache  # noqa: PLC0415  (as above)
+
+    local = FolderStore(cache_folder(options.cache, variables))
+    remote = uploads = None
+    if options.remote_cache:
+        from forge.cache.remote import open_remote  # noqa: PLC0415  (only needed with a remote cache)
+        from forge.cache.uploads import Uploads  # noqa: PLC0415  (as above)
+
+        remote = open_remote(
+            options.remote_cache,
+            seconds=options.cache_timeout,
+            writable=not options.cache_read_only,
+            variables=variables,
+            report=lambda message: warn([Problem(f"remote cache: {message}")]),
+        )
+        uploads = None if options.cache_read_only else Uploads(remote)
+    cache = PackageCache(context, local, remote, uploads, lambda problem: warn([problem]))
+    try:
+        yield cache
+        if uploads and (unsent := uploads.finish(options.cache_timeout)):
+            results = "results were" if unsent > 1 else "result was"
+            warn([Problem(f"{unsent} {results} not uploaded to the remote cache")])
+    finally:
+        records.record_trees(cache.computed_trees)
+        if remote:
+            remote.close()
+        _close_store(cache, local, options.cache_size, warn)
+
+
+def _close_store(
+    cache: PackageCache,
+    local: FolderStore,
+    size: int | None,
+    warn: Callable[[Iterable[Problem]], object],
+) -> None:
+    """Update the cache statistics, and prune the folder if it has grown."""
+    from forge.cache.pruning import DEFAULT_SIZE, prune  # noqa: PLC0415  (only needed with a cache)
+    from forge.cache.tallying import Counts, add_counts  # noqa: PLC0415  (as above)
+
+    try:
+        add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)
+        if cache.has_grown:
+            prune(local, DEFAULT_SIZE if size is None else size)
+    except OSError as error:
+        path = os.fspath(error.filename or local.folder)
+        warn([Problem(f"package cache: {path}: {error.strerror}")])

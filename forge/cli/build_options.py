@@ -1,0 +1,215 @@
+"""The options of `forge build`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from forge.base.errors import Problem, SelectionError
+from forge.base.frozen import frozen
+from forge.base.options import default_of, option, option_of
+from forge.cache.opening import CacheOptions
+from forge.cli import package_options
+from forge.cli.options import FolderOptions, add_options, read_options
+from forge.execution.options import DASK, ExecutorOptions, JobOptions
+from forge.output.handlers import ReportOptions
+from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, chosen
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterator
+
+    from forge.cli.main import Parser
+    from forge.workspace.selection import Query
+
+_Options = TypeVar("_Options")
+
+_OUTPUT = "output options"
+_NO_EFFECT = "no effect, for compatibility with colcon"
+
+
+@frozen
+class CMakeOptions:
+    """The options for CMake packages."""
+
+    cmake_args: tuple[str, ...] = option(
+        "arguments for CMake, for all packages; takes all arguments up to the next option of forge",
+        default=(),
+        takes_options=True,
+        metavar="ARG",
+    )
+    ament_cmake_args: tuple[str, ...] = option(
+        "arguments for CMake, for ament_cmake packages only", default=(), takes_options=True, metavar="ARG"
+    )
+    compiler_launcher: str | None = option(
+        "compiler cache or distributed compiler to run the C and C++ compilers through (default: none)",
+        default_factory=lambda: os.environ.get("FORGE_COMPILER_LAUNCHER") or None,
+        choices=(*LAUNCHERS, NONE),
+    )
+    no_toolchain_cache: bool = option("let CMake detect compilers in each package", default=False)
+    cmake_force_configure: bool = option(
+        "run CMake's configure step in any case", default=False, first_build_only=True
+    )
+    cmake_clean_cache: bool = option(
+        "remove CMake's cache before configuring (implies --cmake-force-configure)",
+        default=False,
+        first_build_only=True,
+    )
+    cmake_clean_first: bool = option(
+        "run the target 'clean' before building", default=False, first_build_only=True
+    )
+    cmake_target: str | None = option(
+        "build this target before the default target; packages without it fail", metavar="TARGET"
+    )
+    cmake_target_skip_unavailable: bool = option(
+        "ignore packages without the target of --cmake-target", default=False
+    )
+    catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), takes_options=True, metavar="ARG")
+    catkin_skip_building_tests: bool = option(_NO_EFFECT, default=False)
+
+
+@frozen
+class BuildOptions:
+    """All options of `forge build`."""
+
+    query: Query
+    folders: FolderOptions
+    cmake: CMakeOptions
+    cache: CacheOptions
+    jobs: JobOptions
+    execution: ExecutorOptions
+    report: ReportOptions
+    origin: str = os.curdir
+    """The folder in which the command was typed, relative to the workspace."""
+    is_rebuild: bool = False
+    """Whether this is a build of `--watch` after the first."""
+
+    symlink_install: bool = option("install symbolic links instead of copies where possible", default=False)
+    continue_on_error: bool = option(
+        "keep building packages that do not depend on a failed package", default=False
+    )
+    force: bool = option(
+        "rebuild the selected packages even if they are up to date", default=False, first_build_only=True
+    )
+    reset_underlays: bool = option(
+        "forget underlays of earlier builds unless they are sourced now", default=False, first_build_only=True
+    )
+    python: str | None = option(
+        "interpreter to build with and for (default: that of the active virtual environment, else the one "
+        "that runs forge)",
+        metavar="PATH",
+    )
+    test_result_base: str | None = option(
+        "folder for results of ament's tests (default: the build folders); pass the same folder to "
+        "'forge test'",
+        metavar="DIR",
+    )
+    explain: bool = option(
+        "explain why each package is built or up to date: the file, option, tool or dependency",
+        default=False,
+        group=_OUTPUT,
+    )
+    watch: bool = option(
+        "build, then rebuild whenever a source file changes, until Ctrl-C", default=False, group=_OUTPUT
+    )
+    timings: bool = option(
+        "write an HTML report of build times and a trace file into the log folder",
+        default=False,
+        group=_OUTPUT,
+    )
+    audit: bool = option(
+        "rebuild the selected packages from empty build folders under strace, and report files they read "
+        "that forge does not track",
+        default=False,
+        group=_OUTPUT,
+    )
+    dry_run: bool = option(
+        "print the build plan and all commands without running them", default=False, group=_OUTPUT
+    )
+    print_command: str | None = option(
+        "print a command line that repeats the last step of a package", metavar="PKG", group=_OUTPUT
+    )
+
+    @property
+    def forced_by(self) -> str:
+        """Return the option that rebuilds packages even if they are up to date, '' if none does."""
+        if self.is_rebuild:
+            return ""
+        forcing = {
+            "--audit": self.audit,
+            "--force": self.force,
+            "--cmake-force-configure": self.cmake.cmake_force_configure,
+            "--cmake-clean-cache": self.cmake.cmake_clean_cache,
+            "--cmake-clean-first": self.cmake.cmake_clean_first,
+            "--cmake-target": bool(self.cmake.cmake_target),
+        }
+        return next((word for word, given in forcing.items() if given), "")
+
+    def check(self) -> None:
+        """Raise SelectionError for options that exclude each other, ForgeError for an invalid URL."""
+        self.execution.check()
+        self.cache.check()
+        if self.audit and (others := list(self._prevent_audit())):
+            words = ", ".join(others)
+            message = f"--audit cannot be combined with {words}: all steps must run on this machine"
+            hint = "remove these options, also from forge.toml and the environment"
+            raise SelectionError(Problem(message, hint=hint))
+        for word, value in (("--dry-run", self.dry_run), ("--print-command", self.print_command)):
+            if self.watch and value:
+                message = f"'--watch' cannot be combined with '{word}'"
+                raise SelectionError(Problem(message, hint="remove one of them"))
+
+    def _prevent_audit(self) -> Iterator[str]:
+        if self.watch:
+            yield "--watch"
+        if self.execution.executor == DASK:
+            yield f"--executor {DASK}"
+        if self.cache.wanted:
+            yield "a package cache (--cache, --remote-cache)"
+        if chosen(self.cmake.compiler_launcher):
+            yield "--compiler-launcher"
+
+
+def add_build_options(parser: Parser) -> None:
+    """Add the options of `forge build`."""
+    package_options.add(parser)
+    add_options(parser, "output folders", FolderOptions)
+    add_options(parser, "build options", BuildOptions)
+    add_options(parser, "CMake options", CMakeOptions)
+    add_options(parser, "package cache", CacheOptions)
+    add_options(parser, "parallelism", JobOptions, ExecutorOptions)
+    add_options(parser, _OUTPUT, ReportOptions)
+
+
+def read_build_options(namespace: argparse.Namespace) -> BuildOptions:
+    """Return the options of `forge build`; raises SelectionError for invalid ones."""
+    return read_options(
+        BuildOptions,
+        namespace,
+        query=package_options.query_of(namespace),
+        folders=read_options(FolderOptions, namespace),
+        cmake=read_options(CMakeOptions, namespace),
+        cache=read_options(CacheOptions, namespace),
+        jobs=read_options(JobOptions, namespace),
+        execution=read_options(ExecutorOptions, namespace),
+        report=read_options(ReportOptions, namespace),
+        origin=namespace.origin,
+    )
+
+
+def for_rebuild(options: BuildOptions) -> BuildOptions:
+    """Return the options of a build after the first one of `--watch`."""
+    return replace(_without_first_build_only(options), is_rebuild=True)
+
+
+def _without_first_build_only(options: _Options) -> _Options:
+    """Return a dataclass with the defaults of its options that apply only to the first build."""
+    changed: dict[str, Any] = {}
+    for each in fields(options):  # type: ignore[arg-type]
+        value, declared = getattr(options, each.name), option_of(each)
+        if declared is not None and declared.first_build_only:
+            changed[each.name] = default_of(each)
+        elif is_dataclass(value) and not isinstance(value, type):
+            changed[each.name] = _without_first_build_only(value)
+    return replace(options, **changed)  # type: ignore[type-var]

@@ -1,0 +1,304 @@
+"""Runs the plan of `forge build`: opens its resources, runs it in a session, and finishes the records."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import closing, contextmanager, nullcontext
+from typing import TYPE_CHECKING
+
+from forge.base.env_vars import own_cache
+from forge.base.errors import WorkspaceError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
+from forge.build.cleaning import stale_package_warnings
+from forge.build.compile_commands import merge_compile_commands
+from forge.build.inputs.named_inputs import named_by
+from forge.build.recipes.cmake import common_arguments
+from forge.build.up_to_date import relevant_environment
+from forge.cli.options import displayed
+from forge.cli.session import open_session
+from forge.environment.underlays import overridden
+from forge.execution.job_pool import without_job_variables
+from forge.execution.opening import open_job_pool
+from forge.execution.options import DASK, SEQUENTIAL
+from forge.execution.scheduler import Scheduler
+from forge.execution.task_setup import TaskSetup
+from forge.output.charts.sampling import sample_usage
+from forge.toolchain.cmake_warnings import defined
+from forge.toolchain.compiler_launchers.accounts import LauncherStats, open_launcher_stats
+from forge.toolchain.compiler_probe import Toolchain
+from forge.toolchain.programs import CMAKE_TYPES, ninja_first
+from forge.workspace.resolve import missing_problems
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from contextlib import AbstractContextManager
+
+    from forge.build.audit.tracing import Audit
+    from forge.build.recipes.context import BuildContext
+    from forge.build.state import Records
+    from forge.build.tasks import BuildPlan
+    from forge.cache.package_cache import PackageCache
+    from forge.cli.build_mode import BuildMode
+    from forge.cli.build_options import BuildOptions
+    from forge.cli.session import Session
+    from forge.execution.dask.connection import Connection
+    from forge.execution.job_pool import JobPool
+    from forge.execution.runner import Runner
+    from forge.output.charts.sampling import NoSampler
+    from forge.toolchain.interpreter import Interpreter
+    from forge.workspace.load import Loaded
+    from forge.workspace.resolve import DependencyResolution
+
+
+@frozen
+class PreparedBuild:
+    """The options of a build and what was prepared for it; `began` is the monotonic start time."""
+
+    options: BuildOptions
+    loaded: Loaded
+    context: BuildContext
+    interpreter: Interpreter
+    variables: Mapping[str, str]
+    mode: BuildMode
+    audit: Audit | None
+    began: float
+
+
+def run_plan(plan: BuildPlan, build: PreparedBuild, records: Records) -> int:
+    """Run the plan and return the exit code."""
+    _warn_of_packages(plan, build, records)
+    with _opened(plan, build, records) as opened:
+        session = opened.session
+        try:
+            session.run(
+                plan,
+                opened.runner,
+                opened.scheduler,
+                records.resolve,
+                lambda event: records.record_event(event, plan),
+            )
+        finally:
+            records.finish(plan, build.variables)
+            if build.options.report.handlers["compile_commands"]:
+                merge_compile_commands(build.context.layout.build)
+            session.report.outcomes = opened.launcher_stats.finish()
+            _report_results(plan, build, opened)
+    _report_conflicts(plan, build, records)
+    code = session.report.exit_code
+    return code if build.audit is None else code or _report_audit(build.audit, plan, build, records)
+
+
+@frozen
+class _Opened:
+    """The resources of a running build."""
+
+    session: Session
+    runner: Runner
+    scheduler: Scheduler
+    launcher_stats: LauncherStats
+    sampler: NoSampler
+    cache: PackageCache | None
+
+
+@contextmanager
+def _opened(plan: BuildPlan, build: PreparedBuild, records: Records) -> Iterator[_Opened]:
+    """Yield the resources of a build, and close them afterwards in reverse order."""
+    options, context, mode, audit = build.options, build.context, build.mode, build.audit
+    launcher_stats = _launcher_stats(plan, build)
+    with (
+        _connection(build) as connection,
+        # Reads of a worker belong to no step: under an audit each generator is a separate process.
+        nullcontext({}) if audit else mode.worker(plan) as worker_variables,
+        closing(_job_pool(plan, build, launcher_stats)) as job_pool,
+        _session(plan, build, records) as session,
+        sample_usage(wanted=options.timings) as sampler,
+        _package_cache(build, records) as cache,
+        closing(audit) if audit else nullcontext(),
+    ):
+        environment = {
+            **without_job_variables(build.variables),
+            **launcher_stats.variables,
+            **worker_variables,
+        }
+        environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
+        setup = TaskSetup(
+            build.loaded.resolution, context.layout, build.interpreter, environment, records, cache, audit
+        )
+        toolchain = _toolchain(plan, build)
+        runner: Runner = setup.runner(job_pool, toolchain)
+        # Each started package holds a job; jobs of other machines do not count, which only run compilers.
+        slots = min(options.jobs.parallel_workers or job_pool.local, job_pool.jobs)
+        if connection:
+            from forge.execution.dask.dask_runner import DaskRunner  # noqa: PLC0415  (only with a cluster)
+
+            mode.warn(connection.cluster.remarks)
+            runner = DaskRunner(connection, setup.lifecycle(toolchain))
+            slots = options.jobs.parallel_workers or connection.cluster.slots
+        session.json_events.announce(seconds=records.seconds())
+        yield _Opened(
+            session, runner, _scheduler(plan, build, records, slots), launcher_stats, sampler, cache
+        )
+
+
+def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:
+    """Return the connection to the Dask cluster as a context, None with another executor."""
+    options = build.options.execution
+    if options.executor != DASK:
+        return nullcontext(None)
+    from forge.execution.dask.connection import connected  # noqa: PLC0415  (only needed with a cluster)
+    from forge.execution.dask.messages import WorkerLimits  # noqa: PLC0415  (as above)
+
+    jobs, context = build.options.jobs, build.context
+    limits = WorkerLimits(jobs.jobs, jobs.memory_limit, context.load_limit, options.worker_resources)
+    return connected(options.scheduler or "", context, limits)
+
+
+def _session(plan: BuildPlan, build: PreparedBuild, records: Records) -> AbstractContextManager[Session]:
+    context = build.context
+    return open_session(
+        "build",
+        plan,
+        build.loaded.packages,
+        context.layout.logs,
+        build.options.report,
+        began=build.began,
+        seconds=records.seconds(),
+        quiet=build.mode.quiet,
+        cmake_variables=defined((*context.cmake_args, *context.ament_cmake_args)),
+        python=str(build.interpreter.path),
+    )
+
+
+def _job_pool(plan: BuildPlan, build: PreparedBuild, launcher_stats: LauncherStats) -> JobPool:
+    return open_job_pool(
+        build.options.jobs,
+        build.context,
+        build.variables,
+        compiles=_compiles(plan),
+        remote_slots=launcher_stats.host_pool.slots,
+        warn=build.mode.warn,
+    )
+
+
+def _package_cache(build: PreparedBuild, records: Records) -> AbstractContextManager[PackageCache | None]:
+    """Return the package cache as a context, None without one."""
+    options, loaded, layout = build.options, build.loaded, build.context.layout
+    if not options.cache.wanted:
+        return nullcontext(None)
+    from forge.build.inputs.fingerprints import FileTable  # noqa: PLC0415  (only needed with a cache)
+    from forge.cache.opening import open_cache  # noqa: PLC0415  (as above)
+    from forge.cache.package_cache import CacheContext  # noqa: PLC0415  (as above)
+    from forge.cache.relocation import Relocator  # noqa: PLC0415  (as above)
+
+    own = own_cache(build.variables) or layout.build / OWN_CACHE_DIR
+    context = CacheContext(
+        layout=layout,
+        relocator=Relocator(loaded.workspace.root, layout),
+        needs=loaded.resolution.needs,
+        tools=build.context.tools,
+        records=records.journal.records,
+        table=records.table,
+        own=FileTable(own / "programs.json"),
+        programs=FileTable(own / "read_programs.json"),
+        forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
+    )
+    return open_cache(options.cache, context, records, build.variables, build.mode.warn)
+
+
+def _launcher_stats(plan: BuildPlan, build: PreparedBuild) -> LauncherStats:
+    """Return the statistics of the compiler launcher, empty if nothing is compiled."""
+    context, variables = build.context, build.variables
+    if context.launcher is None or not _compiles(plan):
+        return LauncherStats()
+    launcher_stats = open_launcher_stats(
+        context.launcher, context.root, context.layout.build, without_job_variables(variables)
+    )
+    unsure = None if build.options.jobs.requested(variables) else launcher_stats.unsure
+    build.mode.warn(filter(None, (launcher_stats.problem, unsure)))
+    return launcher_stats
+
+
+def _compiles(plan: BuildPlan) -> bool:
+    return any(task.package.build_type in CMAKE_TYPES for task in plan.tasks.values())
+
+
+def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
+    """Return the cached compiler detection for new CMake packages.
+
+    None with --no-toolchain-cache, without CMake, and if ament packages get extra arguments, which may select
+    another compiler.
+    """
+    context, variables = build.context, build.variables
+    if build.options.cmake.no_toolchain_cache or context.cmake is None or context.ament_cmake_args:
+        return None
+    python = context.python if _looks_for_python(plan, build.loaded.resolution) else None
+    named = named_by(context.cmake_args, variables)
+    contents = tuple((word, "") for word in named.options)
+    identity = (*context.tools, *named.tools, *contents, *relevant_environment(variables))
+    return Toolchain(context.layout.build, context.cmake, common_arguments(context), identity, python)
+
+
+def _looks_for_python(plan: BuildPlan, resolution: DependencyResolution) -> bool:
+    """Tell whether packages use an ament_cmake other than the embedded one, which never looks for Python."""
+    own = resolution.packages.get("ament_cmake")
+    return not (own and own.embedded) and any(
+        task.package.build_type == "ament_cmake" for task in plan.tasks.values()
+    )
+
+
+def _scheduler(plan: BuildPlan, build: PreparedBuild, records: Records, slots: int) -> Scheduler:
+    alone = build.options.execution.executor == SEQUENTIAL
+    return Scheduler(
+        plan,
+        1 if alone else slots,
+        records.seconds(),
+        continue_on_error=build.options.continue_on_error,
+        in_order=alone,
+    )
+
+
+def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, records: Records) -> None:
+    """Warn about missing dependencies, overridden underlay packages, and packages that left the workspace."""
+    loaded, layout = build.loaded, build.context.layout
+    own = [name for name, task in plan.tasks.items() if not task.embedded]
+    _, missing = missing_problems(loaded.resolution, own)
+    stale = stale_package_warnings(records.journal.records, loaded.packages, layout)
+    build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
+
+
+def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> None:
+    """Report the results of the cache, the summary, and the timings."""
+    options, session, cache = build.options, opened.session, opened.cache
+    if cache is not None:
+        cache.finish()
+        if options.explain and not options.report.json:
+            session.write("".join(f"{name}: {cache.remark(name)}\n" for name in sorted(cache.notes)))
+    seconds = session.seconds
+    build.mode.conclude(plan, session.report, seconds)
+    if usage := opened.sampler.usage():
+        session.json_events.report_usage(usage)
+    session.json_events.conclude(session.report, seconds)
+    if options.timings and session.log_folder is not None:
+        from forge.output.charts.pages import PAGE, write_timings  # noqa: PLC0415  (rarely needed)
+
+        write_timings(session.log_folder)
+        page = os.path.relpath(session.log_folder.parent / "latest_build" / PAGE)
+        session.write(f"timings: {displayed(page, options.origin)}\n", stderr=options.report.json)
+
+
+def _report_conflicts(plan: BuildPlan, build: PreparedBuild, records: Records) -> None:
+    """Report files that several packages install; raises WorkspaceError for them with --strict."""
+    if build.options.query.strict:
+        raise_if_any(records.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
+    build.mode.warn(records.conflicts(plan.tasks))
+
+
+def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, records: Records) -> int:
+    """Print untracked reads of the packages; return 1 if there are any."""
+    from forge.build.audit.tracked import audit_report  # noqa: PLC0415  (rarely needed)
+
+    lines, clean = audit_report(audit, plan, build.context, records, build.variables)
+    print(*lines, sep="\n", file=sys.stderr if build.options.report.json else sys.stdout, flush=True)
+    return int(not clean)

@@ -1,0 +1,117 @@
+"""The command-line options for parallelism."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from typing import TYPE_CHECKING
+
+from forge.base.env_vars import setting
+from forge.base.errors import Problem, SelectionError
+from forge.base.frozen import frozen
+from forge.base.options import option
+from forge.execution.makeflags import read_make_flags
+from forge.toolchain.resources import memory_limit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.toolchain.resources import MemoryLimit
+
+DASK = "dask"
+"""The executor that builds packages on the workers of a Dask cluster."""
+SEQUENTIAL = "sequential"
+EXECUTORS = ("parallel", SEQUENTIAL)
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or not int(text):
+        raise ValueError(f"'{text}' is not a positive number of jobs")
+    return int(text)
+
+
+def _memory_limit(text: str) -> MemoryLimit:
+    try:
+        return memory_limit(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is neither a size nor a percentage of memory") from None
+
+
+def _resource(text: str) -> tuple[str, float]:
+    name, equals, number = text.partition("=")
+    with contextlib.suppress(ValueError):
+        if name and equals:
+            return name, float(number)
+    raise ValueError(f"'{text}' is not of the form NAME=NUMBER, such as memory=4e9")
+
+
+@frozen
+class JobOptions:
+    """The options for parallelism on this machine."""
+
+    jobs: int | None = option(
+        "maximum number of jobs, compilers of all packages included (default: from a parent make or "
+        "MAKEFLAGS, else the available CPUs)",
+        parse=_positive,
+        metavar="N",
+    )
+    parallel_workers: int = option(
+        "maximum number of packages to process in parallel (default: the number of jobs)",
+        default=0,
+        parse=int,
+        metavar="N",
+    )
+    memory_limit: MemoryLimit | None = option(
+        "start no new jobs while memory use is above this limit: 80%%, 12G, none (default: keep 10%% or "
+        "1 GiB free, whichever is less)",
+        parse=_memory_limit,
+        metavar="SIZE",
+    )
+    load_limit: float | None = option(
+        "start no new jobs while the load average is above this limit", parse=float, metavar="X"
+    )
+
+    def requested(self, variables: Mapping[str, str]) -> int:
+        """Return the number of jobs from the options, a parent make or variables; 0 if none is set."""
+        level = variables.get("CMAKE_BUILD_PARALLEL_LEVEL", "")
+        flags = read_make_flags(variables.get("MAKEFLAGS", ""))
+        return self.jobs or flags.jobs or (int(level) if level.isdigit() else 0)
+
+
+@frozen
+class ExecutorOptions:
+    """The options that choose where packages are built: here, or on a Dask cluster."""
+
+    executor: str = option(
+        "build packages in parallel, or sequentially in topological order, or on the workers of a Dask "
+        "cluster, see --scheduler (default: parallel)",
+        default_factory=lambda: default_executor((*EXECUTORS, DASK)),
+        choices=(*EXECUTORS, DASK),
+    )
+    scheduler: str | None = option(
+        "address of the Dask scheduler, such as tcp://HOST:8786; --jobs then applies per worker, "
+        "--parallel-workers to all workers together (default: one package per worker thread)",
+        default_factory=lambda: os.environ.get("FORGE_SCHEDULER"),
+        metavar="ADDRESS",
+    )
+    worker_resources: tuple[tuple[str, float], ...] = option(
+        "resources of Dask workers that each package requires, such as memory=4e9",
+        default=(),
+        parse=_resource,
+        metavar="NAME=N",
+    )
+
+    def check(self) -> None:
+        """Raise SelectionError if --executor dask lacks --scheduler.
+
+        The reverse is allowed: option files may name a scheduler.
+        """
+        if self.executor == DASK and not self.scheduler:
+            hint = "start a scheduler with `dask scheduler` and use the address it prints"
+            raise SelectionError(Problem("'--executor dask' needs '--scheduler ADDRESS'", hint=hint))
+
+
+def default_executor(executors: tuple[str, ...]) -> str:
+    """Return the executor that the environment selects if it is one of these, else the first."""
+    name = setting("DEFAULT_EXECUTOR", os.environ)
+    return name if name in executors else executors[0]

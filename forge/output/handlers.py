@@ -1,0 +1,75 @@
+"""The event handlers of --event-handlers, and the options for the output of builds and tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, SelectionError, raise_if_any
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
+from forge.base.options import option
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+HANDLERS = {
+    "console_start_end": True,
+    "console_stderr": True,
+    "summary": True,
+    "status": True,
+    "console_direct": False,
+    "console_cohesion": False,
+    "console_package_list": False,
+    # Accepted for compatibility with colcon, without effect except for compile_commands.
+    "log": True,
+    "event_log": True,
+    "log_command": True,
+    "store_result": True,
+    "compile_commands": True,
+    "desktop_notification": False,
+    "parallel_status": False,
+    "terminal_title": False,
+}
+"""The event handlers of --event-handlers and their defaults."""
+
+_PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_package_list", "summary")
+"""The event handlers that print text on stdout."""
+
+
+def handlers_of(words: Sequence[str]) -> dict[str, bool]:
+    """Return the state of each event handler; raises SelectionError for unknown ones."""
+    unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
+    raise_if_any(
+        (
+            Problem(
+                f"--event-handlers expects names followed by '+' or '-', not '{word}'",
+                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
+            )
+            for word in unknown
+        ),
+        SelectionError,
+    )
+    return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
+
+
+def without_prose(handlers: Mapping[str, bool]) -> dict[str, bool]:
+    """Return the event handlers with those disabled that print text on stdout."""
+    return {**handlers, **dict.fromkeys(_PROSE, False)}
+
+
+@frozen
+class ReportOptions:
+    """The options for the output of a build or of tests."""
+
+    event_handlers: tuple[str, ...] = option(
+        "enable (+) or disable (-) event handlers: 'console_direct+' prints output immediately, 'status-' "
+        "disables the status line; 'forge extensions' lists all",
+        default=(),
+        metavar="NAME+",
+    )
+    json: bool = option("print only one JSON object per line for each event", default=False)
+
+    @property
+    def handlers(self) -> dict[str, bool]:
+        """Return the state of each event handler; raises SelectionError for unknown ones."""
+        return handlers_of(self.event_handlers)

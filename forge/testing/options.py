@@ -1,0 +1,74 @@
+"""The options of `forge test`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from forge.base.frozen import frozen
+from forge.base.options import option
+from forge.execution.options import EXECUTORS, default_executor
+
+_RUNNERS = "test runners"
+
+
+def _absolute(path: str) -> Path:
+    return Path(path).absolute()
+
+
+@frozen
+class TestOptions:
+    """The options of `forge test` itself."""
+
+    __test__ = False  # pytest collects classes with this prefix
+
+    test_result_base: Path | None = option(
+        "folder for result files (default: the build folder)", parse=_absolute, metavar="DIR"
+    )
+    retest_until_fail: int = option(
+        "repeat passing tests up to N times, until they fail",
+        default=0,
+        parse=int,
+        metavar="N",
+        conflicts="retest",
+    )
+    retest_until_pass: int = option(
+        "repeat failing tests up to N times, until they pass",
+        default=0,
+        parse=int,
+        metavar="N",
+        conflicts="retest",
+    )
+    abort_on_error: bool = option(
+        "stop when a package cannot be tested (failing tests do not stop the run)", default=False
+    )
+    return_code_on_test_failure: bool = option(
+        "exit with code 1 if a test failed (default: exit with code 0, like colcon)", default=False
+    )
+    executor: str = option(
+        "test packages in parallel, or sequentially in topological order (default: parallel)",
+        default_factory=lambda: default_executor(EXECUTORS),
+        choices=EXECUTORS,
+    )
+    python: str | None = option(
+        "interpreter for Python tests (default: that of the last build)", metavar="PATH", group=_RUNNERS
+    )
+    ctest_args: tuple[str, ...] = option(
+        "arguments for CTest, for all packages; takes all arguments up to the next option of forge",
+        default=(),
+        metavar="ARG",
+        takes_options=True,
+        group=_RUNNERS,
+    )
+    python_testing: str | None = option(
+        "runner of Python tests; setuppy_test is colcon's name for unittest (default: pytest if the package "
+        "depends on it, else unittest)",
+        choices=("pytest", "unittest", "setuppy_test"),
+        group=_RUNNERS,
+    )
+    pytest_args: tuple[str, ...] = option(
+        "arguments for pytest", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
+    )
+    pytest_with_coverage: bool = option("measure coverage with pytest-cov", default=False, group=_RUNNERS)
+    unittest_args: tuple[str, ...] = option(
+        "arguments for unittest", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
+    )
