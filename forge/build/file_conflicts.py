@@ -6,11 +6,12 @@ The tree contains only the last version. Therefore each package's build folder r
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.files import write_if_changed
-from forge.build.inputs.fingerprints import contents_of
+from forge.build.inputs.fingerprints import contents_of, fingerprint_files
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.build.inputs.fingerprints import FileTable
+    from forge.build.journal import Journal
     from forge.build.model import BuildRecord
-    from forge.build.tasks import BuildPlan
+    from forge.build.tasks import BuildPlan, Task
 
 NOTE = "forge_installed.json"
 
@@ -31,13 +33,45 @@ def record_contents(build: Path, files: Iterable[str], table: FileTable) -> None
     write_if_changed(build / NOTE, json.dumps(data))
 
 
-def conflicts(
-    layout: Layout, records: Mapping[str, BuildRecord], names: Collection[str]
-) -> tuple[Problem, ...]:
-    """Return a problem for each file that one of `names` and another package install differently."""
-    return tuple(
-        _problem(path, owners, layout) for path, owners in conflicting_files(layout, records, names).items()
-    )
+class MergedPrefix:
+    """The files that several packages of a merged prefix install; isolated prefixes have none."""
+
+    def __init__(self, layout: Layout, journal: Journal) -> None:
+        """Store the layout and the journal with the installed files of each package."""
+        self._layout = layout
+        self._journal = journal
+
+    def conflicts(self, names: Collection[str]) -> tuple[Problem, ...]:
+        """Return a problem for each file that one of `names` and another package install differently."""
+        found = conflicting_files(self._layout, self._journal.records, names)
+        return tuple(_problem(path, owners, self._layout) for path, owners in found.items())
+
+    def shared_files(self, task: Task) -> frozenset[str]:
+        """Return those files of a task that other packages have installed, too."""
+        if not task.earlier or not self._layout.merged:
+            return frozenset()
+        return owned_by_others(task.name, frozenset(task.earlier), self._journal.records)
+
+    def packages_to_reinstall(self, plan: BuildPlan) -> frozenset[str]:
+        """Return the up-to-date packages that must be installed again because a task overwrites a file."""
+        if not self._layout.merged or not plan.tasks:
+            return frozenset()
+        return packages_to_reinstall(plan, self._layout, self._journal.records)
+
+    def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> None:
+        """Accept files that a later package has just overwritten as unchanged.
+
+        The digest of the package remains that of its own files; only the stamp is updated.
+        """
+        if not self._layout.merged:
+            return
+        for name in sorted(overwritten(plan, self._layout, self._journal.records)):
+            record = self._journal.records[name]
+            stamp = fingerprint_files((*record.files, *record.folders), table).stamp
+            if stamp != record.installed.stamp:
+                self._journal.set_record(
+                    name, replace(record, installed=replace(record.installed, stamp=stamp))
+                )
 
 
 def conflicting_files(

@@ -16,7 +16,7 @@ from forge.toolchain.resources import memory_limit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from forge.build.state import Records
+    from forge.build.state import BuildState
     from forge.cache.folder_store import FolderStore
     from forge.cache.package_cache import CacheContext, PackageCache
 
@@ -93,7 +93,7 @@ def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
 def open_cache(
     options: CacheOptions,
     context: CacheContext,
-    records: Records,
+    state: BuildState,
     variables: Mapping[str, str],
     warn: Callable[[Iterable[Problem]], object],
 ) -> Iterator[PackageCache]:
@@ -125,7 +125,7 @@ def open_cache(
             results = "results were" if unsent > 1 else "result was"
             warn([Problem(f"{unsent} {results} not uploaded to the remote cache")])
     finally:
-        records.record_trees(cache.computed_trees)
+        state.record_trees(cache.computed_trees)
         if remote:
             remote.close()
         _close_store(cache, local, options.cache_size, warn)

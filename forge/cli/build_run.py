@@ -15,6 +15,7 @@ from forge.build.cleaning import stale_package_warnings
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.named_inputs import named_by
 from forge.build.recipes.cmake import common_arguments
+from forge.build.recording import PackageRecorder
 from forge.build.up_to_date import relevant_environment
 from forge.cli.options import displayed
 from forge.cli.session import open_session
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
     from forge.build.audit.tracing import Audit
     from forge.build.recipes.context import BuildContext
-    from forge.build.state import Records
+    from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
     from forge.cache.package_cache import PackageCache
     from forge.cli.build_mode import BuildMode
@@ -66,28 +67,28 @@ class PreparedBuild:
     began: float
 
 
-def run_plan(plan: BuildPlan, build: PreparedBuild, records: Records) -> int:
+def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Run the plan and return the exit code."""
-    _warn_of_packages(plan, build, records)
-    with _opened(plan, build, records) as opened:
+    _warn_of_packages(plan, build, state)
+    with _opened(plan, build, state) as opened:
         session = opened.session
         try:
             session.run(
                 plan,
                 opened.runner,
                 opened.scheduler,
-                records.resolve,
-                lambda event: records.record_event(event, plan),
+                state.resolve,
+                lambda event: state.record_event(event, plan),
             )
         finally:
-            records.finish(plan, build.variables)
+            state.finish(plan, build.variables)
             if build.options.report.handlers["compile_commands"]:
                 merge_compile_commands(build.context.layout.build)
             session.report.outcomes = opened.launcher_stats.finish()
             _report_results(plan, build, opened)
-    _report_conflicts(plan, build, records)
+    _report_conflicts(plan, build, state)
     code = session.report.exit_code
-    return code if build.audit is None else code or _report_audit(build.audit, plan, build, records)
+    return code if build.audit is None else code or _report_audit(build.audit, plan, build, state)
 
 
 @frozen
@@ -103,7 +104,7 @@ class _Opened:
 
 
 @contextmanager
-def _opened(plan: BuildPlan, build: PreparedBuild, records: Records) -> Iterator[_Opened]:
+def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterator[_Opened]:
     """Yield the resources of a build, and close them afterwards in reverse order."""
     options, context, mode, audit = build.options, build.context, build.mode, build.audit
     launcher_stats = _launcher_stats(plan, build)
@@ -112,9 +113,9 @@ def _opened(plan: BuildPlan, build: PreparedBuild, records: Records) -> Iterator
         # Reads of a worker belong to no step: under an audit each generator is a separate process.
         nullcontext({}) if audit else mode.worker(plan) as worker_variables,
         closing(_job_pool(plan, build, launcher_stats)) as job_pool,
-        _session(plan, build, records) as session,
+        _session(plan, build, state) as session,
         sample_usage(wanted=options.timings) as sampler,
-        _package_cache(build, records) as cache,
+        _package_cache(build, state) as cache,
         closing(audit) if audit else nullcontext(),
     ):
         environment = {
@@ -123,8 +124,16 @@ def _opened(plan: BuildPlan, build: PreparedBuild, records: Records) -> Iterator
             **worker_variables,
         }
         environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
+        recorder = PackageRecorder(state)
         setup = TaskSetup(
-            build.loaded.resolution, context.layout, build.interpreter, environment, records, cache, audit
+            build.loaded.resolution,
+            context.layout,
+            build.interpreter,
+            environment,
+            state,
+            recorder,
+            cache,
+            audit,
         )
         toolchain = _toolchain(plan, build)
         runner: Runner = setup.runner(job_pool, toolchain)
@@ -136,10 +145,8 @@ def _opened(plan: BuildPlan, build: PreparedBuild, records: Records) -> Iterator
             mode.warn(connection.cluster.remarks)
             runner = DaskRunner(connection, setup.lifecycle(toolchain))
             slots = options.jobs.parallel_workers or connection.cluster.slots
-        session.json_events.announce(seconds=records.seconds())
-        yield _Opened(
-            session, runner, _scheduler(plan, build, records, slots), launcher_stats, sampler, cache
-        )
+        session.json_events.announce(seconds=state.seconds())
+        yield _Opened(session, runner, _scheduler(plan, build, state, slots), launcher_stats, sampler, cache)
 
 
 def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:
@@ -155,7 +162,7 @@ def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | Non
     return connected(options.scheduler or "", context, limits)
 
 
-def _session(plan: BuildPlan, build: PreparedBuild, records: Records) -> AbstractContextManager[Session]:
+def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> AbstractContextManager[Session]:
     context = build.context
     return open_session(
         "build",
@@ -164,7 +171,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, records: Records) -> Abstrac
         context.layout.logs,
         build.options.report,
         began=build.began,
-        seconds=records.seconds(),
+        seconds=state.seconds(),
         quiet=build.mode.quiet,
         cmake_variables=defined((*context.cmake_args, *context.ament_cmake_args)),
         python=str(build.interpreter.path),
@@ -182,7 +189,7 @@ def _job_pool(plan: BuildPlan, build: PreparedBuild, launcher_stats: LauncherSta
     )
 
 
-def _package_cache(build: PreparedBuild, records: Records) -> AbstractContextManager[PackageCache | None]:
+def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextManager[PackageCache | None]:
     """Return the package cache as a context, None without one."""
     options, loaded, layout = build.options, build.loaded, build.context.layout
     if not options.cache.wanted:
@@ -198,13 +205,13 @@ def _package_cache(build: PreparedBuild, records: Records) -> AbstractContextMan
         relocator=Relocator(loaded.workspace.root, layout),
         needs=loaded.resolution.needs,
         tools=build.context.tools,
-        records=records.journal.records,
-        table=records.table,
+        records=state.journal.records,
+        table=state.table,
         own=FileTable(own / "programs.json"),
         programs=FileTable(own / "read_programs.json"),
         forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
     )
-    return open_cache(options.cache, context, records, build.variables, build.mode.warn)
+    return open_cache(options.cache, context, state, build.variables, build.mode.warn)
 
 
 def _launcher_stats(plan: BuildPlan, build: PreparedBuild) -> LauncherStats:
@@ -248,23 +255,23 @@ def _looks_for_python(plan: BuildPlan, resolution: DependencyResolution) -> bool
     )
 
 
-def _scheduler(plan: BuildPlan, build: PreparedBuild, records: Records, slots: int) -> Scheduler:
+def _scheduler(plan: BuildPlan, build: PreparedBuild, state: BuildState, slots: int) -> Scheduler:
     alone = build.options.execution.executor == SEQUENTIAL
     return Scheduler(
         plan,
         1 if alone else slots,
-        records.seconds(),
+        state.seconds(),
         continue_on_error=build.options.continue_on_error,
         in_order=alone,
     )
 
 
-def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, records: Records) -> None:
+def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:
     """Warn about missing dependencies, overridden underlay packages, and packages that left the workspace."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
     _, missing = missing_problems(loaded.resolution, own)
-    stale = stale_package_warnings(records.journal.records, loaded.packages, layout)
+    stale = stale_package_warnings(state.journal.records, loaded.packages, layout)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
 
 
@@ -288,17 +295,17 @@ def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> N
         session.write(f"timings: {displayed(page, options.origin)}\n", stderr=options.report.json)
 
 
-def _report_conflicts(plan: BuildPlan, build: PreparedBuild, records: Records) -> None:
+def _report_conflicts(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:
     """Report files that several packages install; raises WorkspaceError for them with --strict."""
     if build.options.query.strict:
-        raise_if_any(records.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
-    build.mode.warn(records.conflicts(plan.tasks))
+        raise_if_any(state.merged_prefix.conflicts((*plan.tasks, *plan.fresh)), WorkspaceError)
+    build.mode.warn(state.merged_prefix.conflicts(plan.tasks))
 
 
-def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, records: Records) -> int:
+def _report_audit(audit: Audit, plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Print untracked reads of the packages; return 1 if there are any."""
     from forge.build.audit.tracked import audit_report  # noqa: PLC0415  (rarely needed)
 
-    lines, clean = audit_report(audit, plan, build.context, records, build.variables)
+    lines, clean = audit_report(audit, plan, build.context, state, build.variables)
     print(*lines, sep="\n", file=sys.stderr if build.options.report.json else sys.stdout, flush=True)
     return int(not clean)

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.audit.tracing import Audit
     from forge.build.model import BuildRecord
-    from forge.build.state import Records
+    from forge.build.recording import PackageRecorder
+    from forge.build.state import BuildState
     from forge.build.tasks import Task
     from forge.cache.package_cache import PackageCache
     from forge.environment.dsv import Edit, Script
@@ -45,7 +46,8 @@ class TaskSetup:
     layout: Layout
     interpreter: Interpreter
     variables: Mapping[str, str]
-    records: Records
+    state: BuildState
+    recorder: PackageRecorder
     cache: PackageCache | None = None
     audit: Audit | None = None
     """Traces the file accesses of steps; then each package starts in an empty build folder."""
@@ -68,7 +70,7 @@ class TaskSetup:
             arguments = (*task.package.words("cmake-args"), *task.package.words("ament-cmake-args"))
             same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
             if toolchain is not None and same_compilers and task.package.build_type in CMAKE_TYPES:
-                toolchain.seed(self.records.source(task), task.build_dir, self.variables)
+                toolchain.seed(self.state.source(task), task.build_dir, self.variables)
 
         return TaskLifecycle(self._environment, begin, self._install, self._undo, self._restore, self._remark)
 
@@ -82,7 +84,7 @@ class TaskSetup:
 
     def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._back_up(task)
-        self.records.prepare(
+        self.recorder.prepare(
             task, self._set_by_needs(environment), from_empty=task.from_empty or self.audit is not None
         )
 
@@ -95,8 +97,8 @@ class TaskSetup:
         )
 
     def _back_up(self, task: Task) -> None:
-        self.records.begin(task)
-        rollback.back_up(task.name, self.layout, task.earlier, self.records.shared(task))
+        self.recorder.begin(task)
+        rollback.back_up(task.name, self.layout, task.earlier, self.state.merged_prefix.shared_files(task))
 
     def _restore(self, task: Task) -> BuildRecord | None:
         """Install the cached result of a task; return None and change nothing if there is none."""
@@ -106,8 +108,8 @@ class TaskSetup:
         with closing(found):
             self._back_up(task)
             files, empty = self.cache.restore(task, found)
-            record = self.records.restored_record(task, found.build, files, empty)
-        self.records.restore_foreign_files(task)
+            record = self.recorder.restored_record(task, found.build, files, empty)
+        self.recorder.restore_foreign_files(task)
         rollback.drop(task.name, self.layout)
         return record
 
@@ -120,8 +122,8 @@ class TaskSetup:
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
-        record = self.records.make_record(task)
-        self.records.restore_foreign_files(task)
+        record = self.recorder.make_record(task)
+        self.recorder.restore_foreign_files(task)
         rollback.drop(task.name, self.layout)
         return self.cache.keep(task, record) if self.cache else record
 

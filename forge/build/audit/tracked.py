@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from forge.build.audit.tracing import Audit
     from forge.build.model import BuildRecord
     from forge.build.recipes.context import BuildContext
-    from forge.build.state import Records
+    from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan, Task
 
 _PATHS_OF_PYTHON = """import json, sys, sysconfig
@@ -54,10 +54,10 @@ class SharedInputs:
 
 
 def audit_report(
-    audit: Audit, plan: BuildPlan, context: BuildContext, records: Records, variables: Mapping[str, str]
+    audit: Audit, plan: BuildPlan, context: BuildContext, state: BuildState, variables: Mapping[str, str]
 ) -> tuple[tuple[str, ...], bool]:
     """Return the report of an audit, and True if there are no findings; failed packages are left out."""
-    known = records.journal.records
+    known = state.journal.records
     shared = _shared_inputs(context, known, variables)
     disk = Disk(os.path.realpath, first_missing, os.path.isdir)
     found: list[Finding] = []

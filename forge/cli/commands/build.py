@@ -16,7 +16,7 @@ from forge.base.templating import keep_compiled
 from forge.build.markers import begin_workspace
 from forge.build.planning import make_whole_plan, names_to_build
 from forge.build.snapshot import take_snapshot
-from forge.build.state import open_records
+from forge.build.state import open_state
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import add_build_options, read_build_options
 from forge.cli.options import LOG_LEVELS
@@ -86,32 +86,37 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
     with (
         lock_build_dir(layout.build, wait=not options.folders.no_wait),
-        closing(open_records(root, layout, interpreter)) as records,
+        closing(open_state(root, layout, interpreter)) as state,
     ):
-        snapshot = take_snapshot(root, loaded.packages.values(), layout, records.journal, records.table)
+        snapshot = take_snapshot(root, loaded.packages.values(), layout, state.journal, state.table)
         shared_inputs, named_inputs = global_inputs(options, loaded, context, variables)
         plan, hashes = make_whole_plan(
-            names, loaded.resolution, snapshot, context, shared_inputs, records.overwritten_packages
+            names,
+            loaded.resolution,
+            snapshot,
+            context,
+            shared_inputs,
+            state.merged_prefix.packages_to_reinstall,
         )
         named_inputs.save()
-        records.confirm_up_to_date(plan, snapshot, hashes)
+        state.confirm_up_to_date(plan, snapshot, hashes)
         check_plan(plan, loaded, context, variables, mode.warn)
         if plan.tasks or not mode.checking:
             _print_plan(plan, options, loaded.packages)
         if options.dry_run:
             return 0
-        records.recover()
-        records.remove_embedded(loaded.resolution.superseded)
+        state.recover()
+        state.remove_embedded(loaded.resolution.superseded)
         if not plan.tasks:
-            records.finish(plan, variables)
+            state.finish(plan, variables)
             _report_up_to_date(plan, options, loaded.packages, mode, time.monotonic() - began)
             if options.query.strict:
-                raise_if_any(records.conflicts(plan.fresh), WorkspaceError)
+                raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
             return 0
         from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if all is up to date)
 
         prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
-        return run_plan(plan, prepared, records)
+        return run_plan(plan, prepared, state)
 
 
 def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> Audit | None:

@@ -43,9 +43,11 @@ _MESSAGE_SECONDS = 10.0
 def connected(address: str, context: BuildContext, limits: WorkerLimits) -> Iterator[Connection]:
     """Yield a connection to the workers of a scheduler; raises EnvironmentFault."""
     programs = {name: identity.rsplit(" ", 2)[0] for name, identity in context.tools}
-    with connected_cluster(address, context.layout.build, programs) as cluster:
-        with contextlib.closing(Connection(cluster, limits)) as connection:
-            yield connection
+    with (
+        connected_cluster(address, context.layout.build, programs) as cluster,
+        contextlib.closing(Connection(cluster, limits)) as connection,
+    ):
+        yield connection
 
 
 class Connection:

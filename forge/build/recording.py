@@ -1,0 +1,200 @@
+"""The records of packages that are built: what their build folders began from, and what was installed.
+
+Used by the worker threads, each for the package that it builds.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from forge.build import build_notes
+from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
+from forge.build.file_conflicts import record_contents
+from forge.build.inputs.depfiles import cmake_root, external_inputs, read_below
+from forge.build.inputs.fingerprints import (
+    contents_of,
+    digest_of,
+    digest_strings,
+    file_manifest,
+    fingerprint_files,
+    fingerprint_tree,
+    tree_manifest,
+)
+from forge.build.installation import installed_files
+from forge.build.installed_files import remove_stale, restore_foreign_files, set_file_times
+from forge.build.model import BuildRecord
+from forge.build.up_to_date import UNKNOWN
+from forge.toolchain.programs import CMAKE_TYPES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.build.build_notes import BegunBuild
+    from forge.build.inputs.fingerprints import FileTable, Stats
+    from forge.build.installed_states import InstalledStates
+    from forge.build.model import CachedBuild
+    from forge.build.state import BuildState
+    from forge.build.tasks import Task
+
+
+class PackageRecorder:
+    """Makes the records of the packages of one build."""
+
+    def __init__(self, state: BuildState) -> None:
+        """Record in `state`, whose journal only the build loop writes."""
+        self._state = state
+        self._layout = state.layout
+        self._table = state.table
+        self._begun_builds: dict[str, BegunBuild] = {}
+
+    def begin(self, task: Task) -> None:
+        """Note the installed state of a package before its build, to detect changes afterwards."""
+        record = self._records.get(task.name)
+        self._state.scripts.begin(task.name, record.files if record else ())
+
+    def prepare(self, task: Task, set_by_needs: Pairs, *, from_empty: bool = False) -> None:
+        """Prepare a task's build folder, empty if `from_empty`.
+
+        `set_by_needs` are the variables that environment hooks of its dependencies set.
+        """
+        source = self._state.source(task)
+        sources = tree_manifest(str(source), self._table)
+        build = task.build_dir
+        # The cache key uses the sources as planned; they may have changed since.
+        planned = fingerprint_tree(str(source), self._table, task.sources).digest == task.sources.digest
+        last = build_notes.read_last(build)
+        self._begun_builds[task.name] = build_notes.BegunBuild(str(source), sources, last, as_planned=planned)
+        inputs = task.inputs
+        pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
+        made_from = BuildDirInputs(
+            base=digest_strings(inputs.forge, os.path.realpath(source), *pairs),
+            shape=digest_strings(*inputs.options, inputs.underlays),
+            needs={need: self._installed(need) for need in task.needs},
+            sources=sources,
+        )
+        can_reuse = task.package.build_type in CMAKE_TYPES and not from_empty
+        prepare_build_dir(
+            build,
+            made_from,
+            file_checks(build, self._state.installed_states, self._table),
+            can_reuse=can_reuse,
+            reconfigure=task.reconfigure,
+        )
+
+    def make_record(self, task: Task) -> BuildRecord:
+        """Remove stale installed files and return the record of a successful task."""
+        build = task.build_dir
+        files, folders = installed_files(task.package, self._layout)
+        stats = set_file_times(task, files, self._layout, self._table)
+        declared = (self._state.source(task), build, *map(self._layout.prefix, (task.name, *task.needs)))
+        searched = (self._layout.install,)
+        found = external_inputs(build, self._state.source(task), declared, searched)
+        if self._layout.merged:
+            found = (*found, *self._undeclared(task, build))
+        externals = file_manifest(found, self._table)
+        begun = self._begun_builds.pop(task.name)
+        saved = build_notes.saved_during_build(build, begun, externals, self._table)
+        build_notes.finish_build_dir(build, externals, saved)
+        names = (path.removeprefix(f"{self._state.source(task)}/") for path in sorted(saved))
+        contents = {path: state.content for path, state in externals.items()}
+        read = tuple(externals), digest_of(externals, contents)
+        record = self._finish_record(task, files, folders, read, stats)
+        return replace(
+            record,
+            began=build_notes.start_time(build),
+            saved=(*names, *(() if begun.as_planned else (str(task.package.path),))),
+            from_empty=build_notes.started_empty(build),
+            read_from=self._owners_of(task, externals),
+        )
+
+    def _undeclared(self, task: Task, build: Path) -> tuple[str, ...]:
+        """Return the files of undeclared dependencies that a build read in a merged prefix."""
+        found = read_below(build, self._layout.install)
+        if not found:
+            return ()
+        records = self._records
+        known = {path for name in (task.name, *task.needs) if name in records for path in records[name].files}
+        return tuple(sorted(path for path in found if path not in known and os.path.isfile(path)))  # noqa: PTH113
+
+    def _owners_of(self, task: Task, paths: Iterable[str]) -> tuple[str, ...]:
+        """Return the other packages of this workspace that own some of `paths`."""
+        build, install = f"{self._layout.build}/", f"{self._layout.install}/"
+        names = {path[len(build) :].partition("/")[0] for path in paths if path.startswith(build)}
+        installed = {path for path in paths if path.startswith(install)}
+        if installed:
+            records = self._records.items()
+            names |= {name for name, record in records if not installed.isdisjoint(record.files)}
+        return tuple(sorted(names & self._records.keys() - {task.name}))
+
+    def restored_record(
+        self,
+        task: Task,
+        found: CachedBuild,
+        files: Mapping[str, os.stat_result | None],
+        folders: tuple[str, ...],
+    ) -> BuildRecord:
+        """Return the record of a task restored from the cache.
+
+        `files` are sorted and map to their stats, or to None if not just taken. The build folder is left
+        untouched and does not belong to the record, so the next build of the package starts from empty.
+        """
+        known = {path: status for path, status in files.items() if status is not None}
+        stats = set_file_times(task, tuple(files), self._layout, self._table, known)
+        record = self._finish_record(task, tuple(files), folders, (found.externals, found.external), stats)
+        return replace(record, seconds=found.seconds, tree=found.tree)
+
+    def _finish_record(
+        self,
+        task: Task,
+        files: tuple[str, ...],
+        folders: tuple[str, ...],
+        read: tuple[tuple[str, ...], str],
+        stats: Stats,
+    ) -> BuildRecord:
+        """Return the record; `read` are the external files and their digest, `stats` are of some `files`."""
+        remove_stale(task, files, self._layout, self._records)
+        self._state.scripts.end(task.name, files, stats)
+        if self._layout.merged:
+            record_contents(task.build_dir, files, self._table)
+        installed = fingerprint_files((*files, *folders), self._table, stats=stats)
+        contents = contents_of((*files, *folders), self._table, stats)
+        self._state.installed_states.keep(task.name, installed.digest, contents)
+        return BuildRecord(
+            inputs=task.inputs,
+            complete=True,
+            sources=task.sources,
+            installed=installed,
+            files=files,
+            folders=folders,
+            externals=read[0],
+            external=read[1],
+        )
+
+    def restore_foreign_files(self, task: Task) -> None:
+        """Move files that no build installed from the old prefix into the new one."""
+        if not self._layout.merged:
+            restore_foreign_files(task, self._layout, self._records.get(task.name))
+
+    @property
+    def _records(self) -> Mapping[str, BuildRecord]:
+        return self._state.journal.records
+
+    def _installed(self, name: str) -> str:
+        """Return the recorded digest of a package's installed files, or UNKNOWN."""
+        record = self._records.get(name)
+        return record.installed.digest if record else UNKNOWN
+
+
+def file_checks(build: Path, states: InstalledStates, table: FileTable) -> FileChecks:
+    """Return the checks of the files that a build folder was made from."""
+    cmakes = cmake_root(build)
+    return FileChecks(
+        needed_changes=states.changes,
+        links_alike=states.links_alike,
+        contents=lambda paths: contents_of(paths, table),
+        is_cmakes=lambda path: bool(cmakes) and path.startswith(cmakes),
+    )
