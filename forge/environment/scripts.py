@@ -6,6 +6,7 @@ starts no programs and reads few files.
 
 from __future__ import annotations
 
+import re
 import shlex
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,7 @@ def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
         options="_forge_setup_options",
         borrowed="_forge_setup_sh",
         borrowing=borrowing,
-        runner=_runner(shell) if borrowing else "",
+        runner=_runner() if borrowing else "",
         **_location("setup", shell, "_forge_setup_root", root),
     )
 
@@ -98,16 +99,16 @@ def _words(shell: Shell, edits: Iterable[Edit | Script]) -> dict[str, object]:
         "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in listed),
         "sourcing": any(paths),
         "borrowing": borrowing,
-        "runner": _runner(shell) if borrowing else "",
+        "runner": _runner() if borrowing else "",
         "present": "_forge_present",
         "options": "_forge_options",
         "borrowed": "_forge_sh",
     }
 
 
-def _runner(shell: Shell) -> str:
-    """Return the sh program that sources a hook, escaped for single quotes."""
-    return shell.literal(hook_runner().rstrip("\n"))
+def _runner() -> str:
+    """Return the sh program that sources a hook, escaped for fish's single quotes."""
+    return re.sub(r"\\(?=[\\']|$)|'", r"\\\g<0>", hook_runner().rstrip("\n"))
 
 
 def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str, object]:
@@ -120,7 +121,7 @@ def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str
         "file": f"{script}.{shell.name}",
         "variable": variable,
         "baked": shlex.quote(str(baked)),
-        "up": {"path": "../" * up, "heads": ":h" * up, "times": up, "pattern": pattern},
+        "up": {"path": "../" * up, "heads": ":h" * up, "pattern": pattern},
     }
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class Shell:
     """A shell; `name` is the extension of its scripts, `family` the folder of their templates.
 
-    Characters matching `special` are escaped with `escape` between double quotes. List entries start with
+    Characters matching `special` are escaped with a backslash between double quotes. List entries start with
     `list_root`; if it is empty, functions of the script add the root, which is faster.
     """
 
@@ -23,16 +23,11 @@ class Shell:
     family: str
     own: str
     special: re.Pattern[str]
-    escape: str
     list_root: str = ""
 
     def quoted(self, text: str) -> str:
         """Escape `text` for double quotes."""
-        return self.special.sub(lambda match: self.escape + match.group(), text)
-
-    def literal(self, text: str) -> str:
-        """Escape `text` for single quotes, or in PowerShell for a here-string."""
-        return re.sub(r"\\(?=[\\']|$)|'", r"\\\g<0>", text) if self.family == "fish" else text
+        return self.special.sub(lambda match: "\\" + match.group(), text)
 
     def borrows(self, path: str) -> bool:
         """Tell whether sh must run a script, whose changes this shell then imports."""
@@ -41,16 +36,14 @@ class Shell:
 
 _SH = re.compile(r'[\\"$`]')
 _FISH = re.compile(r'[\\"$]')
-_POWERSHELL = re.compile('["$`\u201c\u201d\u201e]')
 
 SHELLS: Mapping[str, Shell] = {
     shell.name: shell
     for shell in (
-        Shell("sh", "sh", ".sh", _SH, "\\", "$_forge_root/"),
-        Shell("bash", "sh", ".bash", _SH, "\\"),
-        Shell("zsh", "sh", ".zsh", _SH, "\\"),
-        Shell("fish", "fish", "", _FISH, "\\"),
-        Shell("ps1", "ps1", "", _POWERSHELL, "`"),
+        Shell("sh", "sh", ".sh", _SH, "$_forge_root/"),
+        Shell("bash", "sh", ".bash", _SH),
+        Shell("zsh", "sh", ".zsh", _SH),
+        Shell("fish", "fish", "", _FISH),
     )
 }
 """The supported shells by name."""

@@ -40,7 +40,7 @@ _POLICIES_GONE, _LEAST_POLICY = (4, 0), (3, 5)
 _PROGRAM = "#include <optional>\nint main() { if constexpr (true) { return std::optional(0).value(); } }\n"
 _VERSION = re.compile(r"\d+(?:\.\d+)+")
 _HEADERS = re.compile(r"pybind11|PythonLibs|Python3?\b[^)]*\bDevelopment|Python3_add_library|nanobind")
-_SPEAKS_SH = frozenset({"ash", "busybox", "dash", "ksh", "mksh", "pwsh"})
+_SPEAKS_SH = frozenset({"ash", "busybox", "dash", "ksh", "mksh"})
 _PROJECT_TABLE = (61, 0)
 """The first setuptools that reads project metadata from pyproject.toml."""
 
@@ -114,8 +114,7 @@ def python(subject: Subject) -> CheckResult:
 def shells(subject: Subject) -> CheckResult:
     """List the shells with setup scripts, and check the login shell."""
     path = subject.surroundings.get("PATH", os.defpath)
-    names = {"ps1": "pwsh"}
-    found = [names.get(name, name) for name in SHELLS if shutil.which(names.get(name, name), path=path)]
+    found = [name for name in SHELLS if shutil.which(name, path=path)]
     login = subject.surroundings.get("SHELL", "").rpartition("/")[2]
     summary = " ".join(found) + (f"; yours is {login}" if login else "")
     if not login or login in SHELLS or login in _SPEAKS_SH:

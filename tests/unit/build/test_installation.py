@@ -146,7 +146,6 @@ def test_a_package_gets_hooks_scripts_and_index(tmp_path: Path) -> None:
         "share/library/package.bash",
         "share/library/package.dsv",
         "share/library/package.fish",
-        "share/library/package.ps1",
         "share/library/package.sh",
         "share/library/package.xml",
         "share/library/package.zsh",
@@ -224,7 +223,6 @@ def test_what_makes_a_package_look_installed_goes_before_a_build(tmp_path: Path)
     """So that after a failure nobody takes it for installed; a second time there is nothing to remove."""
     layout = make_install(tmp_path, [replace(LIBRARY, files={**LIBRARY.files, f"{INDEX}/library": ""})])
     prefix = layout.prefix("library")
-    (prefix / "share/library/package.ps1").touch()
     (prefix / INDEX).mkdir(parents=True, exist_ok=True)
     (prefix / INDEX / "library").touch()
     uninstall_markers("library", layout)

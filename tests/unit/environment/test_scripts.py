@@ -30,7 +30,7 @@ EVERYTHING = (
     Edit("set", "ODD_MODEL", 'the "great" one', below=False),
     Edit("default", "ODD_HOME", "share/odd", below=True),
     Script(("share/odd/hook.sh", "share/odd/hook.zsh")),
-    Script(("share/odd/only.bash",)),
+    Script(("share/odd/only.bash", "share/odd/only.ps1")),
     Edit("prepend", "AMENT_PREFIX_PATH", "", below=True),
 )
 
@@ -69,7 +69,7 @@ def test_setup_sources_the_chain(golden: Golden) -> None:
 
 @pytest.mark.parametrize(("name", "edits"), [("library", LIBRARY), ("odd", EVERYTHING)])
 def test_package_scripts(name: str, edits: tuple[Edit | Script, ...], golden: Golden) -> None:
-    """A package alone, in front of everything."""
+    """A package alone, in front of everything; a hook for PowerShell is a file that nobody sources."""
     package = Installed(name, "", edits)
     texts = {f"package.{shell}": package_setup(shell, ROOT / name, package) for shell in SHELLS}
     golden(f"scripts/package-{name}", texts)
@@ -86,9 +86,8 @@ def test_a_dsv_file_is_its_lines() -> None:
     [
         ("sh", "a \\\"b\\\" \\$c \\`d\\` \\\\e 'f' !g “h”"),
         ("fish", "a \\\"b\\\" \\$c `d` \\\\e 'f' !g “h”"),
-        ("ps1", "a `\"b`\" `$c ``d`` \\e 'f' !g `“h`”"),
     ],
 )
 def test_quoting_keeps_what_double_quotes_would_change(shell: str, quoted: str) -> None:
-    """What means something between double quotes differs; PowerShell takes typographic ones, too."""
+    """What means something between double quotes differs: fish takes a backquote as it is."""
     assert SHELLS[shell].quoted("a \"b\" $c `d` \\e 'f' !g “h”") == quoted
