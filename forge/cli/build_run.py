@@ -27,7 +27,7 @@ from forge.execution.scheduler import Scheduler
 from forge.execution.task_setup import TaskSetup
 from forge.output.charts.sampling import sample_usage
 from forge.toolchain.cmake_warnings import defined
-from forge.toolchain.compiler_launchers.accounts import LauncherStats, open_launcher_stats
+from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
 from forge.workspace.resolve import missing_problems
@@ -137,7 +137,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
         )
         toolchain = _toolchain(plan, build)
         runner: Runner = setup.runner(job_pool, toolchain)
-        # Each started package holds a job; jobs of other machines do not count, which only run compilers.
+        # Each started package holds a job; slots of remote hosts do not count, because they only run compilers.
         slots = min(options.jobs.parallel_workers or job_pool.local, job_pool.jobs)
         if connection:
             from forge.execution.dask.dask_runner import DaskRunner  # noqa: PLC0415  (only with a cluster)
@@ -222,8 +222,8 @@ def _launcher_stats(plan: BuildPlan, build: PreparedBuild) -> LauncherStats:
     launcher_stats = open_launcher_stats(
         context.launcher, context.root, context.layout.build, without_job_variables(variables)
     )
-    unsure = None if build.options.jobs.requested(variables) else launcher_stats.unsure
-    build.mode.warn(filter(None, (launcher_stats.problem, unsure)))
+    if launcher_stats.problem:
+        build.mode.warn([launcher_stats.problem])
     return launcher_stats
 
 

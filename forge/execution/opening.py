@@ -37,7 +37,7 @@ def open_job_pool(  # noqa: PLR0913  (they are of six different sources)
 ) -> JobPool:
     """Return the job pool of a build: that of a parent make, else a new one with the requested size.
 
-    Without a requested number, `remote_slots` of a distributed compiler are added to the local processors. If
+    Without a requested number, the `remote_slots` of a distributed compiler are added to the local processors. If
     the build `compiles`, its tools share one jobserver style, because one may start the other; supported
     styles are detected by trial.
     """

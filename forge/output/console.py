@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
     from forge.output.diagnosis import FirstError
-    from forge.toolchain.compiler_launchers.outcome import LauncherSummary
+    from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
     from forge.workspace.model import Package
 
 

@@ -280,7 +280,7 @@ def wait_for(condition: Callable[[], object], server: Server) -> None:
 
 
 @pytest.mark.needs("ccache", "distcc", "distccd")
-def test_what_is_not_in_the_cache_goes_to_the_farm(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_what_is_not_in_the_cache_goes_to_distcc(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(package("one", 2))
     env = {"CCACHE_DIR": str(tmp_path / "cache"), "CCACHE_PREFIX": "distcc", "DISTCC_DIR": str(tmp_path)}
     with servers(tmp_path, 1) as (server,):

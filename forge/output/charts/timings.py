@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.frozen import frozen
 from forge.cache.model import RESTORED
-from forge.toolchain.compiler_launchers.outcome import LauncherSummary
+from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

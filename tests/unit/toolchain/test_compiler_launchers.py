@@ -1,4 +1,4 @@
-"""Compiler launchers: what is chosen, what CMake is told, what farms and caches say of themselves."""
+"""Compiler launchers: what is chosen, what CMake is told, what caches and distcc report."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ import os
 import shutil
 import socket
 import subprocess
-import threading
-import time
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,17 +18,18 @@ from forge.build.recipes.initial_cache import initial_cache
 from forge.build.up_to_date import relevant_environment
 from forge.execution.opening import open_job_pool
 from forge.execution.options import JobOptions
-from forge.toolchain.compiler_launchers.accounts import LOG, open_launcher_stats
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, chosen, launcher_variables
-from forge.toolchain.compiler_launchers.farms import HostPool, distcc_farm, read_hosts
-from forge.toolchain.compiler_launchers.icecream import icecc_farm, read_nodes
-from forge.toolchain.compiler_launchers.outcome import LauncherSummary
+from forge.toolchain.compiler_launchers.launcher_stats import (
+    LOG,
+    HostPool,
+    LauncherSummary,
+    open_launcher_stats,
+    read_hosts,
+)
 from forge.toolchain.resources import processors
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from forge.execution.job_pool import JobPool
     from tests.conftest import Forge, Tree
 
@@ -146,24 +144,30 @@ def test_forge_counts_slots_as_distcc_does(said: str, here: int, tmp_path: Path)
     """`distcc -j` has those of the word localhost among them, which are no more processors than we have."""
     variables = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "DISTCC_HOSTS": said}
     counted = subprocess.run(["distcc", "-j"], env=variables, capture_output=True, check=True, text=True)
-    host_pool, problem = distcc_farm(Path("/usr/bin/distcc"), variables)
-    assert (host_pool.slots, problem) == (int(counted.stdout) - here, None)
+    stats = open_launcher_stats(Path("/usr/bin/distcc"), tmp_path, tmp_path, variables)
+    assert (stats.host_pool.slots, stats.problem) == (int(counted.stdout) - here, None)
 
 
 @pytest.mark.needs("distcc")
 @pytest.mark.parametrize("said", ["", "localhost/4", "red/x"])
-def test_a_farm_without_hosts_is_told_of(said: str, tmp_path: Path) -> None:
-    host_pool, problem = distcc_farm(Path("/usr/bin/distcc"), {"HOME": str(tmp_path), "DISTCC_HOSTS": said})
-    assert host_pool == HostPool()
-    assert problem
-    assert "distcc has no remote hosts" in problem.message
+def test_a_distcc_without_hosts_is_a_problem(said: str, tmp_path: Path) -> None:
+    variables = {"HOME": str(tmp_path), "DISTCC_HOSTS": said}
+    stats = open_launcher_stats(Path("/usr/bin/distcc"), tmp_path, tmp_path, variables)
+    assert stats.host_pool == HostPool()
+    assert stats.problem
+    assert "distcc reports no remote hosts" in stats.problem.message
 
 
-def test_a_distcc_that_does_not_answer_is_told_of(tmp_path: Path) -> None:
-    host_pool, problem = distcc_farm(tmp_path / "distcc", {})
-    assert host_pool == HostPool()
-    assert problem
-    assert "cannot determine the hosts of distcc" in problem.message
+def test_a_distcc_that_does_not_answer_has_no_hosts(tmp_path: Path) -> None:
+    stats = open_launcher_stats(tmp_path / "distcc", tmp_path, tmp_path, {})
+    assert stats.host_pool == HostPool()
+    assert stats.problem
+
+
+@pytest.mark.parametrize("name", ["icecc", "recc"])
+def test_launchers_without_statistics_add_no_slots(name: str, tmp_path: Path) -> None:
+    stats = open_launcher_stats(tmp_path / name, tmp_path, tmp_path, {})
+    assert (stats.host_pool, stats.problem, stats.finish()) == (HostPool(), None, ())
 
 
 @pytest.mark.parametrize(
@@ -178,7 +182,7 @@ def test_a_distcc_that_does_not_answer_is_told_of(tmp_path: Path) -> None:
             "sccache: 0 of 1 compilation from the cache",
         ),
         (LauncherSummary("distcc", hosts=2, slots=8), "distcc: 2 hosts with 8 slots"),
-        (LauncherSummary("icecc", hosts=1, slots=1), "icecc: 1 host with 1 slot"),
+        (LauncherSummary("distcc", hosts=1, slots=1), "distcc: 1 host with 1 slot"),
     ],
 )
 def test_an_outcome_is_one_line(outcome: LauncherSummary, words: str) -> None:
@@ -218,17 +222,15 @@ def test_a_build_without_compilations_has_nothing_to_tell(tmp_path: Path) -> Non
 
 @pytest.mark.needs("ccache")
 def test_what_the_user_told_ccache_stays(tmp_path: Path) -> None:
-    """A base folder in its file or a variable, even an empty one, and a log of the user's own."""
+    """A base folder in its file or a variable, even an empty one; a log of the user's own is not counted."""
     log = tmp_path / "their.log"
-    log.write_text("# of before\ndirect_cache_hit\n")
+    log.write_text("# theirs\ndirect_cache_hit\n")
     (tmp_path / "ccache.conf").write_text(f"base_dir = /elsewhere\nstats_log = {log}\n")
     launcher_stats = open_launcher_stats(
         Path("/usr/bin/ccache"), tmp_path, tmp_path, {"CCACHE_DIR": str(tmp_path)}
     )
     assert launcher_stats.variables == {}
-    with log.open("a") as notes:
-        notes.write("# of now\ncache_miss\n")
-    assert launcher_stats.finish() == (LauncherSummary("ccache", compilations=1, from_cache=0),)
+    assert launcher_stats.finish() == ()
     assert log.exists()
     own = {"CCACHE_DIR": str(tmp_path / "no"), "CCACHE_BASEDIR": ""}
     told = open_launcher_stats(Path("/usr/bin/ccache"), tmp_path, tmp_path, own).variables
@@ -236,7 +238,7 @@ def test_what_the_user_told_ccache_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("ccache", "distcc")
-def test_the_farm_behind_ccache_counts(tmp_path: Path) -> None:
+def test_distcc_behind_ccache_counts(tmp_path: Path) -> None:
     variables = {
         "PATH": "/usr/bin:/bin",
         "CCACHE_DIR": str(tmp_path),
@@ -255,7 +257,7 @@ def budget_of(host_pool: HostPool, jobs: int | None = None, **variables: str) ->
     )
 
 
-def test_a_farm_adds_its_slots_to_our_processors() -> None:
+def test_slots_of_remote_hosts_are_added_to_our_processors() -> None:
     budget = budget_of(HostPool(hosts=2, slots=10))
     assert (budget.jobs, budget.local) == (processors() + 10, processors())
     budget.close()
@@ -276,88 +278,15 @@ def test_other_hosts_are_no_reason_to_build_anew() -> None:
     assert dict(relevant_environment(said)) == {"DISTUTILS_DEBUG": "1"}
 
 
-NODES = """200-ICECC 1.4.0: 28s uptime, 3 hosts, 0 jobs in queue (8 total).
-200 Use 'help' for help and 'quit' to quit.
- ours (10.9.0.1:10245) [x86_64] speed=0.00 jobs=0/2 load=1000
- red (10.9.0.2:10245) [x86_64] speed=106.72 jobs=1/3 load=979
- blue (10.9.0.3:10246) [x86_64] speed=0.00 jobs=0/8 load=0
- never (10.9.0.4:0) [x86_64] speed=0.00 jobs=0/3 load=995
- full (10.9.0.5:10245) [x86_64] speed=0.00 jobs=0/0 load=995
-200 done
-200 Good Bye!
-"""
-"""What a scheduler of icecc 1.4 prints; of a host that takes no jobs of others the port is 0."""
-
-
-def test_the_hosts_of_icecc_are_those_that_compile_for_others() -> None:
-    assert read_nodes(NODES, "10.9.0.1") == HostPool(hosts=2, slots=11)
-    assert read_nodes("200-ICECC 1.4.0: 6s uptime, 0 hosts, 0 jobs in queue (0 total).\n", "") == HostPool()
-
-
-@contextmanager
-def scheduler(answer: bytes | None) -> Iterator[int]:
-    """Answer one connection like a scheduler's port for people, or not at all; yields the port before it.
-
-    The real one calls into all networks of its machine, which no test may.
-    """
-
-    def serve() -> None:
-        talk, _ = listening.accept()
-        with talk:
-            if answer is not None:
-                assert talk.recv(100) == b"listcs\nquit\n"
-                talk.sendall(answer)
-            else:
-                talk.recv(100)
-                talk.recv(100)
-
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        thread = threading.Thread(target=serve)
-        thread.start()
-        yield listening.getsockname()[1] - 1
-        thread.join()
-
-
-@pytest.mark.parametrize("variable", ["ICECC_SCHEDULER", "USE_SCHEDULER", None])
-def test_the_scheduler_of_icecc_is_asked_where_it_is_named(variable: str | None, tmp_path: Path) -> None:
-    with scheduler(NODES.replace("10.9.0.1", "127.0.0.1").encode()) as port:
-        place = f"127.0.0.1:{port}"
-        file = tmp_path / "icecc.conf"
-        file.write_text(
-            '# ICECC_SCHEDULER_HOST="old"\n' + ("" if variable else f'ICECC_SCHEDULER_HOST="{place}"\n')
-        )
-        assert icecc_farm({variable: place} if variable else {}, file) == (HostPool(hosts=2, slots=11), None)
-
-
-def test_a_scheduler_that_does_not_answer_costs_little(tmp_path: Path) -> None:
-    begun = time.monotonic()
-    with scheduler(None) as port:
-        host_pool, problem = icecc_farm({"ICECC_SCHEDULER": f"127.0.0.1:{port}"}, tmp_path)
-    assert host_pool == HostPool()
-    assert problem
-    assert problem.message.endswith(": timed out")
-    assert time.monotonic() - begun < 10
-
-
-@pytest.mark.parametrize("place", ["", "127.0.0.1:x", "127.0.0.1:99999"])
-def test_a_scheduler_that_cannot_be_asked_is_told_of(place: str, tmp_path: Path) -> None:
-    host_pool, problem = icecc_farm({"ICECC_SCHEDULER": place}, tmp_path / "no")
-    assert host_pool == HostPool()
-    assert problem
-    assert problem.hint
-    assert "--jobs" in problem.hint
-
-
-@pytest.mark.parametrize(("words", "told"), [((), True), (("--jobs", "3"), False)])
-def test_a_farm_of_unknown_size_matters_where_nobody_says_how_many_jobs(
-    forge: Forge, tree: Tree, words: tuple[str, ...], *, told: bool
-) -> None:
+@pytest.mark.needs("g++", "cmake", "ninja")
+def test_icecc_runs_the_compiler_and_is_not_queried(forge: Forge, tree: Tree) -> None:
     """The launcher itself is a shell script that starts the compiler: what counts is forge's own part."""
-    root = tree({**PACKAGE, "bin/icecc": '#!/bin/sh\nexec "$@"\n'})
-    env = {"PATH": f"{root / 'bin'}:{os.environ['PATH']}", "ICECC_SCHEDULER": "127.0.0.1:x"}
-    ran = forge("build", "--compiler-launcher", "icecc", *words, cwd=root, env=env)
-    assert ran.code == 0
-    assert ("cannot query the hosts" in ran.err) == told
+    root = tree({**PACKAGE, "bin/icecc": '#!/bin/sh\necho "$1" >> "$OUT"\nexec "$@"\n'})
+    env = {"PATH": f"{root / 'bin'}:{os.environ['PATH']}", "OUT": str(root / "compilers")}
+    ran = forge("build", "--compiler-launcher", "icecc", cwd=root, env=env)
+    assert (ran.code, ran.err) == (0, "")
+    assert (root / "compilers").is_file()
+    assert "icecc" not in ran.out
 
 
 @pytest.mark.needs("sccache", "g++", "cmake", "ninja")

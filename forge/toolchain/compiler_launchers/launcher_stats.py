@@ -1,0 +1,202 @@
+"""Statistics of a compiler launcher in one build, its remote hosts, and the variables it needs."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+LOG = ".forge_compilations"
+"""File in the build folder in which ccache logs the compilations of a build."""
+
+_TIMEOUT_SECONDS = 10
+_SETTING = re.compile(r"^\(.*?\) (\w+) = (.*)$", re.MULTILINE)
+_HITS = frozenset({"direct_cache_hit", "preprocessed_cache_hit"})
+_NO_COMPILATIONS = frozenset({"called_for_link", "called_for_preprocessing", "no_input_file"})
+_DEFAULT_LIMIT = 4
+"""distcc's default number of jobs per host."""
+_LOCALHOST = re.compile(r"localhost(/\d+)?$")
+_LIMIT = re.compile(r"/(\d+)")
+
+
+@frozen
+class LauncherSummary:
+    """For a cache, its hits; for a distributed compiler, its hosts and job slots."""
+
+    launcher: str
+    compilations: int | None = None
+    from_cache: int | None = None
+    hosts: int | None = None
+    slots: int | None = None
+
+    @property
+    def words(self) -> str:
+        """The summary as a line of text."""
+        if self.compilations is not None:
+            whole = _count(self.compilations, "compilation")
+            return f"{self.launcher}: {self.from_cache} of {whole} from the cache"
+        return f"{self.launcher}: {_count(self.hosts or 0, 'host')} with {_count(self.slots or 0, 'slot')}"
+
+
+@frozen
+class HostPool:
+    """Remote machines that compile for this one, and their total job slots."""
+
+    hosts: int = 0
+    slots: int = 0
+
+
+@frozen
+class LauncherStats:
+    """The launcher of one build: the `variables` of its programs, its remote hosts, and a problem with them.
+
+    `finish` returns the statistics at the end of the build.
+    """
+
+    variables: Mapping[str, str] = field(default_factory=dict)
+    host_pool: HostPool = HostPool()
+    problem: Problem | None = None
+    finish: Callable[[], tuple[LauncherSummary, ...]] = tuple
+
+
+def open_launcher_stats(
+    launcher: Path, root: Path, build: Path, variables: Mapping[str, str]
+) -> LauncherStats:
+    """Return the statistics for a build of the workspace at `root` into the folder `build`.
+
+    `variables` must not contain jobserver variables, because a server started here outlives the build.
+    """
+    match launcher.name:
+        case "ccache":
+            return _ccache_stats(launcher, root, build / LOG, variables)
+        case "sccache":
+            before = _sccache_counts(launcher, variables)
+            return LauncherStats(finish=partial(_finish_sccache, launcher, variables, before))
+        case "distcc":
+            return _distcc_stats(launcher, variables)
+        case _:
+            return LauncherStats()
+
+
+def read_hosts(text: str) -> HostPool:
+    """Parse the output of `distcc --show-hosts`, one entry per line.
+
+    The word localhost stands for this machine, whose processors are counted elsewhere; 127.0.0.1 is a remote
+    host.
+    """
+    limits = [_limit(entry) for entry in text.split() if not _LOCALHOST.match(entry)]
+    return HostPool(len(limits), sum(limits))
+
+
+def _limit(entry: str) -> int:
+    """Return the limit in HOST[:PORT][/LIMIT], HOST[/LIMIT][:PORT] or [USER]@HOST[/LIMIT][:COMMAND]."""
+    address = entry.partition(",")[0]
+    if "@" in address:
+        address = re.sub(r"(\[[^]]*\]|[^]:]*):.*", r"\1", address)
+    found = _LIMIT.search(address)
+    return int(found[1]) if found else _DEFAULT_LIMIT
+
+
+def _distcc_stats(program: Path, variables: Mapping[str, str]) -> LauncherStats:
+    """Return the hosts that distcc would use, which respects its files, variables and zeroconf."""
+    host_pool = read_hosts(_output([program, "--show-hosts"], variables))
+    if not host_pool.hosts:
+        hint = "list hosts in DISTCC_HOSTS or ~/.distcc/hosts; `distcc --show-hosts` shows the result"
+        message = "distcc reports no remote hosts, so all compilations run on this machine"
+        return LauncherStats(problem=Problem(message, hint=hint))
+    summary = LauncherSummary("distcc", hosts=host_pool.hosts, slots=host_pool.slots)
+    return LauncherStats(host_pool=host_pool, finish=lambda: (summary,))
+
+
+def _ccache_stats(launcher: Path, root: Path, log: Path, variables: Mapping[str, str]) -> LauncherStats:
+    """Return the statistics of ccache, and of distcc if ccache runs compilers through it."""
+    settings = dict(_SETTING.findall(_output([launcher, "--show-config"], variables)))
+    added: dict[str, str] = {}
+    if not settings.get("base_dir") and "CCACHE_BASEDIR" not in variables:
+        # Relative paths in compiler messages would not be found by users or editors.
+        added = {"CCACHE_BASEDIR": str(root), "CCACHE_ABSSTDERR": "1"}
+    distcc = _distcc_behind(settings.get("prefix_command", ""), variables)
+    finish = distcc.finish
+    if not settings.get("stats_log"):  # the user's own log contains other builds as well
+        log.unlink(missing_ok=True)
+        added["CCACHE_STATSLOG"] = str(log)
+        finish = partial(_finish_ccache, log, distcc)
+    return LauncherStats(added, distcc.host_pool, distcc.problem, finish)
+
+
+def _distcc_behind(prefix: str, variables: Mapping[str, str]) -> LauncherStats:
+    """Return the statistics of the program that ccache runs compilers through, if it is distcc."""
+    word = next(iter(prefix.split()), "")
+    found = shutil.which(word, path=variables.get("PATH")) if Path(word).name == "distcc" else None
+    return _distcc_stats(Path(found), variables) if found else LauncherStats()
+
+
+def _finish_ccache(log: Path, distcc: LauncherStats) -> tuple[LauncherSummary, ...]:
+    """Parse and remove ccache's log, in which compilations start with '#'."""
+    try:
+        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+        log.unlink()
+    except OSError:  # nothing was compiled, or this ccache is too old to write a log
+        return distcc.finish()
+    compilations = sum(line.startswith("# ") for line in lines)
+    compilations -= sum(line in _NO_COMPILATIONS for line in lines)
+    return (*_cache_summary("ccache", compilations, sum(line in _HITS for line in lines)), *distcc.finish())
+
+
+def _finish_sccache(
+    launcher: Path, variables: Mapping[str, str], before: tuple[int, int] | None
+) -> tuple[LauncherSummary, ...]:
+    """Return the increase of the server's counters, which may include other builds."""
+    after = _sccache_counts(launcher, variables)
+    if before is None or after is None or after < before:
+        return ()
+    return _cache_summary("sccache", after[0] - before[0], after[1] - before[1])
+
+
+def _cache_summary(launcher: str, compilations: int, hits: int) -> tuple[LauncherSummary, ...]:
+    """Return the summary of a cache, none if nothing was compiled."""
+    if compilations <= 0:
+        return ()
+    return (LauncherSummary(launcher, compilations=compilations, from_cache=hits),)
+
+
+def _sccache_counts(launcher: Path, variables: Mapping[str, str]) -> tuple[int, int] | None:
+    """Return the number of compilations and hits of sccache's server, starting it if necessary."""
+    text = _output([launcher, "--show-stats", "--stats-format", "json"], variables)
+    with contextlib.suppress(ValueError, LookupError, TypeError, AttributeError):
+        stats = json.loads(text)["stats"]
+        compilations = stats["compile_requests"] - stats["requests_not_compile"]
+        return compilations, sum(stats["cache_hits"]["counts"].values())
+    return None
+
+
+def _output(argv: list[Path | str], variables: Mapping[str, str]) -> str:
+    """Return the output of a program; '' on failure, because statistics must not fail a build."""
+    try:
+        done = subprocess.run(
+            argv,
+            env=dict(variables),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_TIMEOUT_SECONDS,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.decode(errors="replace")
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
