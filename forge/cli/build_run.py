@@ -137,7 +137,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
         )
         toolchain = _toolchain(plan, build)
         runner: Runner = setup.runner(job_pool, toolchain)
-        # Each started package holds a job; slots of remote hosts do not count, because they only run compilers.
+        # Each started package holds a job. Slots of remote hosts do not count: they only run compilers.
         slots = min(options.jobs.parallel_workers or job_pool.local, job_pool.jobs)
         if connection:
             from forge.execution.dask.dask_runner import DaskRunner  # noqa: PLC0415  (only with a cluster)

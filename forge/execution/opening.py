@@ -37,9 +37,9 @@ def open_job_pool(  # noqa: PLR0913  (they are of six different sources)
 ) -> JobPool:
     """Return the job pool of a build: that of a parent make, else a new one with the requested size.
 
-    Without a requested number, the `remote_slots` of a distributed compiler are added to the local processors. If
-    the build `compiles`, its tools share one jobserver style, because one may start the other; supported
-    styles are detected by trial.
+    Without a requested number, the `remote_slots` of a distributed compiler are added to the local
+    processors. If the build `compiles`, its tools share one jobserver style, because one may start the other;
+    supported styles are detected by trial.
     """
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
     jobs = options.requested(variables)
