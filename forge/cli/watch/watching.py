@@ -21,7 +21,7 @@ from forge.base.text import duration
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import for_rebuild
 from forge.cli.preparation import forge_stamp
-from forge.cli.watch.saves import STEP, FileWatcher, interests
+from forge.cli.watch.file_watcher import STEP, FileWatcher, interests
 from forge.environment.sourcing import clear_edit_cache
 from forge.workspace.forge_toml import FORGE_TOML
 from forge.workspace.load import find_packages
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
-    from forge.cli.watch.saves import WatchSpec
+    from forge.cli.watch.file_watcher import WatchSpec
     from forge.output.console import ConsoleReporter, Tally
     from forge.workspace.model import Package
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli.watch.saves import WatchSpec, interests
+from forge.cli.watch.file_watcher import WatchSpec, interests
 from forge.cli.watch.watching import line_of
 from forge.output.console import Tally
 from forge.workspace.discovery import discover

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
@@ -20,7 +21,7 @@ from forge.workspace.source_names import is_source
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from watchfiles._rust_notify import RustNotify
+    from watchfiles.main import FileChange
 
     from forge.workspace.model import Workspace
 
@@ -31,8 +32,10 @@ _LONGEST = 1000
 """Milliseconds after which a build starts despite further events, as during a long git checkout."""
 
 _POLL = 500
-_SECOND = 1500
-"""Milliseconds after which to check again when polling, which compares times in whole seconds."""
+"""Milliseconds between two checks when polling."""
+
+_SECOND = 1.5
+"""Seconds after which to check again when polling, which compares times in whole seconds."""
 
 _ATTEMPTS = 10
 _MARKS = frozenset({IGNORE_MARK, *ROS_MARKS})
@@ -112,7 +115,7 @@ class FileWatcher:
         self.blind: frozenset[str] = frozenset()
         """Folders that forge itself writes to."""
         self._watched: Mapping[str, WatchSpec] = {}
-        self._notify: RustNotify | None = None
+        self._changes: Iterator[set[FileChange]] | None = None
         self.second_check = False
         """Whether the last wait ended without a change, because polling may have missed one."""
         self._polling = os.environ.get("WATCHFILES_FORCE_POLLING", "") not in {"", "0", "false"}
@@ -136,8 +139,8 @@ class FileWatcher:
 
     def _watch(self, interests: Mapping[str, WatchSpec]) -> None:
         wanted = {folder: interest for folder, interest in interests.items() if _can_be_watched(folder)}
-        if self._notify is None or wanted.keys() != self._watched.keys():
-            self._notify = self._begin(sorted(wanted))
+        if self._changes is None or wanted.keys() != self._watched.keys():
+            self._changes = self._begin(sorted(wanted))
         self._watched = wanted
 
     def wait(self) -> frozenset[str]:
@@ -145,24 +148,21 @@ class FileWatcher:
 
         Raises KeyboardInterrupt.
         """
-        assert self._notify is not None  # noqa: S101  (watch() comes first)
-        due = self._polling and not self.second_check
+        assert self._changes is not None  # noqa: S101  (watch() comes first)
+        due = time.monotonic() + _SECOND if self._polling and not self.second_check else float("inf")
         self.second_check = False
-        while True:
+        while time.monotonic() < due:
             try:
-                changes = self._notify.watch(_LONGEST, STEP, _SECOND if due else 0, None)
+                changes = next(self._changes)
             except RuntimeError:
                 # A name is not valid UTF-8, or the queue overflowed: restart, and let a build check.
-                self._notify = self._begin(sorted(self._watched))
+                self._changes = self._begin(sorted(self._watched))
                 return frozenset()
-            if changes == "timeout":
-                self.second_check = True
-                return frozenset()
-            if isinstance(changes, str):
-                raise KeyboardInterrupt
             changed = frozenset(path for _, path in changes if self._counts(path))
             if changed:
                 return changed
+        self.second_check = True
+        return frozenset()
 
     def moves_folders(self, changed: frozenset[str]) -> bool:
         """Tell whether the set of watched folders may have changed."""
@@ -187,19 +187,36 @@ class FileWatcher:
             return True
         return interest.folders and os.path.isdir(path) and not name.startswith(".")  # noqa: PTH112
 
-    def _begin(self, folders: list[str]) -> RustNotify:
-        """Return a native watch of these folders, or a polling one if the system's limits are exceeded."""
-        from watchfiles._rust_notify import RustNotify  # noqa: PLC0415  (rarely needed)
-
+    def _begin(self, folders: list[str]) -> Iterator[set[FileChange]]:
+        """Watch these folders natively, or by polling if the system's limits are exceeded."""
         if not self._polling:
             try:
-                return RustNotify(folders, False, False, 0, False, False)  # noqa: FBT003  (positional only)
+                return _changes_in(folders, polling=False)
             except FileNotFoundError:
                 raise
             except (OSError, RuntimeError) as error:
                 self._polling = True
                 self._warn([_short_of_watches(len(folders), error)])
-        return RustNotify(folders, False, True, _POLL, False, False)  # noqa: FBT003
+        return _changes_in(folders, polling=True)
+
+
+def _changes_in(folders: list[str], *, polling: bool) -> Iterator[set[FileChange]]:
+    """Watch folders from now on, and yield their changes; an empty set if there is none within a step."""
+    from watchfiles import watch  # noqa: PLC0415  (rarely needed)
+
+    changes = watch(
+        *folders,
+        watch_filter=None,
+        debounce=_LONGEST,
+        step=STEP,
+        rust_timeout=STEP,
+        yield_on_timeout=True,
+        force_polling=polling,
+        poll_delay_ms=_POLL,
+        recursive=False,
+    )
+    # The generator starts to watch when the first item is requested.
+    return chain((next(changes),), changes)
 
 
 def _short_of_watches(count: int, error: Exception) -> Problem:
