@@ -6,7 +6,6 @@ of a type, such as that of an old recording and that of an installed package, th
 
 from __future__ import annotations
 
-import builtins
 import hashlib
 import sys
 from collections.abc import Mapping
@@ -27,7 +26,7 @@ from forge.interfaces.sources import EMBEDDED, Library, read_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
-    from types import CodeType, ModuleType
+    from types import CodeType
 
     from forge.interfaces.model import Catalog, TypeName
 
@@ -124,41 +123,41 @@ class _Schema:
 def _import(catalogs: Sequence[Catalog]) -> Types:
     """Register the rendered modules of some catalogs with the import system."""
     texts = {
-        file.path: file.text for catalog in catalogs for file in files(catalog) if file.path.endswith(".py")
+        file.path: file.text
+        for catalog in catalogs
+        for file in files(catalog, root="...")
+        if file.path.endswith(".py")
     }
     digest = hashlib.sha256("\0".join(f"{path}\0{texts[path]}" for path in sorted(texts)).encode())
     root = f"forge_types_{digest.hexdigest()[:12]}"
-    if root not in _MEMORY.packages:
+    if f"{root}/__init__.py" not in _MEMORY.texts:
         # One of them may have been imported from a folder that is no longer on the path.
         if any(find_spec(name) is None for name in ("forge_cdr", "forge_rosidl")):
             sys.path.append(str(_RUNTIME))
-        modules = {path.removesuffix(".py").replace("/", "."): text for path, text in texts.items()}
-        _MEMORY.packages[root] = {name.removesuffix(".__init__"): text for name, text in modules.items()}
+        _MEMORY.texts[f"{root}/__init__.py"] = ""
+        _MEMORY.texts.update((f"{root}/{path}", text) for path, text in texts.items())
     if _MEMORY not in sys.meta_path:
         sys.meta_path.append(_MEMORY)
     return Types(root, (name for catalog in catalogs for name in catalog.interfaces))
 
 
 class _Memory(MetaPathFinder, InspectLoader):
-    """Finds and loads in-memory modules; their imports are resolved within the same package first."""
+    """Finds and loads modules whose source is in memory."""
 
     def __init__(self) -> None:
-        self.packages: dict[str, dict[str, str]] = {}
-        """The source of modules by name, by in-memory package."""
+        self.texts: dict[str, str] = {}
+        """The source of modules, by the path that their file would have."""
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> ModuleSpec | None:
         """Return the spec of an in-memory module, or None."""
         del path, target
-        root, _, name = fullname.partition(".")
-        texts = self.packages.get(root)
-        if texts is None or (name and name not in texts):
+        if self._path(fullname) not in self.texts:
             return None
         return ModuleSpec(fullname, self, origin="in memory", is_package=self.is_package(fullname))
 
     def get_source(self, fullname: str) -> str:
-        """Return the source of a module; that of the root package is empty."""
-        root, _, name = fullname.partition(".")
-        return self.packages[root].get(name, "")
+        """Return the source of a module."""
+        return self.texts[self._path(fullname)]
 
     def get_code(self, fullname: str) -> CodeType:
         """Return the code of a module, with a file name that identifies it in tracebacks."""
@@ -166,33 +165,12 @@ class _Memory(MetaPathFinder, InspectLoader):
 
     def is_package(self, fullname: str) -> bool:
         """Return whether a module contains others."""
-        root, _, name = fullname.partition(".")
-        return any(other.startswith(f"{name}." if name else "") for other in self.packages[root])
+        return self._path(fullname).endswith("/__init__.py")
 
-    def exec_module(self, module: ModuleType) -> None:
-        """Execute a module with imports that search its package first."""
-        root = module.__name__.partition(".")[0]
-        vars(module)["__builtins__"] = {**vars(builtins), "__import__": self._importer(root)}
-        super().exec_module(module)
-
-    def _importer(self, root: str) -> Any:  # noqa: ANN401  (the type of __import__)
-        """Return the `__import__` function for the modules of an in-memory package."""
-        texts = self.packages[root]
-
-        def from_here_first(
-            name: str,
-            globals_: Mapping[str, object] | None = None,
-            locals_: Mapping[str, object] | None = None,
-            fromlist: Sequence[str] = (),
-            level: int = 0,
-        ) -> ModuleType:
-            if level or name not in texts:
-                return builtins.__import__(name, globals_, locals_, fromlist, level)
-            import_module(f"{root}.{name}")
-            # 'import a.b' returns a, 'from a.b import c' returns b.
-            return sys.modules[f"{root}.{name if fromlist else name.partition('.')[0]}"]
-
-        return from_here_first
+    def _path(self, fullname: str) -> str:
+        folder = fullname.replace(".", "/")
+        package = f"{folder}/__init__.py"
+        return package if package in self.texts else f"{folder}.py"
 
 
 _MEMORY = _Memory()

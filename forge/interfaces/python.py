@@ -6,6 +6,7 @@ Names that users did not choose begin with '_' in generated text, as no field's 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -72,9 +73,12 @@ def package_files(catalog: Catalog) -> Iterator[File]:
         yield from _namespace(catalog.package, kind, names)
 
 
-def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the module of one interface and its stub."""
-    return _interface
+def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the module of one interface and its stub.
+
+    `root` precedes the names of imported packages; with "..." the folder of all packages is a package itself.
+    """
+    return partial(_interface, root=root)
 
 
 def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:
@@ -85,7 +89,7 @@ def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[F
         yield File(f"{package}/{kind}/__init__.{ending}", text)
 
 
-def _interface(interface: Interface) -> Iterator[File]:
+def _interface(interface: Interface, root: str = "") -> Iterator[File]:
     """Yield the module of one interface file, and its stub."""
     messages = tuple(messages_of(interface))
     imported = _imported(interface, messages)
@@ -93,7 +97,7 @@ def _interface(interface: Interface) -> Iterator[File]:
     path = _module(interface.name).replace(".", "/")
     shared = {
         "title": str(interface.name),
-        "imported": [(_module(name), name.name, local) for name, local in imported.items()],
+        "imported": [(f"{root}{_module(name)}", name.name, local) for name, local in imported.items()],
         "decorator": _decorator(messages),
         "services": [_service(part) for part in _services(interface)],
         "action": _action(interface, classes),

@@ -71,14 +71,14 @@ class _Module:
         return f"{alias}.{word}_{name.name}()"
 
 
-def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the module of serializers for one interface of the catalog."""
+def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the module of serializers for one interface; for `root`, see python.py."""
     layouts = Layouts(catalog.known)
     all_classes = frozenset(name.name for name in catalog.known)
 
     def module(interface: Interface) -> Iterator[File]:
         path = f"{_module(interface.name).replace('.', '/')}__cdr.py"
-        yield File(path, _serializers(interface, layouts, all_classes))
+        yield File(path, _serializers(interface, layouts, all_classes, root))
 
     return module
 
@@ -87,7 +87,7 @@ def _module(name: TypeName) -> str:
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
-def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[str]) -> str:
+def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[str], root: str) -> str:
     """Return the module of one interface file."""
     own = [message.name for message in messages_of(interface)]
     module = _Module(layouts, frozenset(own), all_classes)
@@ -96,15 +96,16 @@ def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[
     functions = [function for name in own for function in _functions(name, module)]
     text = "\n".join(line for function in functions for line in (*function.tables, *function.lines))
     home = _module(interface.name)
+    classes = [
+        (home if name in module.own else _module(name), name.name, local)
+        for name, local in sorted(module.classes.items())
+    ]
+    others = [(*path.rsplit(".", 1), local) for path, local in sorted(module.modules.items())]
     return render(
         "python/cdr.py.j2",
         title=str(interface.name),
         shared=_shared_imports(text),
-        imported=[
-            (home if name in module.own else _module(name), name.name, local)
-            for name, local in sorted(module.classes.items())
-        ],
-        modules=sorted(module.modules.items()),
+        imported=[(f"{root}{path}", name, local) for path, name, local in (*classes, *others)],
         constants=_constants(text),
         functions=functions,
     )

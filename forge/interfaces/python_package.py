@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 __all__ = ["files", "interface_files", "package_files"]
 
 
-def files(catalog: Catalog) -> Iterator[File]:
-    """Yield the Python package of the catalog's interfaces, to be put where Python finds packages."""
+def files(catalog: Catalog, root: str = "") -> Iterator[File]:
+    """Yield the Python package of the catalog's interfaces; for `root`, see python.interface_files."""
     yield from package_files(catalog)
-    make = interface_files(catalog)
+    make = interface_files(catalog, root)
     for interface in catalog.interfaces.values():
         yield from make(interface)
 
 
-def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
+def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
     """Return what yields the modules of one interface.
 
     Raises InterfaceError for members that nothing in Python can hold.
     """
     raise_if_any(_impossible(catalog), InterfaceError)
-    makers = (python.interface_files(catalog), python_cdr.interface_files(catalog))
+    makers = (python.interface_files(catalog, root), python_cdr.interface_files(catalog, root))
 
     def both(interface: Interface) -> Iterator[File]:
         for make in makers:
