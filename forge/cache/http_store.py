@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import re
-import socket
 from base64 import b64encode
 from http import HTTPStatus
 from netrc import NetrcParseError, netrc
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 from urllib.parse import unquote, urlsplit
-from weakref import ref
 
 from forge import __version__
 from forge.base.errors import ForgeError, Problem
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
     from urllib.parse import SplitResult
 
     from urllib3 import BaseHTTPResponse
-    from urllib3.connection import HTTPConnection
     from urllib3.exceptions import HTTPError
 
     from forge.cache.checking import BlobDownload
@@ -92,7 +89,6 @@ class HttpStore:
         self._seconds = seconds
         self._executor = TimeoutExecutor()
         self._rewrite_blobs = False
-        self._sockets: list[ref[socket.socket]] = []
         self._pool = connection_from_url(
             f"{parts.scheme}://{host}",
             maxsize=_CONNECTIONS,
@@ -103,7 +99,6 @@ class HttpStore:
                 **_authorization(parts, variables),
             },
         )
-        self._pool.ConnectionCls = _recording_sockets(self._pool.ConnectionCls, self._sockets)
 
     def result(self, key: str) -> ActionResult | None:
         """Return the result stored for a key, or None."""
@@ -148,11 +143,8 @@ class HttpStore:
             )
 
     def close(self) -> None:
-        """Close all connections, including those used by abandoned threads."""
+        """Close idle connections and stop waiting for pending requests."""
         self._executor.close()
-        for connected in tuple(self._sockets):
-            with contextlib.suppress(OSError, AttributeError):  # the latter if the socket is gone
-                connected().shutdown(socket.SHUT_RDWR)  # type: ignore[union-attr]
         self._pool.close()
 
     def _with_deadline(self, job: Callable[[Deadline], _Answer]) -> _Answer:
@@ -252,16 +244,6 @@ class HttpStore:
             preload_content=False,
             decode_content=False,
         )
-
-
-def _recording_sockets(kind: Any, sockets: list[ref[socket.socket]]) -> Any:  # noqa: ANN401  (a class and its subclass)
-    """Return a connection class that records its sockets, so that they can be shut down."""
-
-    def connect(self: HTTPConnection) -> None:
-        kind.connect(self)
-        sockets.append(ref(self.sock))
-
-    return type("Connection", (kind,), {"connect": connect})
 
 
 def _length(response: BaseHTTPResponse) -> int | None:

@@ -117,11 +117,17 @@ def target(tmp_path: Path) -> Iterator[Path]:
 
 @contextmanager
 def asking(url: str, **variables: str) -> Iterator[HttpStore]:
-    """Open a store; when it is closed, no thread of its is left."""
-    before = set(threading.enumerate())
+    """Open a store, and close it."""
     store = HttpStore(url, SECONDS, {"HOME": "/nowhere", **variables})
     yield store
     store.close()
+
+
+@pytest.fixture(autouse=True)
+def threads_end() -> Iterator[None]:
+    """Check that no thread is left once stores and servers are closed."""
+    before = set(threading.enumerate())
+    yield
     left = [thread for thread in set(threading.enumerate()) - before if thread.name.startswith("forge")]
     for thread in left:
         thread.join(5)
