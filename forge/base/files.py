@@ -12,15 +12,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from io import FileIO
     from pathlib import Path
 
 
 BYTECODE = "__pycache__"
 _DRAFT = ".forge-draft"
-
-LARGEST = 16 << 20
-"""Maximum size in bytes of hand-written files."""
 
 _MOST_PARTS = 8
 
@@ -34,25 +30,21 @@ _KINDS = {
 
 
 class UnfitFileError(OSError):
-    """A file that is not a regular file, or too large."""
+    """A file that is not a regular file."""
 
     def __init__(self, path: str, reason: str) -> None:
         """`reason` completes the sentence that starts with the file name."""
         super().__init__(None, reason, path)
 
 
-def read_file(path: str | Path, most: int = LARGEST) -> bytes:
+def read_file(path: str | Path) -> bytes:
     """Return the bytes of a regular file.
 
-    Never blocks, for example on a named pipe, and limits memory use. The null device reads as an empty file.
-    Raises UnfitFileError for other files that are not regular or larger than `most` bytes, OSError as the
-    system does.
+    Never blocks, for example on a named pipe. The null device reads as an empty file. Raises UnfitFileError
+    for other files that are not regular, OSError as the system does.
     """
     with open(path, "rb", buffering=0, opener=open_regular) as stream:
-        content = _read_up_to(stream, most + 1)
-    if len(content) > most:
-        raise UnfitFileError(str(path), f"it is larger than {most >> 20} MiB")
-    return content
+        return stream.readall()
 
 
 def open_regular(path: str, flags: int) -> int:
@@ -76,19 +68,19 @@ def _refuse_unfit(path: str, status: os.stat_result) -> None:
         raise UnfitFileError(str(path), problem)
 
 
-def read_text(path: str | Path, most: int = LARGEST) -> str:
+def read_text(path: str | Path) -> str:
     """Return the text of a regular file, as by `read_file`, with universal newlines.
 
     Invalid UTF-8 is replaced.
     """
-    text = read_file(path, most).decode(errors="replace")
+    text = read_file(path).decode(errors="replace")
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
-def text_or_nothing(path: str | Path, most: int = LARGEST) -> str:
+def text_or_nothing(path: str | Path) -> str:
     """Like read_text, but return an empty string if the file cannot be read."""
     try:
-        return read_text(path, most)
+        return read_text(path)
     except OSError:
         return ""
 
@@ -100,7 +92,7 @@ def listed_paths(path: str | Path) -> Iterator[str]:
     exists.
     """
     try:
-        lines = read_file(path, 1 << 30).decode(errors="surrogateescape").split("\n")
+        lines = read_file(path).decode(errors="surrogateescape").split("\n")
     except OSError:
         return
     starts = [at for at, line in enumerate(lines) if line.startswith("/")]
@@ -124,14 +116,6 @@ def unfit(path: str | Path, status: os.stat_result) -> str:
     if kind == stat.S_IFREG or (kind == stat.S_IFCHR and os.path.realpath(path) == os.devnull):
         return ""
     return f"it is {_KINDS.get(kind, 'of an unknown kind')}, not a regular file"
-
-
-def _read_up_to(stream: FileIO, most: int) -> bytes:
-    blocks = []
-    while most > 0 and (block := stream.read(min(most, 1 << 16))):
-        blocks.append(block)
-        most -= len(block)
-    return b"".join(blocks)
 
 
 @contextlib.contextmanager

@@ -26,11 +26,6 @@ _OURS: dict[str, dict[str, Any]] = {
 }
 
 
-_DEEPEST = 50
-_MOST = 1000
-"""Limits for the nesting depth and the total number of mixins that one mixin includes."""
-
-
 @frozen
 class Mixin:
     """Options of one command under one name, without leading dashes; `place` is None for built-in mixins."""
@@ -76,7 +71,6 @@ class _Mixture:
     verb: str
     mixins: Mixins
     options: dict[str, Any] = field(default_factory=dict)
-    count: int = 0
 
     def add(self, name: str, above: tuple[str, ...]) -> None:
         """Add a mixin after the ones it includes; `above` is the chain of mixins that include it."""
@@ -88,9 +82,6 @@ class _Mixture:
             known = [other for of, other in self.mixins if of == self.verb]
             hint = did_you_mean(name, known) or "'forge mixin list' lists all mixins"
             raise SelectionError(Problem(f"unknown mixin '{name}' for 'forge {self.verb}'", hint=hint))
-        self.count += 1
-        if len(above) > _DEEPEST or self.count > _MOST:
-            raise SelectionError(Problem(f"mixin '{(*above, name)[0]}' includes too many other mixins"))
         for other in mixin.options.get("mixin", ()):
             self.add(other, (*above, name))
         for key, value in mixin.options.items():

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     Read = Callable[[Element, str, str], Outcome]
 
-_LARGEST = 1 << 30
-"""Maximum size in bytes of a result file, which may contain long output."""
-
 
 @frozen
 class Collection:
@@ -98,7 +95,7 @@ def _last_run(tag: str) -> str | None:
 def _read(path: str, home: str, read: Read) -> Outcome:
     """Parse a file if it mentions tests, because build folders contain much other XML."""
     try:
-        content = read_file(path, _LARGEST)
+        content = read_file(path)
     except OSError as error:
         problem = Problem(f"cannot read the result: {error.strerror}", Place(path))
         raise WorkspaceError(problem) from None

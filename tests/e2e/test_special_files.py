@@ -68,11 +68,6 @@ def make_device(path: Path) -> None:
     path.symlink_to("/dev/zero")
 
 
-def make_large(path: Path) -> None:
-    with path.open("wb") as stream:
-        stream.truncate(1 << 30)
-
-
 def make_socket(path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as end:
         end.bind(os.path.relpath(path))
@@ -82,7 +77,6 @@ KINDS = {
     "named pipe": (os.mkfifo, "it is a named pipe, not a regular file"),
     "device": (make_device, "it is a device, not a regular file"),
     "socket": (make_socket, "it is a socket, not a regular file"),
-    "large": (make_large, "it is larger than 16 MiB"),
     "folder": (lambda path: path.mkdir(), "s a directory"),
 }
 every_kind = pytest.mark.parametrize(
