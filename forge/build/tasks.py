@@ -1,7 +1,8 @@
-"""Build tasks and their steps, as data."""
+"""Build tasks and their steps, as data, and the command lines that repeat a step by hand."""
 
 from __future__ import annotations
 
+import shlex
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
     from forge.workspace.model import Package
-
 
 TEST_FAILURES = "test failures"
 """A possible meaning of an exit code. colcon writes the same text to a package's test result file."""
@@ -113,3 +113,19 @@ class BuildPlan:
 
     tasks: Mapping[str, Task]
     fresh: tuple[str, ...] = ()
+
+
+LAST_COMMAND = "last_command"
+"""The file in a task's scratch folder with the command that repeats its last step."""
+
+
+def environment_file(task: Task) -> Path:
+    """Return the file in a task's scratch folder that exports the environment of its steps."""
+    return task.build_dir / task.scratch_dir / "environment.sh"
+
+
+def step_line(step: Step, environment: Path | None = None) -> str:
+    """Return a shell command that runs a step, after sourcing the file `environment` if given."""
+    source = f". {shlex.quote(str(environment))} && " if environment else ""
+    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
+    return f"{source}cd {shlex.quote(str(step.cwd))} && {variables}{shlex.join(step.argv)}"

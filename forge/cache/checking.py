@@ -7,7 +7,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from forge.cache.action_result import decode, encode
-from forge.cache.faults import BlobFault
+from forge.cache.model import BlobFault
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,8 +12,7 @@ from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.cache import action_result
 from forge.cache.checking import decode_result, encode_result, open_source, read_blocks, receiving
 from forge.cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
-from forge.cache.faults import BlobFault
-from forge.cache.model import StoreFault
+from forge.cache.model import BlobFault, StoreFault
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

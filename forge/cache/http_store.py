@@ -17,8 +17,7 @@ from forge.base.frozen import frozen
 from forge.cache import action_result
 from forge.cache.checking import decode_result, encode_result, open_source, read_blocks, receiving
 from forge.cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
-from forge.cache.faults import BlobFault, WritingRefused
-from forge.cache.model import StoreFault
+from forge.cache.model import BlobFault, StoreFault, WritingRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

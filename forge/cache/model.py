@@ -9,7 +9,6 @@ from forge.base.frozen import frozen
 if TYPE_CHECKING:
     from pathlib import Path
 
-
 RESTORED = "from the cache"
 """The remark for a package that was restored instead of built."""
 
@@ -75,3 +74,11 @@ class Store(Protocol):
 
     def close(self) -> None:
         """Close all connections."""
+
+
+class BlobFault(StoreFault):
+    """One blob or result is corrupt or too large for the store; others are not affected."""
+
+
+class WritingRefused(StoreFault):
+    """The store rejects writing; it may still be read."""

@@ -79,7 +79,7 @@ class CacheOptions:
     def check(self) -> None:
         """Raise ForgeError if the URL of the remote cache is invalid."""
         if self.remote_cache:
-            from forge.cache.urls import check_url  # noqa: PLC0415  (only needed with a remote cache)
+            from forge.cache.remote import check_url  # noqa: PLC0415  (only needed with a remote cache)
 
             check_url(self.remote_cache)
 
@@ -138,8 +138,7 @@ def _close_store(
     warn: Callable[[Iterable[Problem]], object],
 ) -> None:
     """Update the cache statistics, and prune the folder if it has grown."""
-    from forge.cache.pruning import DEFAULT_SIZE, prune  # noqa: PLC0415  (only needed with a cache)
-    from forge.cache.tallying import Counts, add_counts  # noqa: PLC0415  (as above)
+    from forge.cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune  # noqa: PLC0415  (only needed with a cache)  # noqa: PLC0415  (as above)
 
     try:
         add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)

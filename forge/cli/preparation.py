@@ -15,9 +15,8 @@ from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.layout import PACKAGE, own_folders
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.named_inputs import NamedInputs
-from forge.build.lengths import variable_length_problems
-from forge.build.path_checks import path_problems
 from forge.build.planning import GlobalInputs
+from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import relevant_environment

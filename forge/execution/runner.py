@@ -18,8 +18,14 @@ from typing import TYPE_CHECKING, Protocol
 from forge.base.files import says, write_if_changed
 from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
-from forge.build.shell_command import LAST_COMMAND, environment_file, step_line
-from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind
+from forge.build.tasks import (
+    LAST_COMMAND,
+    TEST_FAILURES,
+    StepCondition,
+    StepKind,
+    environment_file,
+    step_line,
+)
 from forge.execution.jobserver import without_jobserver_notices
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from forge.base.frozen import frozen
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, duration
 from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
-from forge.build.shell_command import environment_file, step_line
-from forge.build.tasks import TEST_FAILURES, StepKind
+from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
 from forge.toolchain.cmake_warnings import UnusedVariables
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.layout import SCRATCH_DIR
-from forge.build.shell_command import LAST_COMMAND, step_line
+from forge.build.tasks import LAST_COMMAND, step_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

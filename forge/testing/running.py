@@ -12,8 +12,7 @@ from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished
 from forge.build.installed_lists import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.shell_command import environment_file, step_line
-from forge.build.tasks import TEST_FAILURES, StepKind
+from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import VARIABLE, StartedProcesses

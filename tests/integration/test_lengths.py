@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.layout import Layout
-from forge.build.lengths import LIMIT, variable_length_problems
+from forge.build.preflight import LIMIT, variable_length_problems
 from forge.build.tasks import BuildPlan, Task
 from tests.packages import manifest_text, package
 

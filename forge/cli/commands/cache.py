@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
 from forge.cache.folder_store import FolderStore
+from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
 from forge.cache.opening import byte_count, cache_folder
-from forge.cache.pruning import DEFAULT_SIZE, prune, scan_store
-from forge.cache.tallying import read_counts
-from forge.cache.verifying import verify
 from forge.cli.options import argument_type
 
 if TYPE_CHECKING:

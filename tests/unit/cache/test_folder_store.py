@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.cache.folder_store import FolderStore
+from forge.cache.maintenance import Counts, add_counts
 from forge.cache.model import ActionResult, Digest
-from forge.cache.tallying import Counts, add_counts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import ForgeError
-from forge.cache.faults import BlobFault, WritingRefused
-from forge.cache.model import ActionResult, Digest, OutputFile, StoreFault
+from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, StoreFault, WritingRefused
 from forge.cache.remote import Remote, open_remote
 from forge.cache.uploads import Uploads
 from tests.rude import Shelf, reply, rude

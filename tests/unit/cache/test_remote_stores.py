@@ -17,8 +17,7 @@ import urllib3
 from fsspec.registry import _registry
 
 from forge.cache import action_result
-from forge.cache.faults import BlobFault, WritingRefused
-from forge.cache.model import ActionResult, Digest, OutputFile
+from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, WritingRefused
 from forge.cache.remote import Remote, open_remote
 from tests.nginx import documented, serving
 

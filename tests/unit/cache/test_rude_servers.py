@@ -15,9 +15,8 @@ import pytest
 from forge.base.errors import ForgeError
 from forge.cache import action_result, deadline
 from forge.cache.action_result import encode
-from forge.cache.faults import BlobFault, WritingRefused
 from forge.cache.http_store import HttpStore
-from forge.cache.model import ActionResult, Digest, OutputFile, StoreFault
+from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, StoreFault, WritingRefused
 from forge.cache.remote import open_remote
 from tests.rude import Shelf, reply, rude
 

@@ -1,4 +1,4 @@
-"""Check the length of environment variables before a build; pure.
+"""Checks before a build: paths that tools cannot handle, variables that are too long; pure.
 
 Linux limits each environment variable to 128 KiB. In the isolated layout, each package adds its prefix to
 several variables, so large workspaces reach the limit; in the merged layout, all packages share one entry.
@@ -12,10 +12,33 @@ from forge.base.errors import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
 
     from forge.base.layout import Layout
     from forge.build.tasks import BuildPlan
     from forge.workspace.model import Package
+
+_SEPARATORS = {
+    ":": "path lists use it as separator",
+    ";": "CMake lists use it as separator",
+    '"': "CMake's scripts use it as string delimiter",
+    "\\": "CMake interprets it as '/'",
+}
+_SETUPTOOLS_PLACEHOLDERS = dict.fromkeys("$%{}", "setuptools substitutes it")
+
+
+def path_problems(folders: Iterable[Path], *, python: bool) -> Iterator[Problem]:
+    """Yield a problem for each folder with an unsupported character; `python`: with Python packages."""
+    reasons = {**_SEPARATORS, **(_SETUPTOOLS_PLACEHOLDERS if python else {})}
+    for folder in dict.fromkeys(folders):
+        for character in dict.fromkeys(str(folder)):
+            reason = "it is a line break" if character in "\n\r" else reasons.get(character)
+            if reason:
+                hint = "move the workspace, or choose other folders with '--build-base' and '--install-base'"
+                message = f"the path '{folder}' contains {character!r}, which is not supported: {reason}"
+                yield Problem(message, hint=hint)
+                break
+
 
 LIMIT = 32 * 4096
 """The maximum size of one variable including name, '=' and the terminating NUL (MAX_ARG_STRLEN): 32 pages."""

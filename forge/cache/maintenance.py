@@ -1,0 +1,188 @@
+"""Keep a folder store tidy: prune it to a maximum size, verify its files, count hits and misses."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import re
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.files import replace_file
+from forge.base.frozen import frozen
+from forge.cache.action_result import decode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.cache.folder_store import FolderStore
+
+DEFAULT_SIZE = 20 << 30
+"""The default maximum size of a folder store in bytes."""
+
+_YOUNG_SECONDS = 3600.0
+"""Unreferenced blobs younger than this are kept: a running build may not have written their result yet."""
+
+
+@frozen
+class StoredFile:
+    """A result or blob file of a store, with its size and time of last use."""
+
+    path: Path
+    size: int
+    used: float
+
+
+@frozen
+class StoreContents:
+    """All files of a store: results, most recently used first, and blobs by SHA-256."""
+
+    results: tuple[StoredFile, ...]
+    blobs: dict[str, StoredFile]
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files."""
+        return sum(kept.size for kept in (*self.results, *self.blobs.values()))
+
+
+def scan_store(store: FolderStore) -> StoreContents:
+    """List all files of a store without reading their contents."""
+    results = sorted(_files(store.folder / "ac"), key=lambda kept: -kept.used)
+    return StoreContents(tuple(results), {kept.path.name: kept for kept in _files(store.folder / "cas")})
+
+
+def prune(store: FolderStore, size: int) -> tuple[int, int]:
+    """Remove results until the store takes at most `size` bytes, and unreferenced blobs.
+
+    Returns the number of removed files and bytes.
+    """
+    contents = scan_store(store)
+    if contents.size <= size:
+        return 0, 0
+    left, kept, referenced = size, set[str](), set[str]()
+    removed = []
+    for result in contents.results:
+        blobs = _blobs(result)
+        needed = result.size + sum(
+            contents.blobs[name].size for name in blobs - kept if name in contents.blobs
+        )
+        if needed > left:
+            removed.append(result)
+            referenced |= blobs
+        else:
+            left -= needed
+            kept |= blobs
+    old = time.time() - _YOUNG_SECONDS
+    removed += [
+        blob
+        for name, blob in contents.blobs.items()
+        if name not in kept and (name in referenced or blob.used < old)
+    ]
+    for file in removed:
+        with contextlib.suppress(FileNotFoundError):
+            file.path.unlink()
+    return len(removed), sum(file.size for file in removed)
+
+
+def _blobs(result: StoredFile) -> set[str]:
+    """Return the blobs of a result; none if it cannot be read."""
+    with contextlib.suppress(OSError, ValueError):
+        return {file.digest.hash for file in decode(result.path.read_bytes()).files}
+    return set()
+
+
+def _files(folder: Path) -> Iterator[StoredFile]:
+    for folder_path, _, names in os.walk(folder):
+        for name in names:
+            path = Path(folder_path, name)
+            with contextlib.suppress(FileNotFoundError):
+                status = path.stat()
+                yield StoredFile(path, status.st_size, status.st_mtime)
+
+
+_DRAFT = re.compile(r"\..*\.forge-draft")
+
+
+@frozen
+class VerifyResult:
+    """The number and size of files read, and the removed files with reasons."""
+
+    files: int
+    size: int
+    corrupt: tuple[tuple[Path, str], ...]
+
+
+def verify(store: FolderStore) -> VerifyResult:
+    """Read every file of a store; remove corrupt blobs, unreadable results and results with missing blobs."""
+    contents = scan_store(store)
+    corrupt = list(_corrupt_blobs(contents))
+    blobs = contents.blobs.keys() - {path.name for path, _ in corrupt}
+    faults = ((file.path, _fault_of_result(file.path, blobs)) for file in contents.results)
+    corrupt += [(path, why) for path, why in faults if why]
+    for path, _ in corrupt:
+        path.unlink(missing_ok=True)
+    return VerifyResult(len(contents.results) + len(contents.blobs), contents.size, tuple(corrupt))
+
+
+def _corrupt_blobs(contents: StoreContents) -> Iterator[tuple[Path, str]]:
+    for name, file in contents.blobs.items():
+        if _DRAFT.fullmatch(name):
+            continue  # of a running or killed build; pruning removes it by age
+        with contextlib.suppress(FileNotFoundError), file.path.open("rb") as stream:
+            found = hashlib.sha256()
+            while chunk := stream.read(1 << 20):
+                found.update(chunk)
+            if found.hexdigest() != name:
+                yield file.path, "its content does not match its SHA-256"
+
+
+def _fault_of_result(path: Path, blobs: set[str]) -> str:
+    try:
+        result = decode(path.read_bytes())
+    except FileNotFoundError:
+        return ""
+    except ValueError as error:
+        return f"it cannot be read: {error}"
+    return "" if {file.digest.hash for file in result.files} <= blobs else "one of its blobs is missing"
+
+
+_FILE = "counts.json"
+
+
+@frozen
+class Counts:
+    """The number of packages restored from the cache, and of misses."""
+
+    restored: int = 0
+    missed: int = 0
+
+
+def add_counts(folder: Path, counts: Counts, rights: int) -> None:
+    """Add the counts of one build, under a lock against concurrent builds.
+
+    `rights` are the permissions of files in the store.
+    """
+    if counts == Counts() or not folder.is_dir():
+        return
+    mode = rights & 0o666
+    with open(folder / ".lock", "a", opener=partial(os.open, mode=mode)) as lock:
+        with contextlib.suppress(PermissionError):  # owned by another user of the group
+            os.fchmod(lock.fileno(), mode)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        before = read_counts(folder)
+        now = {"restored": before.restored + counts.restored, "missed": before.missed + counts.missed}
+        replace_file(folder / _FILE, json.dumps(now).encode(), mode=mode)
+
+
+def read_counts(folder: Path) -> Counts:
+    """Return the total counts of all builds; zero if there are none."""
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
+        data = json.loads((folder / _FILE).read_bytes())
+        return Counts(int(data["restored"]), int(data["missed"]))
+    return Counts()
