@@ -1,4 +1,4 @@
-"""The layout of build, install and log folders, compatible with colcon."""
+"""The layout of build, install and log folders, compatible with colcon, and the names of forge's files."""
 
 from __future__ import annotations
 
@@ -10,17 +10,62 @@ PACKAGE = Path(__file__).parents[1]
 """The folder of forge's modules; a wheel contains the templates in it, a checkout next to it."""
 
 
+# In every folder that forge and colcon create or that packages mark so: nothing below is a package.
+IGNORE_MARK = "COLCON_IGNORE"
+
+# In the build folder of the workspace.
+JOURNAL_FILE = "forge_journal.jsonl"
+"""What was built from what."""
+FILE_TABLE = "forge_files.json"
+"""Digests of files by their stats, so that unchanged files are not read again."""
+NAMED_INPUTS_FILE = "forge_names.json"
+"""What the sources of packages name: files, programs, variables."""
+INSTALLED_STATES_DIR = ".forge_installed"
+"""A list of the installed files for each package and state, to tell which of them changed."""
+TOOLCHAIN_DIR = "forge_toolchain"
+"""What CMake found out about compilers and Python."""
+COMPILE_COMMANDS = "compile_commands.json"
+LOCK_FILE = ".forge_lock"
+PROCESSES_FILE = ".forge_processes"
+"""The process groups of a running build, for the one after a kill."""
+PROGRAMS_DIR = ".forge_programs"
+"""Links to the programs that come first on PATH."""
+COMPILATIONS_FILE = ".forge_compilations"
+"""ccache's log of the compilations of a build."""
+AUDIT_DIR = ".forge_audit"
+"""The output of strace."""
+CLUSTER_DIR = ".forge_cluster"
+"""Files for the workers of a Dask cluster."""
+OWN_CACHE_DIR = ".forge_own"
+"""What would be in the user's cache folder, if there is none."""
+TEMPLATES_DIR = ".forge_templates"
+"""Compiled templates, if the user has no cache folder."""
+STYLES_FILE = "styles.json"
+"""The jobserver styles that ninja and make support; in the user's cache folder if there is one."""
+
+# In the build folder of a package.
 SCRATCH_DIR = ".forge"
-"""The folder for forge's own files in a package's build folder."""
+"""forge's own files for the steps of the package."""
 TEST_SCRATCH_DIR = ".forge_test"
 """The same for tests."""
+INSTALLED_CONTENTS_FILE = "forge_installed.json"
+"""Digests of the package's files in a merged prefix, where another package may overwrite them."""
+BUILD_RESULT = "colcon_build.rc"
+TEST_RESULT = "colcon_test.rc"
+"""Result files shared with colcon: an exit code, SIGINT, or 'test failures'."""
 
-PROGRAMS_DIR = ".forge_programs"
-"""In the build folder: a folder of links to the programs that come first on PATH."""
-TEMPLATES_DIR = ".forge_templates"
-"""In the build folder: compiled templates, if the user has no cache folder."""
-OWN_CACHE_DIR = ".forge_own"
-"""In the build folder: what would be in the user's cache folder, if there is none."""
+# In SCRATCH_DIR.
+CONFIGURED_FILE = "configured"
+"""A digest of the last configure command."""
+LAST_COMMAND = "last_command"
+"""The command that repeats the last step."""
+
+# In the install folder.
+LAYOUT_MARKER = ".colcon_install_layout"
+INSTALL_STATE_FILE = ".forge.json"
+"""The underlays and the interpreter of the last build."""
+BACKUP_DIR = ".forge_before"
+"""The previous files of packages while they are built."""
 
 
 def templates_folder() -> Path:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import SCRATCH_DIR
+from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT
 from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, read_json, written_since
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.inputs.native_graph import read_by_cmake, read_native_graph
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from forge.build.inputs.input_manifest import InputManifest
 
 _SOURCES, _DROPPED = "sources.json", "dropped.json"
-_KEPT = ("colcon_build.rc", "colcon_test.rc", "test_results", "Testing")
+_KEPT = (BUILD_RESULT, TEST_RESULT, "test_results", "Testing")
 """Files of tests and other tools that are kept when the folder is emptied."""
 _CLOCK_NANOSECONDS = 2_000_000_000
 """The tolerated difference between the clocks of this machine and of a file server."""

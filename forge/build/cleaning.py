@@ -16,14 +16,24 @@ from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
 from forge.base.files import listed_paths
 from forge.base.frozen import frozen
-from forge.base.layout import SCRATCH_DIR, TEST_SCRATCH_DIR
+from forge.base.layout import (
+    BACKUP_DIR,
+    BUILD_RESULT,
+    COMPILE_COMMANDS,
+    IGNORE_MARK,
+    INSTALL_STATE_FILE,
+    INSTALLED_STATES_DIR,
+    LAYOUT_MARKER,
+    SCRATCH_DIR,
+    TEST_RESULT,
+    TEST_SCRATCH_DIR,
+)
 from forge.base.text import listed
 from forge.build.build_dir import set_aside_path
 from forge.build.installed_lists import MANIFESTS
-from forge.build.installed_states import INSTALLED
-from forge.build.markers import BEFORE, remove_file
+from forge.build.markers import remove_file
 from forge.build.rollback import leftover_backups
-from forge.environment.prefixes import LAYOUT_MARKER, PACKAGES
+from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -36,19 +46,19 @@ BASES = ("build", "install", "log")
 _BUILD_MARKS = (
     "CMakeCache.txt",
     "cmake_args.last",
-    "colcon_build.rc",
-    "colcon_test.rc",
+    BUILD_RESULT,
+    TEST_RESULT,
     "colcon_command_prefix_build.sh",
     SCRATCH_DIR,
     TEST_SCRATCH_DIR,
     "install_manifest.txt",
 )
-_BUILD_FILES = (".built_by", "COLCON_IGNORE", "compile_commands.json", "forge_*", ".forge_*")
+_BUILD_FILES = (".built_by", IGNORE_MARK, COMPILE_COMMANDS, "forge_*", ".forge_*")
 _INSTALL_FILES = (
-    *(LAYOUT_MARKER, "COLCON_IGNORE", ".forge.json", "_local_setup_util_*.py"),
-    *("setup.*", "local_setup.*", BEFORE),
+    *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_*.py"),
+    *("setup.*", "local_setup.*", BACKUP_DIR),
 )
-_LOG_FILES = ("COLCON_IGNORE", "latest", "latest_*")
+_LOG_FILES = (IGNORE_MARK, "latest", "latest_*")
 _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 
 
@@ -80,7 +90,7 @@ def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRec
     build = layout.build_dir(name)
     files = _installed(name, layout, records) if layout.merged else ()
     if os.path.lexists(build) and (name in records or _is_build(build)):
-        beside = (layout.build / INSTALLED / name, set_aside_path(build))
+        beside = (layout.build / INSTALLED_STATES_DIR / name, set_aside_path(build))
         yield Removable(
             f"build folder of '{name}'", layout.build, (build,), tuple(filter(Path.exists, beside))
         )
@@ -108,7 +118,7 @@ def workspace_removables(
             found = [removable for name in names for removable in package_removables(name, layout, records)]
             yield from (removable for removable in found if removable.base == chosen)
             yield from _own_files(base, chosen, files)
-    if "log" in bases and layout.logs is not None and (layout.logs / "COLCON_IGNORE").exists():
+    if "log" in bases and layout.logs is not None and (layout.logs / IGNORE_MARK).exists():
         runs = tuple(entry for entry in _folders(layout.logs) if _RUN.fullmatch(entry.name))
         if runs:
             yield Removable(f"logs of {len(runs)} run{'' if len(runs) == 1 else 's'}", layout.logs, runs)
@@ -208,5 +218,5 @@ def is_removed_package(source: Path) -> bool:
     return any(
         (folder / marker).exists()
         for folder in (source, *source.parents)
-        for marker in ("COLCON_IGNORE", "AMENT_IGNORE")
+        for marker in (IGNORE_MARK, "AMENT_IGNORE")
     )

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
+from forge.base.layout import COMPILE_COMMANDS
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-FILE = "compile_commands.json"
 
 
 def merge_compile_commands(build: Path, *, force: bool = False) -> bool:
@@ -18,8 +17,8 @@ def merge_compile_commands(build: Path, *, force: bool = False) -> bool:
     Nothing is read if no package's file is newer, except with `force`, which is needed after a package was
     removed. Files are joined as text, since they may be large.
     """
-    target = build / FILE
-    sources = sorted(build.glob(f"*/{FILE}"))
+    target = build / COMPILE_COMMANDS
+    sources = sorted(build.glob(f"*/{COMPILE_COMMANDS}"))
     if not sources:
         target.unlink(missing_ok=True)
         return False

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.files import write_if_changed
+from forge.base.layout import INSTALLED_CONTENTS_FILE
 from forge.build.inputs.fingerprints import contents_of, fingerprint_files
 
 if TYPE_CHECKING:
@@ -23,14 +24,12 @@ if TYPE_CHECKING:
     from forge.build.model import BuildRecord
     from forge.build.tasks import BuildPlan, Task
 
-NOTE = "forge_installed.json"
-
 
 def record_contents(build: Path, files: Iterable[str], table: FileTable) -> None:
     """Record the contents of a package's installed files before another package may overwrite them."""
     # Only the content digest, without mode and link target.
     data = {path: content.rpartition(" ")[2] for path, content in contents_of(files, table).items()}
-    write_if_changed(build / NOTE, json.dumps(data))
+    write_if_changed(build / INSTALLED_CONTENTS_FILE, json.dumps(data))
 
 
 class MergedPrefix:
@@ -131,7 +130,7 @@ def overwritten(plan: BuildPlan, layout: Layout, records: Mapping[str, BuildReco
 def _note(build: Path) -> Mapping[str, str]:
     """Return the recorded contents of a package's files; {} if there are none."""
     try:
-        data = json.loads((build / NOTE).read_bytes())
+        data = json.loads((build / INSTALLED_CONTENTS_FILE).read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}

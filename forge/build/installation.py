@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.files import read_file, replace_file, tree_below, write_if_changed
+from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.installed_lists import listed_files
 from forge.environment import scripts
 from forge.environment.dsv import Installed
 from forge.environment.hooks import package_hooks
 from forge.environment.prefixes import PACKAGES
-from forge.environment.recorded import STATE, recorded_underlays
+from forge.environment.recorded import recorded_underlays
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
 
@@ -112,7 +113,7 @@ def finish_workspace(
     root = layout.install
     chain = _joined_chain(recorded_underlays(root), underlays)
     state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
-    state_changed = write_if_changed(root / STATE, json.dumps(state, indent=2) + "\n")
+    state_changed = write_if_changed(root / INSTALL_STATE_FILE, json.dumps(state, indent=2) + "\n")
     if unchanged and not state_changed:
         return chain
     packages = packages_in_order(root)

@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
+from forge.base.layout import INSTALLED_STATES_DIR
 from forge.build.inputs.input_manifest import FileState, compare, read_manifest, write_manifest
 from forge.build.inputs.library_interface import SHARED_LIBRARY, library_interface
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
     from forge.build.inputs.input_manifest import Changes
 
-INSTALLED = ".forge_installed"
-"""The folder beside build folders with a list of files for each package and state."""
 _KEPT = 8
 """The number of states kept per package: dependents may have been built with different ones."""
 _INTERFACES = "interfaces"
@@ -30,7 +29,7 @@ class InstalledStates:
 
     def __init__(self, build: Path) -> None:
         """Store the path of the lists; `build` is the parent of all build folders."""
-        self._home = build / INSTALLED
+        self._home = build / INSTALLED_STATES_DIR
         self._compared: dict[tuple[str, str, str], Changes | None] = {}
 
     def keep(self, name: str, digest: str, contents: Mapping[str, str]) -> None:

@@ -18,6 +18,7 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from forge.base.files import naming, replace_file
+from forge.base.layout import BUILD_RESULT, JOURNAL_FILE
 from forge.build.events import Aborted, Finished, Started
 from forge.build.model import BuildInputs, BuildRecord, Fingerprint
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
 
-FILE = "forge_journal.jsonl"
 _HEADER = {"forge_journal": 4}
 _INVALID_ENTRY = (ArithmeticError, LookupError, TypeError, ValueError)
 """Exceptions raised by torn lines and lines that forge did not write."""
@@ -186,7 +186,7 @@ class Journal:
 
 def open_journal(build: Path) -> Journal:
     """Return the journal of a build folder; an unreadable one counts as empty."""
-    journal = Journal(build / FILE)
+    journal = Journal(build / JOURNAL_FILE)
     with contextlib.suppress(OSError):
         journal.read(journal.path.read_text(encoding="utf-8", errors="surrogateescape"))
     return journal
@@ -254,4 +254,4 @@ def _write_result(plan: BuildPlan, name: str, result: str) -> None:
     """Write colcon_build.rc with the result of a package, which colcon's selection options read."""
     folder = plan.tasks[name].build_dir
     if folder.is_dir():
-        replace_file(folder / "colcon_build.rc", f"{result}\n".encode())
+        replace_file(folder / BUILD_RESULT, f"{result}\n".encode())

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError
 from forge.base.files import read_text, write_if_changed
-from forge.environment.prefixes import LAYOUT_MARKER
-from forge.environment.recorded import STATE
+from forge.base.layout import IGNORE_MARK, INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
 
-BEFORE = ".forge_before"
-"""The folder below the install folder that holds the previous files of packages while they are built."""
 
 _BUILDERS = ("colcon", "forge")
 
@@ -66,7 +63,7 @@ def other_layout(layout: Layout) -> Problem | None:
 def workspace_scripts(root: Path) -> list[str]:
     """Return the workspace-level files of an install folder: forge's state file and the setup scripts."""
     scripts = (f"{root}/{name}.{shell}" for name in ("setup", "local_setup") for shell in SHELLS)
-    return [f"{root}/{STATE}", *scripts]
+    return [f"{root}/{INSTALL_STATE_FILE}", *scripts]
 
 
 def remove_file(path: Path, root: Path) -> None:
@@ -107,6 +104,6 @@ def _begin_install(layout: Layout) -> Problem | None:
 def _make_ignored(folder: Path) -> None:
     """Create a folder that package discovery ignores."""
     folder.mkdir(parents=True, exist_ok=True)
-    marker = folder / "COLCON_IGNORE"
+    marker = folder / IGNORE_MARK
     if not os.path.lexists(marker):
         marker.touch()

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
+from forge.base.layout import BACKUP_DIR
 from forge.build.installation import markers
-from forge.build.markers import BEFORE
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
@@ -98,7 +98,7 @@ def drop(name: str, layout: Layout) -> None:
 def tidy(layout: Layout) -> None:
     """Remove the backup folder if it is empty."""
     with contextlib.suppress(OSError):
-        os.rmdir(layout.install / BEFORE)  # noqa: PTH106
+        os.rmdir(layout.install / BACKUP_DIR)  # noqa: PTH106
 
 
 def leftover_backups(name: str, layout: Layout) -> list[Path]:
@@ -109,7 +109,7 @@ def leftover_backups(name: str, layout: Layout) -> list[Path]:
 
 def _folder(name: str, layout: Layout, kind: str = "") -> Path:
     """Return a backup folder of a package; package names contain no dots."""
-    return layout.install / BEFORE / (f"{name}.{kind}" if kind else name)
+    return layout.install / BACKUP_DIR / (f"{name}.{kind}" if kind else name)
 
 
 def _back_up_prefix(name: str, layout: Layout) -> None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.files import remove_drafts
+from forge.base.layout import FILE_TABLE
 from forge.build.events import Finished, Fresh
 from forge.build.file_conflicts import MergedPrefix
 from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_files
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from forge.build.up_to_date import DependencyHashes
     from forge.toolchain.interpreter import Interpreter
 
-TABLE = "forge_files.json"
-
 
 class BuildState:
     """The records of finished and running builds, and the dependency hashes derived from them."""
@@ -41,7 +40,7 @@ class BuildState:
         """Start with the journal of the workspace at `root`."""
         self.layout = layout
         self.journal = journal
-        self.table = FileTable(layout.build / TABLE)
+        self.table = FileTable(layout.build / FILE_TABLE)
         self.installed_states = InstalledStates(layout.build)
         self.merged_prefix = MergedPrefix(layout, journal)
         self.scripts = WorkspaceScripts(layout, journal, self.table)

@@ -115,10 +115,6 @@ class BuildPlan:
     fresh: tuple[str, ...] = ()
 
 
-LAST_COMMAND = "last_command"
-"""The file in a task's scratch folder with the command that repeats its last step."""
-
-
 def environment_file(task: Task) -> Path:
     """Return the file in a task's scratch folder that exports the environment of its steps."""
     return task.build_dir / task.scratch_dir / "environment.sh"

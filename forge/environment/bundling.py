@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError
-from forge.environment.prefixes import LAYOUT_MARKER
+from forge.base.layout import LAYOUT_MARKER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

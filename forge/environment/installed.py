@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from forge.base import ament_index
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean, is_package_name
-from forge.environment.prefixes import LAYOUT_MARKER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.frozen import frozen
+from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import is_word
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-LAYOUT_MARKER = ".colcon_install_layout"
 PACKAGES = Path("share/colcon-core/packages")
 SYSTEM = (Path("/usr/local"), Path("/usr"))
 

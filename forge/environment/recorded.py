@@ -7,9 +7,7 @@ from pathlib import Path
 
 from forge.base.errors import Place, Problem, WorkspaceError
 from forge.base.files import read_file
-
-STATE = ".forge.json"
-"""The file name below the install folder."""
+from forge.base.layout import INSTALL_STATE_FILE
 
 
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
@@ -19,7 +17,7 @@ def recorded_underlays(root: Path) -> tuple[Path, ...]:
 
 def forget_underlays(root: Path) -> None:
     """Remove the recorded underlays of an install tree."""
-    (root / STATE).unlink(missing_ok=True)
+    (root / INSTALL_STATE_FILE).unlink(missing_ok=True)
 
 
 def recorded_python(root: Path) -> str | None:
@@ -31,10 +29,12 @@ def recorded_python(root: Path) -> str | None:
 def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
     """Return the recorded interpreter and underlays."""
     try:
-        state = json.loads(read_file(root / STATE))
+        state = json.loads(read_file(root / INSTALL_STATE_FILE))
         return str(state["python"]), tuple(map(Path, state["underlays"]))
     except OSError:  # begin_workspace reports inaccessible files
         return None, ()
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        problem = Problem("invalid state file", Place(root / STATE), hint="remove the file and build again")
+        problem = Problem(
+            "invalid state file", Place(root / INSTALL_STATE_FILE), hint="remove the file and build again"
+        )
         raise WorkspaceError(problem) from error

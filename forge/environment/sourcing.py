@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import without_secrets
 from forge.base.errors import EnvironmentFault, Problem, WorkspaceError
+from forge.base.layout import LAYOUT_MARKER
 from forge.environment import scripts
 from forge.environment.dsv import Edit, Installed, Script, apply, order, read_hooks, resolve_hooks
-from forge.environment.prefixes import LAYOUT_MARKER, installed_packages
+from forge.environment.prefixes import installed_packages
 from forge.environment.recorded import recorded_underlays
 
 if TYPE_CHECKING:

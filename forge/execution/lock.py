@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, Problem, WorkspaceError
 from forge.base.files import naming
+from forge.base.layout import LOCK_FILE
 from forge.execution.started import StartedProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-LOCK = ".forge_lock"
 
 
 @contextlib.contextmanager
@@ -26,7 +25,7 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
     Leaving by an interrupt or an internal error terminates all processes started in the folder, in any group.
     Raises WorkspaceError if the folder is locked and `wait` is False, OSError if it is not writable.
     """
-    descriptor = os.open(build / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+    descriptor = os.open(build / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
     with os.fdopen(descriptor, "r+", encoding="utf-8") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -43,7 +42,7 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
         if lock.read():
             started.end()
         started.forget()
-        with naming(build / LOCK):
+        with naming(build / LOCK_FILE):
             _write_holder(lock.fileno(), str(os.getpid()))
         try:
             yield

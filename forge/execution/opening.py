@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.env_vars import own_cache
 from forge.base.errors import Problem
 from forge.base.files import write_if_changed
+from forge.base.layout import STYLES_FILE
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import common_style, create_pool, join_pool, supported_styles
 from forge.execution.makeflags import read_make_flags
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
     from forge.execution.options import JobOptions
 
-STYLES = "styles.json"
 _MAX_STORED_STYLES = 8
 """Workspaces and virtual environments have different tools, and share the file."""
 
@@ -62,7 +62,7 @@ def open_job_pool(  # noqa: PLR0913  (they are of six different sources)
 
 def _styles(context: BuildContext, variables: Mapping[str, str]) -> dict[str, frozenset[str]]:
     """Return the jobserver styles that each tool supports; results are cached by tool version."""
-    file = (own_cache(variables) or context.layout.build) / STYLES
+    file = (own_cache(variables) or context.layout.build) / STYLES_FILE
     identity = "\n".join(
         f"{name} {identity}" for name, identity in context.tools if name in {"ninja", "make"}
     )

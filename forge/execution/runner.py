@@ -17,15 +17,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from forge.base.files import says, write_if_changed
 from forge.base.frozen import frozen
+from forge.base.layout import LAST_COMMAND
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
-from forge.build.tasks import (
-    LAST_COMMAND,
-    TEST_FAILURES,
-    StepCondition,
-    StepKind,
-    environment_file,
-    step_line,
-)
+from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
 
 if TYPE_CHECKING:

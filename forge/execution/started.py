@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.base.layout import PROCESSES_FILE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-NOTES = ".forge_processes"
 VARIABLE = "FORGE_BUILD_FOLDER"
 """An environment variable of the programs of a build: the absolute path of the build folder."""
 
@@ -96,7 +96,7 @@ class StartedProcesses:
 
     @property
     def _path(self) -> Path:
-        return self._build / NOTES
+        return self._build / PROCESSES_FILE
 
     def _write(self, processes: Iterable[Process]) -> None:
         """Append lines in one write, so that writers do not interleave; ignore errors such as a full disk."""

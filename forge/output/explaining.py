@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
-from forge.base.layout import SCRATCH_DIR
-from forge.build.tasks import LAST_COMMAND, step_line
+from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
+from forge.build.tasks import step_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

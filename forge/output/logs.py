@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from forge.base.env_vars import without_passwords
 from forge.base.errors import EnvironmentFault, Place, Problem
 from forge.base.files import naming
+from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
 from forge.build.events import Output, StepFinished, StepStarted
 
@@ -102,7 +103,7 @@ def open_log(logs: Path | None, verb: str, argv: list[str]) -> LogWriter:
 
 def _new_folder(logs: Path, verb: str) -> Path:
     logs.mkdir(parents=True, exist_ok=True)
-    (logs / "COLCON_IGNORE").touch()
+    (logs / IGNORE_MARK).touch()
     name = datetime.now().astimezone().strftime(f"{verb}_%Y-%m-%d_%H-%M-%S")
     for suffix in ("", *(f"_{number}" for number in range(2, 1000))):
         with contextlib.suppress(FileExistsError):

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
 from forge.base.graph import closures, ordered_names
-from forge.base.layout import TEST_SCRATCH_DIR
+from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
-from forge.build.state import TABLE
 from forge.build.tasks import BuildPlan, Task
 from forge.build.up_to_date import source_changes
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
@@ -106,7 +105,7 @@ def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: La
     Python tests run in the source folder, and symbolic links lead there, too.
     """
     records = open_journal(layout.build).records
-    table = FileTable(layout.build / TABLE)
+    table = FileTable(layout.build / FILE_TABLE)
     used = {
         need
         for name, wanted in needs.items()

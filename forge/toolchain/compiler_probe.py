@@ -18,6 +18,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from forge.base.files import read_text, replace_file
+from forge.base.layout import TOOLCHAIN_DIR
 from forge.toolchain.programs import calls_make
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
 
-FOLDER = "forge_toolchain"
 
 _PROJECT = """\
 # forge detects the compilers here, once for all packages.
@@ -70,7 +70,7 @@ class Toolchain:
         self._asks_python = python is not None
         self._project = _PROJECT + (_FIND_PYTHON if self._asks_python else "")
         key = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in identity)))
-        self._home = build / FOLDER / hashlib.blake2b(key.encode(), digest_size=8).hexdigest()
+        self._home = build / TOOLCHAIN_DIR / hashlib.blake2b(key.encode(), digest_size=8).hexdigest()
         self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
         self._lock = threading.Lock()
         self._asked = False

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Place, Problem, SelectionError
 from forge.base.graph import closure, reverse
+from forge.base.layout import BUILD_RESULT, TEST_RESULT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -14,10 +15,6 @@ if TYPE_CHECKING:
 
     from forge.workspace.model import Package
     from forge.workspace.selection import Graph, Limit, PackageFilters
-
-BUILD_RESULT = "colcon_build.rc"
-TEST_RESULT = "colcon_test.rc"
-"""Result files in a package's build folder, shared with colcon: an exit code, SIGINT, or 'test failures'."""
 
 
 _RUN_NOTHING = ("-c", "core.fsmonitor=false")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Place, Problem, WorkspaceError
 from forge.base.files import read_file
+from forge.base.layout import IGNORE_MARK
 from forge.base.names import is_word
 from forge.workspace.identity import HIDDEN, NOTHING, Folder, Identity
 from forge.workspace.manifest import parse_manifest
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     from forge.workspace.overrides import Overrides
 
-IGNORE_MARK = "COLCON_IGNORE"
 ROS_MARKS = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
 PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml"})

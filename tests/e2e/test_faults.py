@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.execution.lock import LOCK
+from forge.base.layout import LOCK_FILE
 from forge.execution.started import VARIABLE
 from tests.evolving import differences, look
 from tests.packages import manifest_text
@@ -190,7 +190,7 @@ def test_a_closed_terminal_is_a_signal_too(waiting: Path, view: str) -> None:
     os.close(ours)
     process.wait(timeout=30)
     until(lambda: not living(waiting))
-    until(lambda: (waiting / "build" / LOCK).read_text() == "")
+    until(lambda: (waiting / "build" / LOCK_FILE).read_text() == "")
     assert is_as_before(waiting)
 
 
@@ -554,7 +554,7 @@ def test_tests_and_builds_wait_for_each_other(waiting: Path) -> None:
 def test_a_lock_of_the_dead_holds_nobody_up(tree: Tree) -> None:
     root = tree(package("a"))
     assert run(root).returncode == 0
-    (root / "build" / LOCK).write_text("4194303")
+    (root / "build" / LOCK_FILE).write_text("4194303")
     ran = run(root, "--no-wait")
     assert (ran.returncode, ran.stderr) == (0, "")
 

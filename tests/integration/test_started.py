@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.execution.started import NOTES, VARIABLE, StartedProcesses
+from forge.base.layout import PROCESSES_FILE
+from forge.execution.started import VARIABLE, StartedProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -84,8 +85,8 @@ def test_who_has_got_the_id_of_an_ended_one_goes_on(
 ) -> None:
     process, _ = start(SLEEP, tmp_path, told=True)
     started.append(process)
-    number, begun, *machine = (tmp_path / NOTES).read_text().split()
-    (tmp_path / NOTES).write_text(" ".join((number, str(int(begun) - 1), *machine)) + "\n")
+    number, begun, *machine = (tmp_path / PROCESSES_FILE).read_text().split()
+    (tmp_path / PROCESSES_FILE).write_text(" ".join((number, str(int(begun) - 1), *machine)) + "\n")
     StartedProcesses(tmp_path).end()
     assert process.poll() is None
 
@@ -95,14 +96,14 @@ def test_ids_of_another_start_of_the_system_say_nothing(
 ) -> None:
     process, _ = start(SLEEP, tmp_path, told=True)
     started.append(process)
-    number, begun, _, namespace = (tmp_path / NOTES).read_text().split()
-    (tmp_path / NOTES).write_text(f"{number} {begun} another {namespace}\n")
+    number, begun, _, namespace = (tmp_path / PROCESSES_FILE).read_text().split()
+    (tmp_path / PROCESSES_FILE).write_text(f"{number} {begun} another {namespace}\n")
     StartedProcesses(tmp_path).end()
     assert process.poll() is None
 
 
 def test_spoilt_notes_are_none(tmp_path: Path) -> None:
-    (tmp_path / NOTES).write_bytes(b"\xff\n1\n1 2 3 4 5 6\n-1 x\n\n12")
+    (tmp_path / PROCESSES_FILE).write_bytes(b"\xff\n1\n1 2 3 4 5 6\n-1 x\n\n12")
     StartedProcesses(tmp_path).end()
 
 

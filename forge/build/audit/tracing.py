@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
+from forge.base.layout import AUDIT_DIR
 from forge.build.audit.accesses import CALLS, parent_processes, read_accesses
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from forge.build.audit.accesses import Accesses
     from forge.build.tasks import Step, StepKind, Task
 
-FOLDER = ".forge_audit"
 _CALLS = ",".join(f"?{call}" for call in CALLS)  # '?': ignore calls that this machine does not have
 _OPTIONS = ("-f", "-q", "-y", "-s", "0", "-e", "signal=none", "-e", f"trace={_CALLS}")
 _FASTER = "--seccomp-bpf"
@@ -64,7 +64,7 @@ def start_audit(build: Path, variables: Mapping[str, str]) -> Audit:
     for options in ((_FASTER, *_OPTIONS), _OPTIONS):
         refused = _refusal((program, *options))
         if not refused:
-            return Audit((program, *options), build / FOLDER)
+            return Audit((program, *options), build / AUDIT_DIR)
     hint = "in a container, allow it with `--cap-add=SYS_PTRACE`"
     raise EnvironmentFault(Problem(f"strace cannot trace programs here: {refused}", hint=hint))
 

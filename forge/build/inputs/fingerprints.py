@@ -16,6 +16,7 @@ import time
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
+from forge.base.layout import IGNORE_MARK, LAYOUT_MARKER
 from forge.build.inputs.input_manifest import FileState, InputManifest
 from forge.build.model import Fingerprint
 from forge.workspace.source_names import is_source, is_source_folder
@@ -41,7 +42,7 @@ _BLOCK = 1 << 20
 
 _NO_STATS: Stats = {}
 
-_RESULTS = frozenset({".built_by", ".colcon_install_layout", "latest_build"})
+_RESULTS = frozenset({".built_by", LAYOUT_MARKER, "latest_build"})
 """Beside COLCON_IGNORE, these mark build, install and log folders, which may lie within a package."""
 
 
@@ -245,7 +246,7 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     names = {entry.name for entry in entries}
-    if "COLCON_IGNORE" in names and names & _RESULTS:
+    if IGNORE_MARK in names and names & _RESULTS:
         return None
     by_ide = "CMakeCache.txt" in names and os.path.basename(folder).startswith("cmake-build-")  # noqa: PTH119
     return None if folder != root and (by_ide or "pyvenv.cfg" in names) else entries

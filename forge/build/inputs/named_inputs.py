@@ -11,6 +11,7 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
+from forge.base.layout import NAMED_INPUTS_FILE
 from forge.build.inputs.fingerprints import stamp_files
 from forge.build.inputs.named_entries import (
     NOTHING,
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package
 
-FILE = "forge_names.json"
-
 
 class NamedInputs:
     """The variables, programs and files that packages name, with their current values."""
@@ -52,7 +51,7 @@ class NamedInputs:
         forge: str,
     ) -> None:
         """Store the parameters; the cache file of another `forge` version is not used."""
-        self._file = context.layout.build / FILE
+        self._file = context.layout.build / NAMED_INPUTS_FILE
         self._context = context
         self._needs = needs
         self._packages = packages

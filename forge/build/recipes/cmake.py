@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.base.layout import SCRATCH_DIR
+from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from forge.base.frozen import Pairs
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package
-
-RECORD = "configured"
-"""The file in the scratch folder with a digest of the last configure command."""
 
 
 def plain_recipe(package: Package, context: BuildContext) -> Recipe:
@@ -109,7 +106,9 @@ def _configure(package: Package, context: BuildContext, arguments: tuple[str, ..
     )
     parts = (*argv, *(flags for _, flags in env), cache_text)
     digest = hashlib.sha256("\0".join(parts).encode(errors="surrogateescape")).hexdigest()
-    return Step(StepKind.CONFIGURE, argv, build, env, record=(scratch_folder(build) / RECORD, digest))
+    return Step(
+        StepKind.CONFIGURE, argv, build, env, record=(scratch_folder(build) / CONFIGURED_FILE, digest)
+    )
 
 
 def _with_path_maps(arguments: tuple[str, ...], context: BuildContext) -> tuple[tuple[str, ...], Pairs]:

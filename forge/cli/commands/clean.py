@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
+from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.base.names import did_you_mean
 from forge.build.cleaning import (
     BASES,
@@ -25,8 +26,7 @@ from forge.build.journal import open_journal
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables
-from forge.environment.prefixes import LAYOUT_MARKER
-from forge.environment.recorded import STATE, recorded_python
+from forge.environment.recorded import recorded_python
 from forge.execution.lock import lock_build_dir
 from forge.workspace.load import load_workspace
 
@@ -171,5 +171,5 @@ def _report_rest(paths: Iterable[Path], options: argparse.Namespace) -> None:
 
 def _write_scripts(layout: Layout) -> None:
     """Rewrite the setup scripts without the removed packages; colcon's scripts search the folder."""
-    if (layout.install / STATE).is_file():
+    if (layout.install / INSTALL_STATE_FILE).is_file():
         finish_workspace(layout, (), Path(recorded_python(layout.install) or sys.executable))

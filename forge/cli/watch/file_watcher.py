@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
+from forge.base.layout import IGNORE_MARK
 from forge.build.inputs.fingerprints import source_folders
-from forge.workspace.identification import IGNORE_MARK, ROS_MARKS, TELLING
+from forge.workspace.identification import ROS_MARKS, TELLING
 from forge.workspace.source_names import is_source
 
 if TYPE_CHECKING:

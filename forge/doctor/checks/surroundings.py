@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError
+from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
 from forge.doctor.checks.checkup import CheckResult
-from forge.environment.prefixes import LAYOUT_MARKER, SYSTEM, installed_packages, provider
-from forge.environment.recorded import STATE, recorded_underlays
+from forge.environment.prefixes import SYSTEM, installed_packages, provider
+from forge.environment.recorded import recorded_underlays
 from forge.environment.underlays import lost_underlays
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name
@@ -74,7 +75,7 @@ def results(subject: Subject) -> CheckResult:
 
 def _maker(root: Path) -> str:
     """Return the tool that built an install tree."""
-    if (root / STATE).is_file():
+    if (root / INSTALL_STATE_FILE).is_file():
         return "forge"
     if (root / LAYOUT_MARKER).is_file():
         return "colcon"

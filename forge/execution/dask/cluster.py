@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE
+from forge.base.layout import CLUSTER_DIR, PACKAGE
 from forge.build.inputs.fingerprints import source_files
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
 
-_FOLDER = ".forge_cluster"
-"""The folder below the build folder for forge's cluster files."""
 
 _CONNECT_SECONDS = 10
 _WORKER_SECONDS = 60
@@ -153,7 +151,7 @@ def _await_workers(client: Client, address: str) -> None:
 
 def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Cluster:
     token = uuid.uuid4().hex
-    folder = build / _FOLDER
+    folder = build / CLUSTER_DIR
     probe = folder / f"probe-{token}"
     folder.mkdir(parents=True, exist_ok=True)
     probe.write_text(token, encoding="utf-8")

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
+from forge.base.layout import COMPILATIONS_FILE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-LOG = ".forge_compilations"
-"""File in the build folder in which ccache logs the compilations of a build."""
 
 _TIMEOUT_SECONDS = 10
 _SETTING = re.compile(r"^\(.*?\) (\w+) = (.*)$", re.MULTILINE)
@@ -80,7 +79,7 @@ def open_launcher_stats(
     """
     match launcher.name:
         case "ccache":
-            return _ccache_stats(launcher, root, build / LOG, variables)
+            return _ccache_stats(launcher, root, build / COMPILATIONS_FILE, variables)
         case "sccache":
             before = _sccache_counts(launcher, variables)
             return LauncherStats(finish=partial(_finish_sccache, launcher, variables, before))

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from forge.base.layout import JOURNAL_FILE
 from forge.build.events import Aborted, Finished, Output, Started
-from forge.build.journal import FILE, Journal, open_journal
+from forge.build.journal import Journal, open_journal
 from forge.build.model import BuildInputs, BuildRecord, Fingerprint
 from forge.build.tasks import BuildPlan, Task
 from tests.packages import package
@@ -102,7 +103,7 @@ def test_torn_and_foreign_lines_count_as_nothing(tmp_path: Path, line: str) -> N
     journal = open_journal(tmp_path)
     journal.set_record("a", ONE)
     journal.close()
-    path = tmp_path / FILE
+    path = tmp_path / JOURNAL_FILE
     path.write_bytes(path.read_bytes() + b"\xff\n" + line.encode())
     again = open_journal(tmp_path)
     assert again.records == {"a": ONE}
@@ -112,7 +113,7 @@ def test_torn_and_foreign_lines_count_as_nothing(tmp_path: Path, line: str) -> N
 
 
 def test_another_version_counts_as_nothing_and_is_replaced(tmp_path: Path) -> None:
-    (tmp_path / FILE).write_text('{"forge_journal": 999}\n{"package": "a"}\n')
+    (tmp_path / JOURNAL_FILE).write_text('{"forge_journal": 999}\n{"package": "a"}\n')
     journal = open_journal(tmp_path)
     assert journal.damaged
     assert journal.records == {}
@@ -128,7 +129,7 @@ def test_a_long_journal_is_written_short(tmp_path: Path) -> None:
     journal.set_stamp("stamp")
     last = journal.records["a"]
     journal.close()
-    assert len((tmp_path / FILE).read_text().splitlines()) == 3
+    assert len((tmp_path / JOURNAL_FILE).read_text().splitlines()) == 3
     again = open_journal(tmp_path)
     assert again.records == {"a": last}
     assert again.externals == ["/usr/include/119.h"]
@@ -141,4 +142,4 @@ def test_the_stamp_of_all_externals_is_kept(tmp_path: Path) -> None:
     journal.set_stamp("stamp")
     journal.close()
     assert open_journal(tmp_path).stamp == "stamp"
-    assert len((tmp_path / FILE).read_text().splitlines()) == 2
+    assert len((tmp_path / JOURNAL_FILE).read_text().splitlines()) == 2

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.files import remove_tree
+from forge.base.layout import BACKUP_DIR
 from forge.build import rollback
-from forge.build.markers import BEFORE
 from tests.installs import Made, make_install
 from tests.packages import manifest_text
 
@@ -137,14 +137,14 @@ def test_after_a_kill_the_last_good_state_is_kept(tmp_path: Path, *, merged: boo
     assert (small.read_text(), large.read_text()) == ("small", BIG)
     assert (layout.prefix("walker") / "share/walker/package.dsv").is_file()
     rollback.tidy(layout)
-    assert not (layout.install / BEFORE).exists()
+    assert not (layout.install / BACKUP_DIR).exists()
 
 
 def test_a_kill_while_files_move_loses_none(tmp_path: Path) -> None:
     """Half of them are aside: all of them are good."""
     layout, small, _ = kept(tmp_path, merged=True)
-    (layout.install / BEFORE / "walker").rename(layout.install / BEFORE / "walker.part")
-    (layout.install / BEFORE / "walker.part/share/walker/package.sh").unlink()
+    (layout.install / BACKUP_DIR / "walker").rename(layout.install / BACKUP_DIR / "walker.part")
+    (layout.install / BACKUP_DIR / "walker.part/share/walker/package.sh").unlink()
     script = layout.install / "share/walker/package.sh"
     script.parent.mkdir(parents=True, exist_ok=True)
     script.write_text("still there")
@@ -184,21 +184,21 @@ def test_a_kill_while_old_files_are_removed_changes_nothing(tmp_path: Path) -> N
     rollback.drop("walker", layout)
     small.parent.mkdir(parents=True)
     small.write_text("new")
-    (layout.install / BEFORE / "walker.trash/bin").mkdir(parents=True)
-    assert rollback.leftover_backups("walker", layout) == [layout.install / BEFORE / "walker.trash"]
+    (layout.install / BACKUP_DIR / "walker.trash/bin").mkdir(parents=True)
+    assert rollback.leftover_backups("walker", layout) == [layout.install / BACKUP_DIR / "walker.trash"]
     rollback.back_up("walker", layout, [])
     rollback.restore("walker", layout)
     assert small.read_text() == "new"
     rollback.back_up("walker", layout, [])
     rollback.drop("walker", layout)
     rollback.tidy(layout)
-    assert not (layout.install / BEFORE).exists()
+    assert not (layout.install / BACKUP_DIR).exists()
 
 
 def test_a_prefix_that_cannot_be_moved_as_a_whole_is_moved_entry_by_entry(tmp_path: Path) -> None:
     """One that was killed while it did so has all it needs."""
     layout, small, large = kept(tmp_path)
-    aside = layout.install / BEFORE / "walker"
+    aside = layout.install / BACKUP_DIR / "walker"
     large.parent.mkdir(parents=True)
     (aside / "lib/large").rename(large)
     aside.rename(aside.with_name("walker.part"))

@@ -7,8 +7,9 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from forge.execution.lock import LOCK, lock_build_dir
-from forge.execution.started import NOTES, StartedProcesses
+from forge.base.layout import LOCK_FILE, PROCESSES_FILE
+from forge.execution.lock import lock_build_dir
+from forge.execution.started import StartedProcesses
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,7 +55,7 @@ def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.Captur
         "holding\n",
         f"waiting for process {first.pid}, which has locked the build folder '{tmp_path}'\n",
     )
-    assert (tmp_path / LOCK).read_text() == ""
+    assert (tmp_path / LOCK_FILE).read_text() == ""
 
 
 def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
@@ -72,7 +73,7 @@ def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
 def test_what_one_that_ended_by_itself_left_running_may_stay(tmp_path: Path) -> None:
     with holder(tmp_path) as first, sleeper(tmp_path) as daemon:
         first.communicate("go\n")
-        assert not (tmp_path / NOTES).exists()
+        assert not (tmp_path / PROCESSES_FILE).exists()
         with lock_build_dir(tmp_path):
             assert daemon.poll() is None
         daemon.kill()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import SelectionError
-from forge.base.layout import Layout
+from forge.base.layout import COMPILATIONS_FILE, Layout
 from forge.build.recipes.context import BuildContext
 from forge.build.recipes.initial_cache import initial_cache
 from forge.build.up_to_date import relevant_environment
@@ -20,7 +20,6 @@ from forge.execution.opening import open_job_pool
 from forge.execution.options import JobOptions
 from forge.toolchain.compiler_launchers.choice import LAUNCHERS, chosen, launcher_variables
 from forge.toolchain.compiler_launchers.launcher_stats import (
-    LOG,
     HostPool,
     LauncherSummary,
     open_launcher_stats,
@@ -199,7 +198,7 @@ def test_only_compilations_of_this_build_are_counted(tmp_path: Path) -> None:
     ccache = Path("/usr/bin/ccache")
     (tmp_path / "one.cpp").write_text("int one() { return 1; }\n")
     (tmp_path / "wrong.cpp").write_text("int wrong( {\n")
-    (tmp_path / LOG).write_text("# left by a build that was killed\ndirect_cache_hit\n")
+    (tmp_path / COMPILATIONS_FILE).write_text("# left by a build that was killed\ndirect_cache_hit\n")
     others = {"PATH": "/usr/bin:/bin", "CCACHE_DIR": str(tmp_path / "cache")}
     launcher_stats = open_launcher_stats(ccache, tmp_path, tmp_path, others)
     ours = {**others, **launcher_stats.variables}
@@ -209,7 +208,7 @@ def test_only_compilations_of_this_build_are_counted(tmp_path: Path) -> None:
     compile_by(ccache, ours, "-c", str(tmp_path / "wrong.cpp"), "-o", str(tmp_path / "wrong.o"))
     compile_by(ccache, ours, "-E", one, "-o", str(tmp_path / "one.i"))
     assert launcher_stats.finish() == (LauncherSummary("ccache", compilations=3, from_cache=1),)
-    assert not (tmp_path / LOG).exists()
+    assert not (tmp_path / COMPILATIONS_FILE).exists()
 
 
 @pytest.mark.needs("ccache")
@@ -234,7 +233,7 @@ def test_what_the_user_told_ccache_stays(tmp_path: Path) -> None:
     assert log.exists()
     own = {"CCACHE_DIR": str(tmp_path / "no"), "CCACHE_BASEDIR": ""}
     told = open_launcher_stats(Path("/usr/bin/ccache"), tmp_path, tmp_path, own).variables
-    assert told == {"CCACHE_STATSLOG": str(tmp_path / LOG)}
+    assert told == {"CCACHE_STATSLOG": str(tmp_path / COMPILATIONS_FILE)}
 
 
 @pytest.mark.needs("ccache", "distcc")
