@@ -12,9 +12,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 IDENTIFIERS = {
-    "Undertaking": "BuildRequest",
-    "undertaking": "request",
-    "carry_out": "run_build",
+    "Undertaking": "Session",
+    "undertaking": "session",
+    "carry_out": "run_plan",
     "Kitchen": "BuildContext",
     "kitchen": "context",
     "Bench": "TestContext",
@@ -27,8 +27,8 @@ IDENTIFIERS = {
     "Traces": "BuildDirState",
     "Outlook": "DependencyHashes",
     "outlook": "hashes",
-    "Audience": "Reporters",
-    "audience": "reporters",
+    "Audience": "Session",
+    "audience": "session",
     "Transcript": "LogWriter",
     "transcript": "log_writer",
     "Feed": "JsonEvents",
