@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from forge.doctor.system_deps.rosdep import System, resolve
+from forge.doctor.system_deps.rosdep import resolve
+from forge.doctor.system_deps.system import System
 
 SYSTEMS = (
     System("ubuntu", "jammy", "apt"),
@@ -80,7 +81,7 @@ def test_the_same_names_come_of_the_same_rules() -> None:
     for (rules, system), theirs in zip(cases, json.loads(ran.stdout), strict=True):
         if theirs == "refused":
             continue
-        ours = resolve("k", {"k": rules}, system)
+        ours = resolve("k", [{"k": rules}], system)
         said = [ours.manager, list(ours.names)] if ours else None
         wanted = ["dnf" if theirs[0] == "yum" else theirs[0], theirs[1]] if theirs else None
         assert said == wanted, (rules, system)

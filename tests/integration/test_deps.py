@@ -125,6 +125,27 @@ def test_a_file_that_is_no_database(forge: Forge, root: Path) -> None:
     )
 
 
+def test_without_a_database_keys_are_listed_with_the_way_to_get_one(forge: Forge, root: Path) -> None:
+    env = {"ROSDEP_SOURCE_PATH": str(root / "none"), "ROS_HOME": str(root / "none")}
+    ran = forge("deps", "--os", "ubuntu:jammy", cwd=root, env=env)
+    assert ran.code == 0
+    assert "# libfoo-dev is unknown, needed by a, b\n" in ran.out
+    assert ran.err == (
+        "warning: cannot look up 4 dependencies for ubuntu:jammy: this machine has no rosdep database\n"
+        "hint: run `pip install 'ros-forge[rosdep]'`, `sudo rosdep init` and `rosdep update`, "
+        "or give a file with names to '--rosdep-file'\n"
+    )
+
+
+def test_a_system_that_no_database_has_names_for(forge: Forge, root: Path) -> None:
+    ran = deps(forge, root, "-t", "test", system="void")
+    assert ran.out == "# odd-one is unknown, needed by b\n"
+    assert ran.err == (
+        "warning: cannot look up 1 dependency: rosdep's data has no names for void\n"
+        "hint: list the names of a similar system, for example with '--os ubuntu:noble'\n"
+    )
+
+
 def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
     """These tests run in pytest: it is installed."""
     root = tree(
@@ -133,8 +154,7 @@ def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
             "src/a/package.xml": manifest_text("a", "<depend>k</depend>"),
         }
     )
-    from forge.doctor.system_deps.rosdep import system_of  # noqa: PLC0415
-    from forge.doctor.system_deps.rosdep_files import os_release  # noqa: PLC0415
+    from forge.doctor.system_deps.system import os_release, system_of  # noqa: PLC0415
 
     text = (root / "keys.yaml").read_text().replace("any", system_of(os_release()).name)
     (root / "keys.yaml").write_text(text)

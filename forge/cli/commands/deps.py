@@ -16,11 +16,9 @@ from forge.base.errors import (
 )
 from forge.base.names import did_you_mean
 from forge.cli import package_options
-from forge.doctor.system_deps.common_keys import common_keys
 from forge.doctor.system_deps.outstanding import USUAL_KINDS, command_lines, needs_of
-from forge.doctor.system_deps.rosdep import merged, system_of
-from forge.doctor.system_deps.rosdep_files import known_databases, os_release, read_databases
-from forge.doctor.system_deps.system_packages import installed_names
+from forge.doctor.system_deps.rosdep import covers, known_databases, read_databases
+from forge.doctor.system_deps.system import installed_names, os_release, system_of
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.discovery import discover_embedded
@@ -30,11 +28,12 @@ from forge.workspace.resolve import answered_names
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from forge.cli.main import Parser
     from forge.doctor.system_deps.outstanding import Need
-    from forge.doctor.system_deps.rosdep import System
+    from forge.doctor.system_deps.rosdep import Database
+    from forge.doctor.system_deps.system import System
     from forge.workspace.load import Loaded
 
 
@@ -89,9 +88,7 @@ def run(options: argparse.Namespace) -> int:
     root = Path.cwd()
     kinds = _kinds(options.dependency_types or ())
     system = system_of(os_release(), options.os)
-    database = merged(
-        (*read_databases(options.rosdep_file or ()), *known_databases(system, os.environ), common_keys())
-    )
+    databases = (*read_databases(options.rosdep_file or ()), *known_databases(system, os.environ))
     loaded = load_workspace(root, package_options.query_of(options), os.environ)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     if not loaded.packages:
@@ -99,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
         raise SelectionError(Problem(f"no packages found below '{root}'", hint=hint))
     print_warnings(loaded.warnings)
     selected = [loaded.packages[node] for node in loaded.selection.names]
-    needs = needs_of(selected, kinds, _provider(loaded, root / options.install_base), database, system)
+    needs = needs_of(selected, kinds, _provider(loaded, root / options.install_base), databases, system)
+    print_warnings(_unresolved(needs, databases, system))
     python = _python(options)
     # It is unknown what is installed on another system.
     have = frozenset() if options.os else _installed(needs, python)
@@ -151,6 +149,24 @@ def _python(options: argparse.Namespace) -> str:
         return str(find_interpreter(options.python, os.environ).path)
     except EnvironmentFault:
         return options.python or "python3"
+
+
+def _unresolved(needs: tuple[Need, ...], databases: Sequence[Database], system: System) -> Iterator[Problem]:
+    """Yield a warning if keys are unknown because no database contains names for the system."""
+    count = sum(not (need.provider or need.manager or need.ros) for need in needs)
+    name = f"{system.name}:{system.version}".rstrip(":")
+    keys = f"{count} dependenc{'y' if count == 1 else 'ies'}"
+    if count and not databases:
+        yield Problem(
+            f"cannot look up {keys} for {name}: this machine has no rosdep database",
+            hint="run `pip install 'ros-forge[rosdep]'`, `sudo rosdep init` and `rosdep update`, "
+            "or give a file with names to '--rosdep-file'",
+        )
+    elif count and not covers(databases, system):
+        yield Problem(
+            f"cannot look up {keys}: rosdep's data has no names for {name}",
+            hint="list the names of a similar system, for example with '--os ubuntu:noble'",
+        )
 
 
 def _installed(needs: tuple[Need, ...], python: str) -> frozenset[tuple[str, str]]:

@@ -10,9 +10,10 @@ from forge.workspace.model import Kind
 from forge.workspace.resolve import is_ros_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from forge.doctor.system_deps.rosdep import Database, System
+    from forge.doctor.system_deps.rosdep import Database
+    from forge.doctor.system_deps.system import System
     from forge.workspace.model import Package
 
 USUAL_KINDS = frozenset(Kind) - {Kind.DOC}
@@ -27,6 +28,8 @@ COMMANDS: Mapping[str, str] = {
     "snap": "sudo snap install",
     "pacman": "sudo pacman -S",
     "apk": "sudo apk add",
+    "zypper": "sudo zypper install",
+    "portage": "sudo emerge",
 }
 """The install command of each package manager."""
 
@@ -51,7 +54,7 @@ def needs_of(
     packages: Iterable[Package],
     kinds: frozenset[Kind],
     provider: Callable[[str], str | None],
-    database: Database,
+    databases: Sequence[Database],
     system: System,
 ) -> tuple[Need, ...]:
     """Return all dependencies of the packages of one of `kinds`, by name."""
@@ -59,11 +62,13 @@ def needs_of(
     for package in packages:
         for name in dict.fromkeys(package.manifest.names(kinds)):
             users.setdefault(name, []).append(package.name)
-    return tuple(_need(key, sorted(users[key]), provider(key), database, system) for key in sorted(users))
+    return tuple(_need(key, sorted(users[key]), provider(key), databases, system) for key in sorted(users))
 
 
-def _need(key: str, users: list[str], provided: str | None, database: Database, system: System) -> Need:
-    found = None if provided else resolve(key, database, system)
+def _need(
+    key: str, users: list[str], provided: str | None, databases: Sequence[Database], system: System
+) -> Need:
+    found = None if provided else resolve(key, databases, system)
     if provided or found is None:
         return Need(key, tuple(users), provided, ros=not provided and is_ros_name(key))
     return Need(key, tuple(users), None, found.manager, found.names)

@@ -1,39 +1,31 @@
-"""Resolves rosdep keys such as 'python3-numpy' to packages of a package manager (REP 111).
+"""Reads rosdep's databases on this machine and looks up keys such as 'python3-numpy' in them (REP 111).
 
 A database maps a key to operating systems, and these to rules. A rule is a list of names, or names by package
-manager, or either of these by version of the system, where '*' matches all others. Of several databases the
-first with a rule for the key and system wins.
+manager, or either of these by version of the system, where '*' matches all others.
+
+Nothing is downloaded. rosdep's cache is pickled; only plain values are loaded from it, no objects.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
+import pickle
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from forge.doctor.system_deps.system import System
 
     Database = Mapping[str, Any]
 
-_APT = ("apt", "pip", "gem", "npm", "source")
-_DNF = ("pip", "dnf", "yum", "source")
-_DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})
-_RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "openeuler", "amzn"})
-
-
-@frozen
-class System:
-    """An operating system: its name and version as in rosdep's files, and its package manager."""
-
-    name: str
-    version: str
-    manager: str
-
-    @property
-    def managers(self) -> tuple[str, ...]:
-        """The package managers that rules may use."""
-        return _APT if self.manager == "apt" else _DNF if self.manager == "dnf" else (self.manager, "pip")
+SOURCES = Path("/etc/ros/rosdep/sources.list.d")
 
 
 @frozen
@@ -44,42 +36,38 @@ class Resolved:
     names: tuple[str, ...]
 
 
-def system_of(fields: Mapping[str, str], asked: str | None = None) -> System:
-    """Return the system described by /etc/os-release, or NAME:VERSION if given."""
-    name, version = fields.get("ID", "linux").lower(), fields.get("VERSION_ID", "")
-    kin = (name, *fields.get("ID_LIKE", "").lower().split())
-    if asked:
-        name, _, version = asked.lower().partition(":")
-        kin = (name,)
-    elif not _DEBIAN.isdisjoint(kin):
-        codename = fields.get("UBUNTU_CODENAME") or fields.get("VERSION_CODENAME")
-        version = codename or version
-        # rosdep's files use codenames for versions of Ubuntu and Debian.
-        name = name if name in {"debian", "ubuntu"} else "ubuntu" if "UBUNTU_CODENAME" in fields else "debian"
-    elif not _RED_HAT.isdisjoint(kin) and name not in {"fedora", "openeuler"}:
-        name, version = "rhel", version.partition(".")[0]
-    manager = "apt" if not _DEBIAN.isdisjoint(kin) else "dnf" if not _RED_HAT.isdisjoint(kin) else ""
-    return System(name, version, manager or {"arch": "pacman", "alpine": "apk"}.get(name, "apt"))
+def read_databases(files: Iterable[str]) -> list[dict[str, Any]]:
+    """Return the databases in the given files; raises WorkspaceError for unreadable ones."""
+    return [_read(Path(file).expanduser()) for file in files]
 
 
-def merged(databases: Iterable[Database]) -> dict[str, dict[str, Any]]:
-    """Return one database in which the first rule for each key and system wins."""
-    found: dict[str, dict[str, Any]] = {}
-    for database in databases:
-        for key, rules in database.items():
-            if isinstance(rules, dict):
-                known = found.setdefault(str(key), {})
-                for system, rule in rules.items():
-                    known.setdefault(str(system), rule)
-    return found
+def known_databases(system: System, variables: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    """Yield the databases that rosdep would use, in its order, if they are available locally.
+
+    Lists of sources name local files, or URLs for which rosdep's cache is used. The data that the last
+    `rosdep update` added for ROS distributions comes last.
+    """
+    tags = {variables.get("ROS_DISTRO", ""), system.name, system.version}
+    home = Path(variables.get("ROS_HOME") or "~/.ros").expanduser() / "rosdep" / "sources.cache"
+    seen = set()
+    for url, wanted in (*_sources(variables), *_listed(home / "index")):
+        if url in seen or not tags.issuperset(wanted):
+            continue
+        seen.add(url)
+        local = Path(url.removeprefix("file://"))
+        database = _quietly(local) if url.startswith("file://") else _cached(home, url)
+        if database:
+            yield database
 
 
-def resolve(key: str, database: Database, system: System) -> Resolved | None:
-    """Return the packages of a key for a system; None if it is unknown or has no package."""
-    rules = database.get(key)
-    if not isinstance(rules, dict) or system.name not in rules:
-        return None
-    rule, manager = _by_manager(rules[system.name], system)
+def resolve(key: str, databases: Sequence[Database], system: System) -> Resolved | None:
+    """Return the packages of a key for a system; None if it is unknown or has no package.
+
+    The first database with a rule for the key and the system wins.
+    """
+    rules = (rules for database in databases if isinstance(rules := database.get(key), dict))
+    rule = next((each[system.name] for each in rules if system.name in each), None)
+    rule, manager = _by_manager(rule, system)
     if manager is None and isinstance(rule, dict):
         versions = {str(version): part for version, part in rule.items()}
         rule, manager = _by_manager(versions.get(system.version, versions.get("*")), system)
@@ -87,6 +75,12 @@ def resolve(key: str, database: Database, system: System) -> Resolved | None:
             return None
     names = _names(rule)
     return None if names is None else Resolved(manager or system.manager, names)
+
+
+def covers(databases: Iterable[Database], system: System) -> bool:
+    """Tell whether any database has a rule for the system."""
+    every = (rules for database in databases for rules in database.values())
+    return any(isinstance(rules, dict) and system.name in rules for rules in every)
 
 
 def _by_manager(rule: object, system: System) -> tuple[object, str | None]:
@@ -114,3 +108,60 @@ def _names(rule: object) -> tuple[str, ...] | None:
             return tuple(map(str, rule))
         case _:
             return None
+
+
+def _sources(variables: Mapping[str, str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    folders = variables.get("ROSDEP_SOURCE_PATH", str(SOURCES)).split(os.pathsep)
+    for folder in map(Path, folders):
+        for file in sorted(folder.glob("*.list")):
+            yield from _listed(file)
+
+
+def _listed(file: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield URL and tags of each line 'yaml URL TAG ...'."""
+    try:
+        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return
+    for line in lines:
+        words = line.split()
+        if words[:1] == ["yaml"] and words[1:]:
+            yield words[1], tuple(words[2:])
+
+
+def _cached(home: Path, url: str) -> dict[str, Any]:
+    """Return rosdep's cached copy of a database; empty if there is no readable one."""
+    name = hashlib.sha1(url.encode()).hexdigest()  # noqa: S324  (rosdep's name for the file)
+    try:
+        with (home / f"{name}.pickle").open("rb") as stream:
+            value = _Plain(stream).load()
+    except OSError:
+        return _quietly(home / name)
+    except Exception:  # noqa: BLE001  (corrupt pickles raise arbitrary exceptions)
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+class _Plain(pickle.Unpickler):
+    """Unpickles mappings, lists, strings and numbers; rejects anything that needs imports."""
+
+    def find_class(self, module: str, name: str) -> Any:  # noqa: ANN401  (as in the standard library)
+        raise pickle.UnpicklingError(f"{module}.{name} is not a plain value")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        message = f"cannot read the rosdep file: {(error.strerror or str(error)).lower()}"
+        raise WorkspaceError(Problem(message, Place(path))) from None
+    except UnicodeDecodeError:
+        raise WorkspaceError(Problem("the rosdep file is not valid UTF-8", Place(path))) from None
+    return read_yaml(text, path)
+
+
+def _quietly(path: Path) -> dict[str, Any]:
+    try:
+        return _read(path)
+    except WorkspaceError:
+        return {}

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.doctor.system_deps.common_keys import common_keys
-from forge.doctor.system_deps.rosdep import Resolved, System, merged, resolve, system_of
-from forge.doctor.system_deps.rosdep_files import known_databases, os_release
+from forge.doctor.system_deps.rosdep import Resolved, covers, known_databases, resolve
+from forge.doctor.system_deps.system import System, os_release, system_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,18 +44,24 @@ EULER = System("openeuler", "24.03", "dnf")
     ],
 )
 def test_a_rule_means_what_rosdep_says(rule: object, expected: Resolved | None) -> None:
-    assert resolve("k", {"k": {"ubuntu": rule}}, JAMMY) == expected
+    assert resolve("k", [{"k": {"ubuntu": rule}}], JAMMY) == expected
 
 
 def test_versions_may_be_numbers_and_yum_is_dnf() -> None:
     database = {"k": {"openeuler": {24.03: {"yum": {"packages": ["a"]}}}}}
-    assert resolve("k", database, EULER) == Resolved("dnf", ("a",))
+    assert resolve("k", [database], EULER) == Resolved("dnf", ("a",))
 
 
 def test_the_first_source_that_knows_a_system_counts() -> None:
     first: dict[str, Any] = {"k": {"ubuntu": ["mine"]}, "odd": "no mapping"}
     second: dict[str, Any] = {"k": {"ubuntu": ["theirs"], "fedora": ["f"]}, "l": {"ubuntu": ["l"]}}
-    assert merged([first, second]) == {"k": {"ubuntu": ["mine"], "fedora": ["f"]}, "l": {"ubuntu": ["l"]}}
+    databases = [first, second]
+    assert resolve("k", databases, JAMMY) == Resolved("apt", ("mine",))
+    assert resolve("k", databases, System("fedora", "40", "dnf")) == Resolved("dnf", ("f",))
+    assert resolve("l", databases, JAMMY) == Resolved("apt", ("l",))
+    assert resolve("odd", databases, JAMMY) is None
+    assert covers(databases, JAMMY)
+    assert not covers(databases, EULER)
 
 
 @pytest.mark.parametrize(
@@ -68,6 +73,12 @@ def test_the_first_source_that_knows_a_system_counts() -> None:
         ('ID="openEuler"\nVERSION_ID="24.03"\n', EULER),
         ('ID=rocky\nID_LIKE="rhel centos fedora"\nVERSION_ID="9.3"\n', System("rhel", "9", "dnf")),
         ("ID=fedora\nVERSION_ID=40\n", System("fedora", "40", "dnf")),
+        (
+            'ID="opensuse-leap"\nID_LIKE="suse opensuse"\nVERSION_ID="15.6"\n',
+            System("opensuse", "15.6", "zypper"),
+        ),
+        ("ID=manjaro\nID_LIKE=arch\n", System("arch", "", "pacman")),
+        ("ID=void\n", System("void", "", "void")),
     ],
 )
 def test_the_system_is_read_from_os_release(tmp_path: Path, said: str, expected: System) -> None:
@@ -110,16 +121,6 @@ def test_a_cache_with_anything_but_plain_values_is_left_alone(tmp_path: Path) ->
     assert not (tmp_path / "made").exists()
 
 
-def test_the_table_of_common_keys_is_a_database() -> None:
-    table = common_keys()
-    assert len(table) > 150
-    assert resolve("python3-numpy", table, JAMMY) == Resolved("apt", ("python3-numpy",))
-    assert resolve("python3-yaml", table, EULER) == Resolved("dnf", ("python3-pyyaml",))
-    assert resolve("python3-transforms3d", table, JAMMY) == Resolved("pip", ("transforms3d",))
-    for key in table:
-        assert resolve(key, table, JAMMY) or resolve(key, table, EULER), key
-
-
 @given(
     st.recursive(
         st.none() | st.text(max_size=3) | st.integers(),
@@ -128,4 +129,4 @@ def test_the_table_of_common_keys_is_a_database() -> None:
 )
 @settings(max_examples=30)
 def test_any_rule_is_read(rule: object) -> None:
-    resolve("k", {"k": {"ubuntu": rule}}, JAMMY)
+    resolve("k", [{"k": {"ubuntu": rule}}], JAMMY)

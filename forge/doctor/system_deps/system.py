@@ -1,0 +1,114 @@
+"""The operating system as rosdep names it, its package manager, and the installed packages."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+
+OS_RELEASE = (Path("/etc/os-release"), Path("/usr/lib/os-release"))
+DPKG_STATUS = Path("/var/lib/dpkg/status")
+
+_APT = ("apt", "pip", "gem", "npm", "source")
+_DNF = ("pip", "dnf", "yum", "source")
+_DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})
+_RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "openeuler", "amzn"})
+_MANAGERS = {"alpine": "apk", "arch": "pacman", "gentoo": "portage", "opensuse": "zypper"}
+"""The package manager of other systems that rosdep knows."""
+
+_PARAGRAPH = re.compile(r"^(Package|Status|Provides): (.*)$", re.MULTILINE)
+_PIP = r"""import importlib.metadata as m, re, sys
+have = {re.sub("[-_.]+", "-", d.metadata["Name"] or "").lower() for d in m.distributions()}
+plain = lambda name: re.sub("[-_.]+", "-", re.split("[<>=!~ ]", name)[0]).lower()
+print(*(name for name in sys.argv[1:] if plain(name) in have), sep="\n")
+"""
+
+
+@frozen
+class System:
+    """An operating system: its name and version as in rosdep's files, and its package manager."""
+
+    name: str
+    version: str
+    manager: str
+
+    @property
+    def managers(self) -> tuple[str, ...]:
+        """The package managers that rules may use."""
+        return _APT if self.manager == "apt" else _DNF if self.manager == "dnf" else (self.manager, "pip")
+
+
+def system_of(fields: Mapping[str, str], asked: str | None = None) -> System:
+    """Return the system described by /etc/os-release, or NAME:VERSION if given."""
+    name, version = fields.get("ID", "linux").lower(), fields.get("VERSION_ID", "")
+    kin = (name, *fields.get("ID_LIKE", "").lower().split())
+    if asked:
+        name, _, version = asked.lower().partition(":")
+        kin = (name,)
+    elif not _DEBIAN.isdisjoint(kin):
+        codename = fields.get("UBUNTU_CODENAME") or fields.get("VERSION_CODENAME")
+        version = codename or version
+        # rosdep's files use codenames for versions of Ubuntu and Debian.
+        name = name if name in {"debian", "ubuntu"} else "ubuntu" if "UBUNTU_CODENAME" in fields else "debian"
+    elif not _RED_HAT.isdisjoint(kin) and name not in {"fedora", "openeuler"}:
+        name, version = "rhel", version.partition(".")[0]
+    else:
+        name = next((family for family in _MANAGERS if family in kin), name)
+    manager = "apt" if not _DEBIAN.isdisjoint(kin) else "dnf" if not _RED_HAT.isdisjoint(kin) else ""
+    return System(name, version, manager or _MANAGERS.get(name, name))
+
+
+def os_release(files: Iterable[Path] = OS_RELEASE) -> dict[str, str]:
+    """Return the unquoted fields of os-release; empty without such a file."""
+    for file in files:
+        try:
+            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            continue
+        pairs = (line.partition("=") for line in lines if "=" in line and not line.startswith("#"))
+        return {name.strip(): value.strip().strip("\"'") for name, _, value in pairs}
+    return {}
+
+
+def installed_names(manager: str, names: Collection[str], python: str) -> frozenset[str]:
+    """Return the names that are installed according to a package manager; empty if it is unknown."""
+    if manager == "apt":
+        return frozenset(names) & _in_dpkg(DPKG_STATUS)
+    if manager in {"dnf", "zypper"} and shutil.which("rpm"):
+        return frozenset(name for name in names if _succeeds("rpm", "-q", "--whatprovides", name))
+    if manager == "pip":
+        asked = subprocess.run(
+            (python, "-c", _PIP, *names),
+            capture_output=True,
+            text=True,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+        return frozenset(asked.stdout.splitlines()) & frozenset(names)
+    return frozenset()
+
+
+def _in_dpkg(status: Path) -> frozenset[str]:
+    """Return the packages installed with dpkg, and what they provide."""
+    try:
+        text = status.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return frozenset()
+    found: set[str] = set()
+    for paragraph in text.split("\n\n"):
+        fields = dict(_PARAGRAPH.findall(paragraph))
+        if fields.get("Status", "").endswith(" installed"):
+            provided = (word.split()[0] for word in fields.get("Provides", "").split(",") if word.strip())
+            found.update((fields["Package"], *provided))
+    return frozenset(found)
+
+
+def _succeeds(*argv: str) -> bool:
+    return not subprocess.run(argv, capture_output=True, check=False, stdin=subprocess.DEVNULL).returncode
