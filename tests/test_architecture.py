@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.packages import manifest_text
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -187,7 +189,8 @@ def test_modules_and_functions_can_be_read_in_one_sitting(module: str) -> None:
 @pytest.mark.parametrize(
     "argv",
     [
-        *(("--help",), ("--version",), ("list", "--help"), ("pkg", "list"), ("run", "a", "b")),
+        *(("--help",), ("--version",), ("list",), ("list", "--help"), ("pkg", "list"), ("run", "a", "b")),
+        *(("build", "--help"), ("info",), ("graph",)),
         *(("test", "--help"), ("test-result", "--help"), ("clean", "--help"), ("completion", "--help")),
     ],
 )
@@ -197,6 +200,9 @@ def test_a_light_command_imports_nothing_heavy(argv: tuple[str, ...], tmp_path: 
         f"try:\n    main({argv!r})\nexcept SystemExit:\n    pass\n"
         f"print('heavy:', sorted({set(HEAVY)!r} & sys.modules.keys()))\n"
     )
+    for name, need in (("a", ""), ("b", "<depend>a</depend>")):
+        (tmp_path / "src" / name).mkdir(parents=True)
+        (tmp_path / "src" / name / "package.xml").write_text(manifest_text(name, need), encoding="utf-8")
     env = {"PYTHONPATH": str(ROOT), "AMENT_PREFIX_PATH": str(tmp_path)}
     ran = subprocess.run(
         [sys.executable, "-c", script], env=env, cwd=tmp_path, capture_output=True, text=True, check=True

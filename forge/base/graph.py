@@ -73,6 +73,21 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
     return frozenset(found)
 
 
+def contracted(needs: Mapping[str, Iterable[str]], names: Collection[str]) -> dict[str, frozenset[str]]:
+    """Return the dependencies of `names` on each other, also those over other names."""
+    found = {}
+    for name in names:
+        seen: set[str] = set()
+        waiting = list(needs.get(name, ()))
+        while waiting:
+            need = waiting.pop()
+            if need not in seen:
+                seen.add(need)
+                waiting.extend(() if need in names else needs.get(need, ()))
+        found[name] = frozenset(need for need in seen if need in names)
+    return found
+
+
 class Below(Collection[str]):
     """The recursive dependencies of a name in topological order, computed on demand.
 
@@ -174,12 +189,16 @@ def weak_edges_on_cycles(
 
 def find_cycle(needs: Mapping[str, frozenset[str]]) -> tuple[str, ...] | None:
     """Return a shortest cycle as a -> b -> ... -> a (first and last are equal), or None."""
-    best: tuple[str, ...] | None = None
+    import networkx as nx  # noqa: PLC0415  (only needed to report a cycle)
+
+    graph = nx.DiGraph((name, need) for name in sorted(needs) for need in sorted(needs[name]))
+    best: tuple[str, ...] = ()
     for start in sorted(_unorderable(needs)):
-        path = _shortest_way(needs, start, len(best) - 1 if best else None)
-        if path and (best is None or len(path) < len(best)):
-            best = path
-    return best
+        lengths = nx.single_source_shortest_path_length(graph, start, len(best) - 2 if best else None)
+        end = next((name for name in lengths if graph.has_edge(name, start)), None)
+        if end is not None and (not best or lengths[end] < len(best) - 2):
+            best = (*nx.shortest_path(graph, start, end), start)
+    return best or None
 
 
 def _unorderable(needs: Mapping[str, frozenset[str]]) -> frozenset[str]:
@@ -192,27 +211,3 @@ def _unorderable(needs: Mapping[str, frozenset[str]]) -> frozenset[str]:
             left -= free
             changed = bool(free)
     return frozenset(left)
-
-
-def _shortest_way(
-    needs: Mapping[str, frozenset[str]], start: str, limit: int | None
-) -> tuple[str, ...] | None:
-    """Return the shortest path from `start` to itself with fewer than `limit` edges, or None."""
-    before: dict[str, str] = {}
-    layer = [start]
-    steps = 0
-    while layer and (limit is None or steps + 1 < limit):
-        steps += 1
-        following = []
-        for name in layer:
-            for need in sorted(needs[name]):
-                if need == start:
-                    way = [start, name]
-                    while way[-1] != start:
-                        way.append(before[way[-1]])
-                    return tuple(reversed(way))
-                if need in needs and need not in before:
-                    before[need] = name
-                    following.append(need)
-        layer = following
-    return None

@@ -15,7 +15,7 @@ from hypothesis import example, given
 from forge.base.templating import render
 from forge.interfaces.html_site import About, site
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
-from forge.output.charts.charts import Chart, mermaid, printable
+from forge.output.charts.charts import Chart, drawn_graph, mermaid, printable
 from forge.output.charts.drawing import drawn, facts
 from forge.output.charts.timing_views import STEP_KINDS, page, trace
 from forge.output.charts.timing_views import facts as timing_facts
@@ -111,10 +111,10 @@ def chart_of(text: str, name: str) -> Chart:
 
 def picture_of(chart: Chart, form: str) -> str:
     """Return the page or the picture of a graph whose packages took a second each."""
-    seconds = dict.fromkeys(chart.ordered, 1.0)
-    about: dict[str, object] = {"title": chart.ordered[0], "picture": drawn(chart, seconds)}
+    seconds, graph = dict.fromkeys(chart.ordered, 1.0), drawn_graph(chart)
+    about: dict[str, object] = {"title": chart.ordered[0], "picture": drawn(chart, graph, seconds)}
     if form == "html":
-        about["facts"] = facts(chart, seconds)
+        about["facts"] = facts(chart, graph, seconds)
     about["title"] = printable(chart.ordered[0])
     return render(f"html/graph.{form}.j2", **about)
 

@@ -85,11 +85,12 @@ def _picture(chart: Chart, options: argparse.Namespace, root: Path) -> str:
 
     records = open_journal(root / options.build_base).records
     seconds = {name: record.seconds for name, record in records.items() if record.seconds}
-    picture = drawn(chart, seconds)
+    graph = charts.drawn_graph(chart)
+    picture = drawn(chart, graph, seconds)
     title = f"{charts.printable(root.name)}: {len(picture.nodes)} packages"
     if options.svg:
         return render("html/graph.svg.j2", title=title, picture=picture)
-    return render("html/graph.html.j2", title=title, picture=picture, facts=facts(chart, seconds))
+    return render("html/graph.html.j2", title=title, picture=picture, facts=facts(chart, graph, seconds))
 
 
 def _joined(lines: Iterable[str]) -> str:

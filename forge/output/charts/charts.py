@@ -6,13 +6,15 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.base.graph import closures, reduced
+from forge.base.graph import closures, contracted
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.selection import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import PurePath
+
+    import networkx as nx
 
     from forge.workspace.model import Package
 
@@ -96,14 +98,25 @@ def mermaid(chart: Chart) -> Iterator[str]:
     numbers = {node: number for number, node in enumerate(shown)}
     yield "flowchart TD"
     yield from (f'  p{number}["{_in_mermaid(name_of(node))}"]' for node, number in numbers.items())
-    needs = drawn_needs(chart)
-    yield from (f"  p{numbers[node]} --> p{numbers[need]}" for node in shown for need in needs[node])
+    graph = drawn_graph(chart)
+    yield from (f"  p{numbers[node]} --> p{numbers[need]}" for node in shown for need in graph[node])
 
 
-def drawn_needs(chart: Chart) -> dict[str, tuple[str, ...]]:
-    """Return the dependencies among selected nodes, also over hidden ones, without implied ones."""
-    below = closures(chart.needs, chart.ordered)
-    return reduced({node: below[node] for node in chart.shown}, chart.shown)
+def drawn_graph(chart: Chart) -> nx.DiGraph[str]:
+    """Return the dependencies among selected nodes, also over hidden ones, without implied ones.
+
+    Nodes and their successors are in topological order.
+    """
+    import networkx as nx  # noqa: PLC0415  (the matrix and dot can do without)
+
+    needs = contracted(chart.needs, chart.selected)
+    graph = nx.DiGraph((node, need) for node in chart.shown for need in needs[node])
+    graph.add_nodes_from(chart.shown)
+    reduced = nx.transitive_reduction(graph)
+    ordered: nx.DiGraph[str] = nx.DiGraph()
+    ordered.add_nodes_from(chart.shown)
+    ordered.add_edges_from((node, need) for need in chart.shown for node in reduced.predecessors(need))
+    return ordered
 
 
 def printable(text: str) -> str:

@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.text import duration
-from forge.output.charts.charts import drawn_needs, printable
+from forge.output.charts.charts import printable
 from forge.output.charts.layering import lay_out
 from forge.workspace.resolve import INTERFACE_GROUP
 from forge.workspace.selection import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    import networkx as nx
 
     from forge.output.charts.charts import Chart
     from forge.output.charts.layering import Spot
@@ -74,17 +76,13 @@ class Picture:
     timed: bool
 
 
-def drawn(chart: Chart, seconds: Mapping[str, float]) -> Picture:
-    """Return the picture of the selected nodes; heights show build times.
-
-    Edges implied by others are left out; edges over hidden packages are included.
-    """
+def drawn(chart: Chart, graph: nx.DiGraph[str], seconds: Mapping[str, float]) -> Picture:
+    """Return the picture of a chart's drawn graph; heights show build times."""
     shown = chart.shown
-    needs = drawn_needs(chart)
     times = {node: seconds[name_of(node)] for node in shown if name_of(node) in seconds}
     longest = max(times.values(), default=0.0)
     sizes = {node: _size(node, times, longest) for node in shown}
-    layout = lay_out(needs, sizes)
+    layout = lay_out(graph, sizes)
     numbers = {node: number for number, node in enumerate(shown)}
     used = {kind_of(chart.packages[node]) for node in shown}
     return Picture(
@@ -103,11 +101,10 @@ def drawn(chart: Chart, seconds: Mapping[str, float]) -> Picture:
     )
 
 
-def facts(chart: Chart, seconds: Mapping[str, float]) -> list[dict[str, object]]:
+def facts(chart: Chart, graph: nx.DiGraph[str], seconds: Mapping[str, float]) -> list[dict[str, object]]:
     """Return the details of each node for the page, by index; `lines` are the drawn edges."""
     shown = chart.shown
     numbers = {node: number for number, node in enumerate(shown)}
-    needs = drawn_needs(chart)
     found: list[dict[str, object]] = []
     for node in shown:
         package = chart.packages[node]
@@ -121,7 +118,7 @@ def facts(chart: Chart, seconds: Mapping[str, float]) -> list[dict[str, object]]
                 "description": _plain_text(package.manifest.description),
                 "time": None if took is None else duration(took),
                 "needs": sorted(numbers[need] for need in chart.needs[node] if need in numbers),
-                "lines": sorted(numbers[need] for need in needs[node]),
+                "lines": sorted(numbers[need] for need in graph[node]),
             }
         )
     return found

@@ -12,6 +12,8 @@ from bisect import bisect_right, insort
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import networkx as nx
+
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -69,34 +71,30 @@ class _Graph:
         return self.layer[vertex[0]] == vertex[1]
 
 
-def lay_out(needs: Mapping[str, Sequence[str]], sizes: Mapping[str, tuple[float, float]]) -> Layout:
-    """Lay out the nodes of `needs`, which is in topological order; `sizes` contains widths and heights.
+def lay_out(needs: nx.DiGraph[str], sizes: Mapping[str, tuple[float, float]]) -> Layout:
+    """Lay out a graph whose edges lead to dependencies; `sizes` contains widths and heights.
 
     Nodes without edges are placed in rows below the others.
     """
-    needed = {need for wanted in needs.values() for need in wanted}
-    tied = {name: wanted for name, wanted in needs.items() if wanted or name in needed}
-    alone = [name for name in needs if name not in tied]
+    alone = list(nx.isolates(needs))
+    tied = needs.copy()
+    tied.remove_nodes_from(alone)
     graph = _layered(tied)
     columns = _with_few_crossings(graph)
     return _beneath(_drawn(columns, _levels(columns, graph, sizes), graph, tied, sizes), alone, sizes)
 
 
-def _layered(needs: Mapping[str, Sequence[str]]) -> _Graph:
-    layer: dict[str, int] = {}
-    reach: dict[str, int] = {}
-    for name, wanted in needs.items():
-        layer[name] = reach[name] = max((layer[need] + 1 for need in wanted), default=0)
-        for need in wanted:
-            reach[need] = max(reach[need], layer[name] - 1)
-    columns: list[list[Vertex]] = [[] for _ in range(max(layer.values(), default=-1) + 1)]
+def _layered(needs: nx.DiGraph[str]) -> _Graph:
+    generations = list(nx.topological_generations(needs.reverse()))
+    layer = {name: at for at, names in enumerate(generations) for name in names}
+    columns: list[list[Vertex]] = [[] for _ in generations]
     left: dict[Vertex, list[Vertex]] = {}
-    for name, wanted in needs.items():
+    for name in needs:
         first = layer[name]
-        left[name, first] = [(need, first - 1) for need in wanted]
-        for later in range(first + 1, reach[name] + 1):
-            left[name, later] = [(name, later - 1)]
-        for at in range(first, reach[name] + 1):
+        last = max((layer[user] - 1 for user in needs.predecessors(name)), default=first)
+        left[name, first] = [(need, first - 1) for need in needs[name]]
+        left.update({(name, later): [(name, later - 1)] for later in range(first + 1, last + 1)})
+        for at in range(first, last + 1):
             columns[at].append((name, at))
     right: dict[Vertex, list[Vertex]] = {vertex: [] for vertex in left}
     for vertex, before in left.items():
@@ -204,7 +202,7 @@ def _drawn(
     columns: Columns,
     levels: Mapping[Vertex, float],
     graph: _Graph,
-    needs: Mapping[str, Sequence[str]],
+    needs: nx.DiGraph[str],
     sizes: Mapping[str, tuple[float, float]],
 ) -> Layout:
     edges = list(_edges(columns, graph, sizes))
@@ -221,7 +219,7 @@ def _drawn(
             yield from ((edge, level) for edge in edges[between])
         yield end.x, end.y
 
-    lines = {(name, need): tuple(points(name, need)) for name, wanted in needs.items() for need in wanted}
+    lines = {(name, need): tuple(points(name, need)) for name, need in needs.edges}
     return Layout(spots, lines, edges[-1][1] if edges else 0.0, bottom - top)
 
 

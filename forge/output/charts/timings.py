@@ -6,7 +6,10 @@ import json
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
+import networkx as nx
+
 from forge.base.frozen import frozen
+from forge.base.graph import contracted
 from forge.cache.model import RESTORED
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
 
@@ -93,11 +96,9 @@ def read_build(lines: Iterable[str]) -> Build:
     usage = next((event for event in events if event["event"] == "Usage"), None)
     planned = {event["package"]: event.get("needs", ()) for event in events if event["event"] == "Planned"}
     started = {event["package"] for event in events if event["event"] == "Started"}
-    runs = [
-        _package(own, ended, _waited_for(name, planned, started))
-        for name, own in by_package.items()
-        if name in started
-    ]
+    # A package also waits, over packages that are up to date, for what these depend on.
+    needs = contracted(planned, started)
+    runs = [_package(own, ended, needs[name]) for name, own in by_package.items() if name in started]
     return Build(
         packages=tuple(sorted(runs, key=lambda run: run.begun)),
         fresh=tuple(name for name, own in by_package.items() if _first(own, "Fresh")),
@@ -116,19 +117,11 @@ def critical_path(packages: Sequence[PackageRun]) -> tuple[PackageRun, ...]:
     It is a lower bound of the build time with any number of processors.
     """
     runs = {run.name: run for run in packages}
-    length: dict[str, float] = {}
-    before: dict[str, str | None] = {}
-    # Dependencies start before their dependents, so that the order of starts is topological.
+    graph: nx.DiGraph[str] = nx.DiGraph()
     for run in packages:
-        longest = max(run.needs, key=lambda need: (length[need], need), default=None)
-        before[run.name] = longest
-        length[run.name] = run.seconds + (length[longest] if longest else 0.0)
-    name = max(length, key=lambda name: (length[name], name), default=None)
-    chain: list[PackageRun] = []
-    while name is not None:
-        chain.append(runs[name])
-        name = before[name]
-    return tuple(reversed(chain))
+        # An edge weighs as much as the package it leads to; those without dependencies follow "".
+        graph.add_edges_from(((need, run.name) for need in ("", *run.needs)), seconds=run.seconds)
+    return tuple(runs[name] for name in nx.dag_longest_path(graph, "seconds") if name)
 
 
 def waited(run: PackageRun, runs: Mapping[str, PackageRun]) -> float:
@@ -203,19 +196,6 @@ def _steps(events: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRu
             open_step = None
     if open_step:
         yield StepRun(open_step["step"], open_step["time"], ended, None)
-
-
-def _waited_for(name: str, planned: Mapping[str, Sequence[str]], started: set[str]) -> frozenset[str]:
-    """Return the packages of the build that a package waited for, also indirectly through ones up to date."""
-    found: set[str] = set()
-    waiting = list(planned.get(name, ()))
-    while waiting:
-        need = waiting.pop()
-        if need in started:
-            found.add(need)
-        else:
-            waiting += planned.get(need, ())
-    return frozenset(found)
 
 
 def _first(events: Iterable[Mapping[str, Any]], word: str) -> Mapping[str, Any] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import jinja2
+import networkx as nx
 import pytest
 
 from forge.base import templating
@@ -36,7 +37,7 @@ def test_a_name_that_was_not_given_is_an_error() -> None:
 
 @pytest.mark.parametrize("page", ["html/graph.svg.j2", "html/graph.html.j2"])
 def test_in_pages_and_only_there_names_are_escaped(page: str) -> None:
-    empty = drawn(Chart((), {}, {}, frozenset()), {})
+    empty = drawn(Chart((), {}, {}, frozenset()), nx.DiGraph(), {})
     text = templating.render(page, title="<b>&", picture=empty, facts=["</script>"])
     assert "<b>" not in text
     assert "&lt;b&gt;&amp;" in text
