@@ -6,11 +6,13 @@
       InterfaceError      an interface definition is wrong
       EnvironmentFault    the machine lacks something: a compiler, CMake, numpy, a writable folder
 
-Any other exception is a bug in forge and is reported as such.
+An OSError is one too if `refusal` knows what to do about it. Any other exception is a bug in forge and is
+reported as such.
 """
 
 from __future__ import annotations
 
+import errno
 import sys
 from dataclasses import replace
 from itertools import pairwise
@@ -34,6 +36,24 @@ _WIDEST = 200
 
 EXIT_INTERRUPTED = 130
 """The exit code after Ctrl-C; forge.cli.main defines the others."""
+
+_DISK_FULL = "free some space, or choose other folders with '--build-base', '--install-base' and '--log-base'"
+_VANISHED = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ESTALE})
+_OF_OUTPUT = frozenset({errno.EBADF, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
+_HINTS = {
+    errno.EACCES: "if another user created it, for example with sudo, change its owner or remove it",
+    errno.EPERM: "if another user created it, for example with sudo, change its owner or remove it",
+    errno.EROFS: "make it writable, or choose other folders with '--build-base' and '--install-base'",
+    errno.ENOSPC: _DISK_FULL,
+    errno.EDQUOT: _DISK_FULL,
+    errno.EFBIG: "a limit on the size of files is set: 'ulimit -f' shows it",
+    errno.EMFILE: "a limit on open files is set: 'ulimit -n 4096' raises it",
+    errno.ENFILE: "too many files are open in the whole system",
+    errno.EIO: "the disk may be faulty; check the system log",
+    errno.ENAMETOOLONG: "move the workspace to a shorter path",
+    errno.EISDIR: "expected a file: move or remove the folder",
+    errno.ELOOP: "symbolic links form a cycle: remove one of them",
+}
 
 
 @frozen
@@ -101,6 +121,14 @@ class EnvironmentFault(ForgeError):  # noqa: N818  (EnvironmentError is a builti
     """The machine lacks something the command needs."""
 
 
+class UnfitFileError(OSError):
+    """A file that is not a regular file, or too large."""
+
+    def __init__(self, path: str, reason: str) -> None:
+        """`reason` completes the sentence that starts with the file name."""
+        super().__init__(None, reason, path)
+
+
 def share_hints(problems: Iterable[Problem]) -> list[Problem]:
     """Return the problems; consecutive ones with the same hint show it only after the last."""
     found = list(problems)
@@ -140,6 +168,23 @@ def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeErr
     found = tuple(problems)
     if found:
         raise error(*found)
+
+
+def refusal(error: OSError) -> Problem | None:
+    """Return a problem for the user, or None for an error that is a bug in forge."""
+    if isinstance(error, UnfitFileError):
+        return Problem(f"cannot read '{error.filename}': {error.strerror}")
+    if error.errno in _VANISHED and error.filename:
+        message = f"'{error.filename}' vanished while it was in use"
+        return Problem(message, hint="it may have been removed or moved meanwhile; try again")
+    reason = (error.strerror or str(error)).lower()
+    if not error.filename and error.errno in _OF_OUTPUT:
+        # Errors of other files contain their name.
+        return Problem(f"cannot write to the standard output: {reason}")
+    if error.errno not in _HINTS:
+        return None
+    message = f"cannot read or write '{error.filename or 'a file'}': {reason}"
+    return Problem(message, hint=_HINTS[error.errno])
 
 
 def _window(source: str, column: int | None) -> tuple[str, int | None]:

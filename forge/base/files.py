@@ -10,6 +10,8 @@ import stat
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from forge.base.errors import UnfitFileError
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
@@ -27,14 +29,6 @@ _KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-
-
-class UnfitFileError(OSError):
-    """A file that is not a regular file."""
-
-    def __init__(self, path: str, reason: str) -> None:
-        """`reason` completes the sentence that starts with the file name."""
-        super().__init__(None, reason, path)
 
 
 def read_file(path: str | Path) -> bytes:

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
-from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, share_hints
-from forge.base.os_errors import refusal
+from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, refusal, share_hints
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.config import GENERAL, configured
 from forge.workspace.root import find_root, rebase_paths, working_directory

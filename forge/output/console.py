@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
-    from forge.output.diagnosis import FirstError
+    from forge.output.failure_hints import FirstError
     from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
     from forge.workspace.model import Package
 
@@ -271,7 +271,7 @@ class ConsoleReporter:
 
     def _fail(self, event: Finished) -> None:
         """Print the package, step, first error, log and a command to repeat the step."""
-        from forge.output.diagnosis import first_error  # noqa: PLC0415  (only needed after failures)
+        from forge.output.failure_hints import first_error  # noqa: PLC0415  (only needed after failures)
 
         task = event.task
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
@@ -295,8 +295,7 @@ class ConsoleReporter:
 
     def _hint(self, task: str, text: str) -> str | None:
         """Return a remedy if the cause of a failure is known."""
-        from forge.output.failure_context import failure_context  # noqa: PLC0415
-        from forge.output.failure_hints import hint_of  # noqa: PLC0415  (only needed after failures)
+        from forge.output.failure_hints import failure_context, hint_of  # noqa: PLC0415
 
         return hint_of(text, failure_context(self.packages[task], self.packages, self.python))
 

@@ -1,4 +1,4 @@
-"""Remedies for failures with a known cause.
+"""Finds the first error in the output of a failed program, and remedies for failures with a known cause.
 
 A hint names the line to add or the command to run. If several causes match, the first in the table is the
 most certain one. A wrong hint is worse than none.
@@ -6,24 +6,47 @@ most certain one. A wrong hint is worse than none.
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
+from forge.build.inputs.fingerprints import own_files
+from forge.workspace.cmake_metadata import targets
+from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS
 from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from forge.workspace.model import Package
+
+_INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
+_COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
+_CMAKE = re.compile(r"^CMake Error\b")
+_OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)")
+_LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
+_OTHER = re.compile(
+    r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
+)
+_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 _SURE = 0.8
 """Required similarity for suggestions among many similar names."""
 
 _BUILD_TOOLS = ("ament_cmake", "rosidl_default_generators", "ament_lint_auto")
+
+
+@frozen
+class FirstError:
+    """The lines of an error, and whether it is an error in an interface definition."""
+
+    lines: tuple[str, ...]
+    interface: bool = False
 
 
 @frozen
@@ -53,6 +76,32 @@ class FailureContext:
         return f"<{tag}>{name}</{tag}>"
 
 
+def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
+    """Return the first error in `output`, trying the most specific patterns first, else None.
+
+    Paths of CMakeLists.txt are prefixed with `folder`, so that editors can open them.
+    """
+    plain = [_COLOUR.sub("", line.rstrip("\r\n")) for line in output]
+    for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
+        for index, line in enumerate(plain):
+            if pattern.search(line):
+                first, *rest = _block(plain, index, extent)
+                first = _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), first)
+                return FirstError((first, *rest), pattern is _INTERFACE)
+    return None
+
+
+def failure_context(package: Package, packages: Mapping[str, Package], python: str) -> FailureContext:
+    """Return the context of a failed package; unreadable files are left out."""
+    folder = str(package.path)
+    try:
+        files = tuple(os.path.relpath(path, folder) for path, _ in own_files(folder))
+    except OSError:
+        files = ()
+    text = text_or_nothing(package.path / "CMakeLists.txt")
+    return FailureContext(package, {**discover_embedded(), **packages}, python, files, targets(text))
+
+
 def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
     for pattern, remedy in _REMEDIES:
@@ -61,6 +110,16 @@ def hint_of(output: str, context: FailureContext) -> str | None:
         if hint:
             return hint
     return None
+
+
+def _block(lines: Sequence[str], start: int, extent: int) -> tuple[str, ...]:
+    """Return the line and the lines that belong to it: indented ones and a hint."""
+    block = [lines[start]]
+    for line in lines[start + 1 : start + extent]:
+        if not (line.startswith((" ", "hint:")) or (not line and block[0].startswith("CMake"))):
+            break
+        block.append(line)
+    return tuple(line for line in block if line.strip())
 
 
 def _package_not_found(name: str, context: FailureContext) -> str | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.environment.export import as_dotenv
+from forge.cli.commands.env import as_dotenv
 from forge.environment.sourcing import sourced_environment, workspace_environment
 from tests.installs import Made, dsv_package, make_install
 

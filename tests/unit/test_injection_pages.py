@@ -17,7 +17,8 @@ from forge.interfaces.html_site import About, site
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
 from forge.output.charts.charts import Chart, drawn_graph, mermaid, printable
 from forge.output.charts.drawing import drawn, facts
-from forge.output.charts.timing_views import STEP_KINDS, page, trace
+from forge.output.charts.pages import trace
+from forge.output.charts.timing_views import STEP_KINDS, page
 from forge.output.charts.timing_views import facts as timing_facts
 from forge.output.charts.timings import read_build
 from tests.hostile import FRAGMENTS, hostile

@@ -11,9 +11,8 @@ from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables, without_own
 from forge.doctor.checks import machine, naming, packages, programs, surroundings
-from forge.doctor.checks.checkup import CheckResult
+from forge.doctor.checks.model import CheckResult, Subject, files_of
 from forge.doctor.checks.showing import lines, plain
-from forge.doctor.checks.subject import Subject, files_of
 from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
 from forge.workspace.resolve import missing_problems
@@ -59,14 +58,14 @@ def run(options: argparse.Namespace) -> int:
     layout = shared.layout_of(options, root)
     workspace, subject = _load(root, layout, options)
     checks = (*_ANYWHERE, *(_IN_WORKSPACE if subject.packages else ()))
-    checkups = (workspace, *(check(subject) for check in checks))
+    results = (workspace, *(check(subject) for check in checks))
     if options.json:
         import json  # noqa: PLC0415  (only needed with --json)
 
-        print(json.dumps(plain(checkups), indent=2))
+        print(json.dumps(plain(results), indent=2))
     else:
-        print(*lines(checkups, everything=options.all), sep="\n")
-    return EXIT_USER if any(checkup.errors for checkup in checkups) else 0
+        print(*lines(results, everything=options.all), sep="\n")
+    return EXIT_USER if any(result.errors for result in results) else 0
 
 
 def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[CheckResult, Subject]:

@@ -2,20 +2,52 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError
 from forge.base.names import did_you_mean
-from forge.environment.export import FORMATS
 from forge.environment.sourcing import sourced_environment
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Callable, Iterable, Mapping
 
     from forge.cli.main import Parser
+
+_SPECIAL = re.compile(r'[\\"$`]')
+_ESCAPED = r"\\\g<0>"
+
+
+def as_sh(variables: Mapping[str, str], gone: Iterable[str]) -> str:
+    """Return lines for `eval` in POSIX shells."""
+    lines = [f"export {name}={shlex.quote(value)}" for name, value in sorted(variables.items())]
+    return "".join(f"{line}\n" for line in (*lines, *(f"unset {name}" for name in sorted(gone))))
+
+
+def as_json(variables: Mapping[str, str], gone: Iterable[str]) -> str:
+    """Return an object with strings for variables that are set and null for unset ones."""
+    return json.dumps({**variables, **dict.fromkeys(gone)}, indent=2, sort_keys=True) + "\n"
+
+
+def as_dotenv(variables: Mapping[str, str], gone: Iterable[str]) -> str:
+    """Return a .env file for editors and containers; it cannot unset variables."""
+    del gone
+    lines = (f'{name}="{_SPECIAL.sub(_ESCAPED, value)}"' for name, value in sorted(variables.items()))
+    return "".join(f"{line}\n" for line in lines)
+
+
+FORMATS: Mapping[str, Callable[[Mapping[str, str], Iterable[str]], str]] = {
+    "sh": as_sh,
+    "json": as_json,
+    "dotenv": as_dotenv,
+}
+"""The formats by the name on the command line."""
 
 
 def register(parser: Parser) -> None:

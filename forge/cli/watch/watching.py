@@ -15,8 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem, share_hints
-from forge.base.os_errors import refusal
+from forge.base.errors import EnvironmentFault, ForgeError, Problem, refusal, share_hints
 from forge.base.text import duration
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import for_rebuild

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Place, Problem
-from forge.doctor.checks.checkup import CheckResult
+from forge.doctor.checks.model import CheckResult
 from forge.toolchain.resources import memory, processors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from forge.doctor.checks.subject import Subject
+    from forge.doctor.checks.model import Subject
 
 _GIB = 1 << 30
 _LITTLE, _TOO_LITTLE = _GIB, 50 << 20

@@ -6,14 +6,14 @@ import configparser
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Place, Problem
-from forge.doctor.checks.checkup import CheckResult
+from forge.doctor.checks.model import CheckResult
 from forge.workspace.cmake_metadata import project_name
 from forge.workspace.python_metadata import read_setup_py
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from forge.doctor.checks.subject import Subject
+    from forge.doctor.checks.model import Subject
     from forge.workspace.model import Package
 
 

@@ -9,7 +9,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Place, Problem
-from forge.doctor.checks.checkup import CheckResult
 from forge.doctor.checks.declarations import (
     Grades,
     Surroundings,
@@ -17,6 +16,7 @@ from forge.doctor.checks.declarations import (
     undeclared_in_python,
     unused,
 )
+from forge.doctor.checks.model import CheckResult
 from forge.environment.prefixes import installed_packages
 from forge.environment.underlays import overridden
 from forge.workspace.cmake_metadata import calls
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import re
     from collections.abc import Iterator
 
-    from forge.doctor.checks.subject import Subject
+    from forge.doctor.checks.model import Subject
     from forge.workspace.model import Package
 
 _CODE = (".c", ".cc", ".cpp", ".cu", ".cxx", ".h", ".hh", ".hpp", ".ipp", ".tpp", ".py", ".pyi", ".sh")

@@ -9,7 +9,7 @@ import subprocess
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Place, Problem
-from forge.doctor.checks.checkup import CheckResult, graded
+from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.shells import SHELLS
 from forge.toolchain.interpreter import find_interpreter, lacking, traits
 from forge.toolchain.programs import (
@@ -29,7 +29,7 @@ from forge.workspace.resolve import INTERFACE_GROUP
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from forge.doctor.checks.subject import Subject
+    from forge.doctor.checks.model import Subject
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.model import Package
 

@@ -10,48 +10,48 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from forge.base.errors import Problem
-    from forge.doctor.checks.checkup import CheckResult
+    from forge.doctor.checks.model import CheckResult
 
 _WIDTH = 12
 
 
-def lines(checkups: Sequence[CheckResult], *, everything: bool) -> Iterator[str]:
+def lines(results: Sequence[CheckResult], *, everything: bool) -> Iterator[str]:
     """Yield a line for each topic, then the findings by decreasing severity, and a conclusion."""
-    for checkup in checkups:
-        yield f"{_word(checkup):8}{checkup.topic:{_WIDTH}} {checkup.summary}"
-    shown = [pair for pair in graded(checkups) if everything or pair[0] != "note"]
+    for result in results:
+        yield f"{_word(result):8}{result.topic:{_WIDTH}} {result.summary}"
+    shown = [pair for pair in graded(results) if everything or pair[0] != "note"]
     for severity, _, problem in shown:
         yield ""
         yield problem.render(severity)
     yield ""
-    yield conclusion(checkups, everything=everything)
+    yield conclusion(results, everything=everything)
 
 
-def plain(checkups: Sequence[CheckResult]) -> dict[str, object]:
+def plain(results: Sequence[CheckResult]) -> dict[str, object]:
     """Return the results for JSON: topics, findings, and their numbers."""
-    found = list(graded(checkups))
+    found = list(graded(results))
     return {
         **{
             f"{word}s": sum(severity == word for severity, _, _ in found)
             for word in ("error", "warning", "note")
         },
-        "checked": [{"topic": checkup.topic, "said": checkup.summary} for checkup in checkups],
+        "checked": [{"topic": result.topic, "said": result.summary} for result in results],
         "findings": [_plain(severity, topic, problem) for severity, topic, problem in found],
     }
 
 
-def graded(checkups: Sequence[CheckResult]) -> Iterator[tuple[str, str, Problem]]:
+def graded(results: Sequence[CheckResult]) -> Iterator[tuple[str, str, Problem]]:
     """Yield severity, topic and problem of all findings by decreasing severity."""
     for word in ("error", "warning", "note"):
-        for checkup in checkups:
-            for problem in getattr(checkup, f"{word}s"):
-                yield word, checkup.topic, problem
+        for result in results:
+            for problem in getattr(result, f"{word}s"):
+                yield word, result.topic, problem
 
 
-def conclusion(checkups: Sequence[CheckResult], *, everything: bool) -> str:
+def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
     """Return the last line, which tells whether builds are possible and whether there are more findings."""
     errors, warnings, notes = (
-        sum(len(getattr(checkup, word)) for checkup in checkups) for word in ("errors", "warnings", "notes")
+        sum(len(getattr(result, word)) for result in results) for word in ("errors", "warnings", "notes")
     )
     if errors:
         verb = "stops" if errors == 1 else "stop"
@@ -65,8 +65,8 @@ def conclusion(checkups: Sequence[CheckResult], *, everything: bool) -> str:
     return text if everything or not notes else f"{text} ({_count(notes, 'note')} more with --all)"
 
 
-def _word(checkup: CheckResult) -> str:
-    return "error" if checkup.errors else "warning" if checkup.warnings else "ok"
+def _word(result: CheckResult) -> str:
+    return "error" if result.errors else "warning" if result.warnings else "ok"
 
 
 def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
-from forge.doctor.checks.checkup import CheckResult
+from forge.doctor.checks.model import CheckResult
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
 from forge.environment.recorded import recorded_underlays
 from forge.environment.underlays import lost_underlays
@@ -20,7 +20,7 @@ from forge.workspace.resolve import is_ros_name
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from forge.doctor.checks.subject import Subject
+    from forge.doctor.checks.model import Subject
 
 _PYTHON_FOLDER = re.compile(r"python(\d+)\.(\d+)")
 _MODULES = ("lib", "local/lib")

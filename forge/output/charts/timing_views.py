@@ -1,4 +1,4 @@
-"""Renders the times of a build into strings for the report, and into a Perfetto trace."""
+"""Renders the times of a build into strings for the report."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from forge.base.frozen import frozen
 from forge.base.text import duration
 from forge.cache.model import RESTORED
 from forge.output.charts.charts import printable
-from forge.output.charts.timings import ABORTED, FAILED, FINISHED, TAKEN, at_work, critical_path, rows, waited
+from forge.output.charts.timings import ABORTED, FAILED, FINISHED, TAKEN, at_work, critical_path, waited
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from forge.output.charts.timings import Build, MachineUse, PackageRun, StepRun
 
@@ -149,11 +149,6 @@ def facts(build: Build) -> dict[str, object]:
         "memory": build.use.memory if build.use else 0,
         "samples": build.use.samples if build.use else (),
     }
-
-
-def trace(build: Build) -> dict[str, object]:
-    """Return the build in the trace event format of Perfetto and chrome://tracing."""
-    return {"displayTimeUnit": "ms", "traceEvents": list(_trace_events(build))}
 
 
 def _headline(build: Build) -> str:
@@ -310,50 +305,3 @@ def _down(value: float, most: float) -> str:
 
 def _percent(part: float, whole: float) -> str:
     return f"{100 * part / whole:.3f}%" if whole else "0%"
-
-
-def _trace_events(build: Build) -> Iterator[Mapping[str, object]]:
-    """Yield packages in as many rows as ran in parallel, their steps, and counters."""
-    yield _naming("process_name", 1, 0, "build")
-    in_row = rows(build.packages)
-    for row in range(max(in_row.values(), default=-1) + 1):
-        yield _naming("thread_name", 1, row, f"job {row + 1}")
-    for run in build.packages:
-        details = {"outcome": run.outcome, "reason": run.reason, "needs": run.needs, "last": run.last}
-        yield _stretch(run.name, "package", (run.begun, run.seconds), in_row[run.name], details)
-        for step in run.steps:
-            yield _stretch(
-                step.label, "step", (step.begun, step.seconds), in_row[run.name], {"code": step.code}
-            )
-    yield _naming("process_name", 2, 0, "critical path")
-    for run in critical_path(build.packages):
-        yield {**_stretch(run.name, "package", (run.begun, run.seconds), 0, {}), "pid": 2}
-    for time, count in at_work(build.packages):
-        yield _counter("packages at work", time, count)
-    for time, busy, used in build.use.samples if build.use else ():
-        yield _counter("processors busy", time, busy)
-        yield _counter("memory in use", time, used)
-
-
-def _naming(what: str, process: int, row: int, name: str) -> Mapping[str, object]:
-    return {"ph": "M", "name": what, "pid": process, "tid": row, "args": {"name": name}}
-
-
-def _stretch(
-    name: str, category: str, span: tuple[float, float], row: int, details: Mapping[str, object]
-) -> Mapping[str, object]:
-    begun, seconds = (round(time * 1e6) for time in span)
-    return {
-        "ph": "X",
-        "name": name,
-        "cat": category,
-        "pid": 1,
-        "tid": row,
-        "ts": begun,
-        "dur": seconds,
-        "args": details,
-    }
-
-
-def _counter(name: str, time: float, value: float) -> Mapping[str, object]:
-    return {"ph": "C", "name": name, "pid": 1, "tid": 0, "ts": round(time * 1e6), "args": {name: value}}

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.output.charts.timing_views import facts, page, trace
+from forge.output.charts.pages import trace
+from forge.output.charts.timing_views import facts, page
 from forge.output.charts.timings import PackageRun, at_work, critical_path, read_build, rows, waited
 from tests.strategies import graphs
 

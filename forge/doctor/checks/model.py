@@ -1,4 +1,4 @@
-"""The subject of the checks: a workspace as a build sees it, its files and the environment."""
+"""What checks examine, a workspace as a build sees it with files and environment, and what they return."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    from forge.base.errors import Problem
     from forge.base.layout import Layout
     from forge.workspace.model import Package
     from forge.workspace.resolve import DependencyResolution
@@ -54,6 +55,29 @@ class Subject:
         ):
             if name.endswith(endings):
                 yield name, self.text(package, name)
+
+
+@frozen
+class CheckResult:
+    """The result of the checks of one topic.
+
+    `errors` prevent builds, `warnings` may cause trouble, `notes` are informational.
+    """
+
+    topic: str
+    summary: str
+    errors: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+    notes: tuple[Problem, ...] = ()
+
+
+def graded(topic: str, summary: str, problems: tuple[Problem, ...], *, serious: bool) -> CheckResult:
+    """Return a result whose problems are errors if they are serious, else warnings."""
+    return (
+        CheckResult(topic, summary, errors=problems)
+        if serious
+        else CheckResult(topic, summary, warnings=problems)
+    )
 
 
 def files_of(root: Path, package: Package) -> Files:
