@@ -122,7 +122,7 @@ class EnvironmentFault(ForgeError):  # noqa: N818  (EnvironmentError is a builti
 
 
 class UnfitFileError(OSError):
-    """A file that is not a regular file, or too large."""
+    """A file that is not a regular file."""
 
     def __init__(self, path: str, reason: str) -> None:
         """`reason` completes the sentence that starts with the file name."""
