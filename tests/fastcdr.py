@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.interfaces.cpp_text import qualified
-from forge.interfaces.headers import main_path
+from forge.interfaces.cpp.headers import main_path
+from forge.interfaces.cpp.text import qualified
 from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Text, TypeName
-from forge.interfaces.wire import SIZES
+from forge.interfaces.wire.layout import SIZES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from forge.base.files import write_if_changed
-from forge.interfaces import python, python_package
 from forge.interfaces.model import Catalog, Source
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import referred, resolve
-from forge.interfaces.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.python import modules, target
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.resolution import referred, resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -56,14 +56,14 @@ def embedded_catalog(package: str) -> Catalog:
 def generate(folder: Path, catalog: Catalog) -> None:
     """Write the catalog's Python and that of what it refers to in other packages."""
     for each in (catalog, *referred(catalog, Library())):
-        for file in python_package.files(each):
+        for file in target.files(each):
             write_if_changed(folder / file.path, file.text)
 
 
 def generate_embedded(folder: Path) -> None:
     """Write the Python of all interfaces that forge brings along."""
     for package in Library().packages():
-        for file in python_package.files(embedded_catalog(package)):
+        for file in target.files(embedded_catalog(package)):
             write_if_changed(folder / file.path, file.text)
 
 
@@ -92,7 +92,7 @@ def run_python(folder: Path, code: str, *options: str) -> str:
 def classes_of(message: Message) -> dict[str, Any]:
     """Return what the generated module of a message defines, executed where it stands."""
     catalog = Catalog(message.name.package, {message.name: message}, {message.name: message}, {})
-    text = next(file.text for file in python.files(catalog) if "/_" in file.path.replace("__init__", ""))
+    text = next(file.text for file in modules.files(catalog) if "/_" in file.path.replace("__init__", ""))
     names: dict[str, Any] = {"__name__": str(message.name).replace("/", ".")}
     exec(compile(text, str(message.name), "exec"), names)  # noqa: S102  (that it can be is the point)
     return names

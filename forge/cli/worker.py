@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _WARM = (
     "forge.cli.commands.interface",
     "forge.interfaces.rendering",
-    "forge.interfaces.parsing",
+    "forge.interfaces.read.parsing",
     "jinja2",
     "lark",
 )

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import snake_case
-from forge.interfaces.parsing import Parsed, parse_all
-from forge.interfaces.python_package import files
-from forge.interfaces.resolution import referred, resolve
+from forge.interfaces.python.target import files
+from forge.interfaces.read.parsing import Parsed, parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.resolution import referred, resolve
 from forge.interfaces.schema import parse_name, read_schema
-from forge.interfaces.sources import EMBEDDED, Library, read_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

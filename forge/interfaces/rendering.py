@@ -10,7 +10,7 @@ from forge.base.errors import InterfaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
-from forge.interfaces.resolution import too_deep
+from forge.interfaces.resolve.resolution import too_deep
 from forge.interfaces.targets import find_target
 
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Catalog, TypeName
 
 TARGETS = {
-    "python": "forge.interfaces.python_package",
-    "cpp": "forge.interfaces.cpp",
-    "c": "forge.interfaces.c",
-    "idl": "forge.interfaces.idl_writing",
-    "json": "forge.interfaces.description",
-    "docs": "forge.interfaces.docs",
+    "python": "forge.interfaces.python.target",
+    "cpp": "forge.interfaces.cpp.target",
+    "c": "forge.interfaces.c.target",
+    "idl": "forge.interfaces.idl.target",
+    "json": "forge.interfaces.type_description",
+    "docs": "forge.interfaces.markdown",
 }
 """Each target's module; it has `files(catalog) -> Iterator[File]`, paths relative to the target's folder.
 

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Place, Problem
-from forge.interfaces.declarations import LOWER_NAME
-from forge.interfaces.idl_writing import idl_text
+from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Named, Source, TypeName, element_of, sections_of
+from forge.interfaces.read.declarations import LOWER_NAME
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from forge.interfaces.model import Interface
-    from forge.interfaces.parsing import Parsed
+    from forge.interfaces.read.parsing import Parsed
 
 ENCODINGS = ("ros2msg", "ros2idl")
 

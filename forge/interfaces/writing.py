@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Place, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
-from forge.interfaces.records import Made, Record, mark_of, read_records, write_record
+from forge.interfaces.output_state import Made, Record, mark_of, read_records, write_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
-from forge.interfaces import cpp
-from forge.interfaces.showing import parse_type_name
-from forge.interfaces.sources import EMBEDDED
+from forge.interfaces.cpp import target as cpp
+from forge.interfaces.read.sources import EMBEDDED
+from forge.interfaces.show import parse_type_name
 from tests import fastcdr
 from tests.bench.figures import Case, Series
 from tests.bench.sitting import printed

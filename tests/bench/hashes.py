@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 
 from forge.interfaces.hashing import hashes
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import Library, read_folder
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
 
 
 def hashes_below(folder: Path) -> dict[str, str]:

@@ -12,9 +12,9 @@ from compileall import compile_dir
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from forge.interfaces.resolution import messages_below
-from forge.interfaces.showing import parse_type_name
-from forge.interfaces.sources import Library
+from forge.interfaces.read.sources import Library
+from forge.interfaces.resolve.resolution import messages_below
+from forge.interfaces.show import parse_type_name
 from tests.bench.cdr_python import generated
 from tests.bench.figures import Case, Series
 from tests.bench.plain import plain_class

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from forge.interfaces.model import Array, Named, Primitive, Sequence, element_of
-from forge.interfaces.python_types import DTYPES, INTEGERS, TYPE_CODES, literal, numeric, zero
+from forge.interfaces.python.types import DTYPES, INTEGERS, TYPE_CODES, literal, numeric, zero
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -24,11 +24,12 @@ from hypothesis import HealthCheck, given, settings
 
 from forge.base.files import write_if_changed
 from forge.base.names import snake_case
-from forge.interfaces import cpp, python_package
-from forge.interfaces.cpp_text import qualified
-from forge.interfaces.headers import main_path
+from forge.interfaces.cpp import target as cpp
+from forge.interfaces.cpp.headers import main_path
+from forge.interfaces.cpp.text import qualified
 from forge.interfaces.model import messages_of
-from forge.interfaces.sources import EMBEDDED, Library
+from forge.interfaces.python import target as python
+from forge.interfaces.read.sources import EMBEDDED, Library
 from tests import fastcdr
 from tests.generated import embedded_catalog, importable, probe_catalog
 from tests.messages import class_of, messages, plain
@@ -70,7 +71,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     for catalog in catalogs():
         for file in cpp.files(catalog):
             write_if_changed(made / "cpp" / file.path, file.text)
-        for file in python_package.files(catalog):
+        for file in python.files(catalog):
             write_if_changed(made / "python" / file.path, file.text)
     with importable(made / "python"):
         yield made

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from forge.base.names import snake_case
 from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Text, messages_of
-from forge.interfaces.sources import Library
+from forge.interfaces.read.sources import Library
 from tests.generated import embedded_catalog, generate_embedded, importable
 from tests.messages import messages, plain
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.cli.main import main
-from forge.interfaces.sources import Library
+from forge.interfaces.read.sources import Library
 from tests.snippets import shell
 
 if TYPE_CHECKING:

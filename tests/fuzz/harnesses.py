@@ -46,13 +46,13 @@ from forge.environment.shells import SHELLS
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes
-from forge.interfaces.idl_writing import idl_text
+from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Source, TypeName
-from forge.interfaces.parsing import Parsed, parse, parse_all
-from forge.interfaces.records import read_records
-from forge.interfaces.resolution import resolve
+from forge.interfaces.output_state import read_records
+from forge.interfaces.read.parsing import Parsed, parse, parse_all
+from forge.interfaces.read.sources import Library, read_source
+from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import read_schema
-from forge.interfaces.sources import Library, read_source
 from forge.testing.collecting import collect
 from forge.workspace import conditions
 from forge.workspace.discovery import ROS_DEFAULTS, discover

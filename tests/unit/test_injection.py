@@ -32,10 +32,10 @@ from forge.interfaces.model import (
     Text,
     TypeName,
 )
-from forge.interfaces.parsing import Parsed, parse
+from forge.interfaces.read.parsing import Parsed, parse
+from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.rendering import render
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import Library, read_source
+from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.writing import write_depfile
 from forge.workspace.creation import BUILD_TYPES, Blueprint, draw
 from forge.workspace.identification import identify

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import example, given
 
 from forge.base.templating import render
-from forge.interfaces.html_site import About, site
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
+from forge.interfaces.site.generator import About, site
 from forge.output.charts.charts import Chart, drawn_graph, mermaid, printable
 from forge.output.charts.drawing import drawn, facts
 from forge.output.charts.pages import trace

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.interfaces import idl_writing
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import Library, read_folder
+from forge.interfaces.idl import target as idl
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN
 
 if TYPE_CHECKING:
@@ -357,7 +357,7 @@ def test_generate_says_what_is_missing(forge: Forge, tree: Tree, arguments: list
 def test_idl_text_is_as_reviewed(golden: Golden) -> None:
     folder = GOLDEN / "interfaces/idl/src"
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    golden("interfaces/idl", {file.path: file.text for file in idl_writing.files(catalog)})
+    golden("interfaces/idl", {file.path: file.text for file in idl.files(catalog)})
 
 
 def test_a_name_can_come_from_a_line_of_standard_input(

@@ -13,9 +13,9 @@ import pytest
 import forge
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Action, Constant, Message, Named, Service, element_of
-from forge.interfaces.parsing import SECTIONS, parse_all, type_name
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import Library, read_folder
+from forge.interfaces.read.parsing import SECTIONS, parse_all, type_name
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Kind
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from forge.interfaces.model import Field, Interface, Value
-    from forge.interfaces.parsing import Parsed
+    from forge.interfaces.read.parsing import Parsed
     from forge.workspace.model import Manifest
 
 EMBEDDED = Path(forge.__file__).parent / "embedded"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.interfaces.fingerprints import fingerprint_of_all, fingerprints
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import referred, resolve
-from forge.interfaces.sources import Library, read_folder
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.resolve.resolution import referred, resolve
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.interfaces import description
+from forge.interfaces import type_description
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
@@ -58,7 +58,7 @@ def test_every_kind_of_type_has_its_number(tree: Tree) -> None:
     ]
     folder = tree({"msg/All.msg": "\n".join(lines)})
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    (file,) = description.files(catalog)
+    (file,) = type_description.files(catalog)
     stored = json.loads(file.text)["type_description_msg"]["type_description"]
     types = [
         (f["type"]["type_id"], f["type"]["capacity"], f["type"]["string_capacity"]) for f in stored["fields"]
@@ -80,7 +80,7 @@ def test_the_stored_description_has_defaults_and_the_hash_of_each_type(tree: Tre
         {"msg/Outer.msg": "Inner inner\nbool a true\nint8[] b [1, 2]\nstring c", "msg/Inner.msg": "int8 x 50"}
     )
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
-    files = {file.path: json.loads(file.text) for file in description.files(catalog)}
+    files = {file.path: json.loads(file.text) for file in type_description.files(catalog)}
     outer = files["tour/msg/Outer.json"]
     fields = outer["type_description_msg"]["type_description"]["fields"]
     assert [f["default_value"] for f in fields] == ["", "True", "(1, 2)", ""]

@@ -15,7 +15,7 @@ import pytest
 import forge
 from forge.base.errors import InterfaceError
 from forge.interfaces import Types, load
-from forge.interfaces.sources import EMBEDDED
+from forge.interfaces.read.sources import EMBEDDED
 
 if TYPE_CHECKING:
     from tests.conftest import Tree

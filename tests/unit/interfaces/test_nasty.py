@@ -20,9 +20,9 @@ from forge.base.names import snake_case
 from forge.interfaces import load
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Service, Source, Text, TypeName
-from forge.interfaces.parsing import parse, parse_all
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.parsing import parse, parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Interface

@@ -9,10 +9,10 @@ import pytest
 from forge.base.errors import InterfaceError
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import demand, resolve
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library
+from forge.interfaces.resolve.resolution import demand, resolve
 from forge.interfaces.schema import parse_name, read_schema, schema_text
-from forge.interfaces.sources import Library
 
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree

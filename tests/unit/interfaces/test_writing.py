@@ -8,7 +8,7 @@ import pytest
 
 from forge.base.errors import EnvironmentFault
 from forge.interfaces.model import File, TypeName
-from forge.interfaces.records import Record, read_records
+from forge.interfaces.output_state import Record, read_records
 from forge.interfaces.rendering import Part
 from forge.interfaces.writing import write, write_depfile, write_stamp
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.ament_index import prefix_of, prefixes
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import did_you_mean
-from forge.interfaces.sources import EMBEDDED, Library, names_in
+from forge.interfaces.read.sources import EMBEDDED, Library, names_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -108,7 +108,7 @@ def _packages(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from forge.interfaces.showing import Comments, parse_type_name, show  # noqa: PLC0415  (not needed by the lists)
+    from forge.interfaces.show import Comments, parse_type_name, show  # noqa: PLC0415  (not needed by the lists)
 
     library = _library()
     name = parse_type_name(sys.stdin.readline().strip() if options.type == "-" else options.type)
@@ -125,8 +125,8 @@ def _show(options: argparse.Namespace) -> int:
 
 def _proto(options: argparse.Namespace) -> int:
     from forge.interfaces.prototype import to_yaml  # noqa: PLC0415  (as above)
-    from forge.interfaces.resolution import messages_below  # noqa: PLC0415
-    from forge.interfaces.showing import parse_type_name  # noqa: PLC0415
+    from forge.interfaces.resolve.resolution import messages_below  # noqa: PLC0415
+    from forge.interfaces.show import parse_type_name  # noqa: PLC0415
 
     library = _library()
     name = parse_type_name(options.type)

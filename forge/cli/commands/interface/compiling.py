@@ -12,10 +12,10 @@ from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.base.templating import keep_compiled
 from forge.cli.commands.interface.inputs import add_inputs, catalog_of, library_of
 from forge.interfaces.fingerprints import fingerprints
-from forge.interfaces.records import RECORDS, Record, generator_digest, read_records
+from forge.interfaces.output_state import RECORDS, Record, generator_digest, read_records
+from forge.interfaces.read.sources import EMBEDDED, Library, read_runtime
 from forge.interfaces.rendering import Part, parts
-from forge.interfaces.resolution import referred, undeclared
-from forge.interfaces.sources import EMBEDDED, Library, read_runtime
+from forge.interfaces.resolve.resolution import referred, undeclared
 from forge.interfaces.writing import write, write_depfile, write_stamp
 
 if TYPE_CHECKING:

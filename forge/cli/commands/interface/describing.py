@@ -10,15 +10,15 @@ from forge.base.names import did_you_mean
 from forge.cli.commands.interface.inputs import add_includes, add_inputs, catalog_of, library_of
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.resolution import demand, messages_below
+from forge.interfaces.resolve.resolution import demand, messages_below
 from forge.interfaces.schema import ENCODINGS, schema_text
-from forge.interfaces.showing import parse_type_name
+from forge.interfaces.show import parse_type_name
 
 if TYPE_CHECKING:
     import argparse
 
     from forge.cli.commands.interface.inputs import Verbs
-    from forge.interfaces.sources import Library
+    from forge.interfaces.read.sources import Library
 
 
 def register(verbs: Verbs) -> None:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
 from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
-from forge.interfaces.declarations import LOWER_NAME
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import resolve
-from forge.interfaces.sources import Library, read_folder, read_source
+from forge.interfaces.read.declarations import LOWER_NAME
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder, read_source
+from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -79,7 +79,7 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         raise ForgeError(Problem("no interface definitions found", hint=hint))
     parsed = parse_all(sources)
     if options.strict:
-        from forge.interfaces.strictness import doubts  # noqa: PLC0415  (only needed with --strict)
+        from forge.interfaces.read.lint import doubts  # noqa: PLC0415  (only needed with --strict)
 
         raise_if_any(doubts(parsed), InterfaceError)
     return resolve(package, parsed, library, _forgotten(options))

@@ -10,12 +10,12 @@ from forge.base.ament_index import prefixes
 from forge.base.errors import ForgeError, InterfaceError, Place, Problem, print_warnings, raise_if_any
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
-from forge.interfaces.declarations import LOWER_NAME
-from forge.interfaces.html_site import About, site
 from forge.interfaces.model import Catalog
-from forge.interfaces.parsing import parse_all
-from forge.interfaces.resolution import referred, resolve
-from forge.interfaces.sources import EMBEDDED, Library, names_in, read_folder
+from forge.interfaces.read.declarations import LOWER_NAME
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, names_in, read_folder
+from forge.interfaces.resolve.resolution import referred, resolve
+from forge.interfaces.site.generator import About, site
 from forge.interfaces.writing import write_site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest

@@ -1,0 +1,1 @@
+"""The C++17 target: headers with the paths and names of rosidl_generator_cpp."""

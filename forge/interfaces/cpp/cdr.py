@@ -1,0 +1,195 @@
+"""The wire layout of messages as C++ templates, for the sizer, writer and reader of forge_cdr."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from itertools import chain
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.interfaces.cpp.text import qualified
+from forge.interfaces.model import Array, Named
+from forge.interfaces.wire.layout import ANYWHERE, Block, Chars, Count, Loop, Numbers, Run, Shared, Value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from forge.interfaces.model import TypeName
+    from forge.interfaces.wire.flattening import Layouts
+    from forge.interfaces.wire.layout import Layout, Member, Path, Step
+
+_WIDTH = 100
+_NEVER_COPIED = frozenset({"boolean", "wchar"})
+"""Not every byte is a bool, and a wchar takes twice the bytes that it has in memory."""
+
+
+@frozen
+class MembersView:
+    """The specialisation of forge_cdr::Members for a message, as finished strings."""
+
+    type: str
+    constants: tuple[str, ...]
+    storage: str
+    statements: tuple[str, ...]
+    needs: frozenset[TypeName]
+    """The messages whose specialisations this one uses."""
+
+
+@frozen
+class _Leaf:
+    """A unit that is copied as a whole: a value, a small array, or a message without padding."""
+
+    path: Path
+    alignment: int
+
+
+@frozen
+class _Shape:
+    """A message's layout; its size and alignment if it is moved in one piece, else zeros."""
+
+    layout: Layout
+    least: int
+    size: int
+    alignment: int
+
+
+@frozen
+class MembersViews:
+    """The specialisations for the messages of a catalog."""
+
+    layouts: Layouts
+    _shapes: dict[TypeName, _Shape] = field(default_factory=dict)
+
+    def of(self, name: TypeName) -> MembersView:
+        """Return what is said about a message; it holds wherever in other messages it begins."""
+        shape = self._shape(name)
+        layout, size = shape.layout, shape.size
+        constants = (f"least = {shape.least};", f"packed = {size};", f"alignment = {shape.alignment};")
+        wholes = self._wholes(layout)
+        needs = chain(wholes.values(), chain.from_iterable(map(_needs, layout.steps)))
+        return MembersView(
+            type=f"{qualified(name)}_",
+            constants=constants if size else constants[:2],
+            storage="static" if self.layouts.is_large(name) else "[[gnu::always_inline]] static",
+            statements=tuple(chain.from_iterable(self._statements(step, wholes) for step in layout.steps)),
+            needs=frozenset(needs),
+        )
+
+    def _shape(self, name: TypeName) -> _Shape:
+        if name not in self._shapes:
+            layout = self.layouts.of(name, ANYWHERE)
+            least = layout.least + sum(map(self._more, layout.steps))
+            self._shapes[name] = _Shape(layout, least, *_packed(layout))
+        return self._shapes[name]
+
+    def _more(self, step: Step) -> int:
+        """Return how much more a step takes at least than its layout says: a shared message is 1 there.
+
+        Memory is asked for in proportion to the least size, so it must not be much less than the truth.
+        """
+        match step:
+            case Shared(_, name):
+                return self._shape(name).least - 1
+            case Loop(_, Array(_, count), body):
+                return count * sum(map(self._more, body.steps))
+            case _:
+                return 0
+
+    def _wholes(self, layout: Layout) -> dict[Path, TypeName]:
+        """Return the messages inside that are moved in one piece, none of them inside another."""
+        wholes: dict[Path, TypeName] = {}
+        for inner in layout.inner:
+            if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
+                wholes[inner.path] = inner.name
+        return wholes
+
+    def _statements(self, step: Step, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
+        """Yield the statements that move what a step is about."""
+        match step:
+            case Run(members):
+                for group in _groups(self._leaves(members, wholes)):
+                    yield _call("fixed", *(leaf.path for leaf in group))
+            case Chars(path):
+                yield _call("text", path)
+            case Numbers(path, Array()):
+                yield _call("fixed", path)
+            case Loop(path, Array()):
+                yield _call("array", path)
+            case Numbers(path) | Loop(path):
+                yield _call("sequence", path)
+            case Shared(path):
+                yield _call("message", path)
+
+    def _leaves(self, members: Iterable[Member], wholes: Mapping[Path, TypeName]) -> Iterator[_Leaf]:
+        """Yield what is moved; counts belong to what they count."""
+        seen: set[Path] = set()
+        for member in members:
+            whole = _outermost(member.path, wholes)
+            if whole is None and not isinstance(member, Count):
+                yield _Leaf(member.path, member.alignment)
+            elif whole is not None and whole not in seen:
+                seen.add(whole)
+                yield _Leaf(whole, self._shape(wholes[whole]).alignment)
+
+
+def _packed(layout: Layout) -> tuple[int, int]:
+    """Return the size and the alignment of a message whose bytes on the wire are those in memory, else zeros.
+
+    Such messages lie side by side without gaps if the first one is aligned for all its members.
+    """
+    match layout.steps:
+        case (Run(members) as run,) if run.count is None and all(map(_is_copied, members)):
+            size = sum(member.size for member in members)
+            gaps = any(map(sum, (piece.paddings for piece in run.pieces)))
+            if len(run.pieces) == 1 and not gaps and not size % run.alignment:
+                return size, run.alignment
+    return 0, 0
+
+
+def _is_copied(member: Member) -> bool:
+    """Return whether the bytes of a member in memory are those on the wire."""
+    match member:
+        case Value(_, of) | Block(_, _, of):
+            return of.name not in _NEVER_COPIED
+        case Count():
+            return False
+
+
+def _outermost(path: Path, wholes: Mapping[Path, TypeName]) -> Path | None:
+    """Return which of the messages a member is inside of, or is."""
+    return next((path[:length] for length in range(1, len(path) + 1) if path[:length] in wholes), None)
+
+
+def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
+    """Yield neighbours with known padding between them, wherever the first of them lies."""
+    group: list[_Leaf] = []
+    for leaf in leaves:
+        if group and leaf.alignment > group[0].alignment:
+            yield group
+            group = []
+        group.append(leaf)
+    if group:
+        yield group
+
+
+def _call(word: str, *paths: Path) -> str:
+    """Return the call, its arguments on as many lines as they need."""
+    arguments = [".".join(("message", *path)) for path in paths]
+    line = f"cdr.{word}({', '.join(arguments)});"
+    if len(line) <= _WIDTH - 4:
+        return line
+    lines = [""]
+    for argument in arguments:
+        if lines[-1] and len(lines[-1]) + len(argument) > _WIDTH - 9:
+            lines.append("")
+        lines[-1] += f" {argument}," if lines[-1] else f"{argument},"
+    joined = "\n      ".join(lines)
+    return f"cdr.{word}(\n      {joined[:-1]});"
+
+
+def _needs(step: Step) -> Iterator[TypeName]:
+    match step:
+        case Shared(_, name):
+            yield name
+        case Loop(_, type_) if isinstance(type_.of, Named):
+            yield type_.of.name

@@ -1,0 +1,161 @@
+"""What the struct of a message says in C++: members, constants, and what its constructor does."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.interfaces.cpp.text import comment, literal, needs_numeric_limits, spell
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Constant, Field, Message, Type
+
+_CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
+_DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
+_ZEROED = "_init == Initialization::ZERO"
+
+_ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", Text: "_alloc", Sequence: "_alloc"}
+"""What the members that take an allocator are constructed from."""
+
+
+@frozen
+class MemberView:
+    """A member."""
+
+    name: str
+    type: str
+    doc: tuple[str, ...]
+
+
+@frozen
+class ConstantView:
+    """A constant, as the words of its declaration."""
+
+    storage: str
+    type: str
+    name: str
+    value: str
+    doc: tuple[str, ...]
+
+
+@frozen
+class Block:
+    """Statements that only some kinds of initialization run."""
+
+    condition: str
+    statements: tuple[str, ...]
+
+
+@frozen
+class ConstructorView:
+    """The member initializers, joined, and the statements of a constructor."""
+
+    initializers: str
+    statements: tuple[str, ...]
+
+
+@frozen
+class StructView:
+    """The variables of the struct template."""
+
+    name: str
+    symbol: str
+    doc: tuple[str, ...]
+    constants: tuple[ConstantView, ...]
+    members: tuple[MemberView, ...]
+    settable: tuple[str, ...]
+    plain: ConstructorView
+    allocating: ConstructorView
+    blocks: tuple[Block, ...]
+    comparison: str
+
+
+def struct_view(message: Message) -> StructView:
+    """Return the finished strings of a message's struct."""
+    members = message.members
+    blocks = _blocks(members)
+    return StructView(
+        name=message.name.name,
+        symbol=f"{message.name.package}__{message.name.kind}__{message.name.name}",
+        doc=comment(message.doc),
+        constants=tuple(map(_constant, message.constants)),
+        members=tuple(MemberView(f.name, spell(f.type), comment(f.doc, f.unit)) for f in members),
+        settable=tuple(f.name for f in message.fields),
+        plain=_plain_constructor(members, blocks),
+        allocating=_allocating_constructor(members, blocks),
+        blocks=blocks,
+        comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
+    )
+
+
+def struct_needs_numeric_limits(message: Message) -> bool:
+    """Return whether a value of the struct is infinite or NaN."""
+    values = [*((f.default, f.type) for f in message.fields), *((c.value, c.type) for c in message.constants)]
+    return any(needs_numeric_limits(value, type_) for value, type_ in values)
+
+
+def _constant(constant: Constant) -> ConstantView:
+    storage = "static inline const" if isinstance(constant.type, Text) else "static constexpr"
+    value = literal(constant.value, constant.type)
+    return ConstantView(storage, spell(constant.type), constant.name, value, comment(constant.doc))
+
+
+def _plain_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
+    initializers = [f"{f.name}(_init)" for f in members if isinstance(f.type, Named)]
+    return _constructor(initializers, blocks, takes_init=bool(initializers), takes_allocator=True)
+
+
+def _allocating_constructor(members: tuple[Field, ...], blocks: tuple[Block, ...]) -> ConstructorView:
+    """Pass the allocator to all members that take one; elements of arrays construct their own."""
+    initializers = [f"{f.name}({_ALLOCATED[type(f.type)]})" for f in members if type(f.type) in _ALLOCATED]
+    nested = any(isinstance(f.type, Named) for f in members)
+    return _constructor(initializers, blocks, takes_init=nested, takes_allocator=bool(initializers))
+
+
+def _constructor(
+    initializers: list[str], blocks: tuple[Block, ...], *, takes_init: bool, takes_allocator: bool
+) -> ConstructorView:
+    """Return the constructor; it mentions unused parameters once, to avoid compiler warnings."""
+    statements = [] if takes_allocator else ["(void)_alloc;"]
+    if blocks:
+        statements.append("_initialize(_init);")
+    elif not takes_init:
+        statements.append("(void)_init;")
+    return ConstructorView(",\n    ".join(initializers), tuple(statements))
+
+
+def _blocks(members: Iterable[Field]) -> tuple[Block, ...]:
+    """Return the statements that initialize members, by kind of rosidl_runtime_cpp::MessageInitialization."""
+    fields = tuple(members)
+    blocks = (
+        Block(_CLEARED, tuple(s for f in fields if f.default is None for s in _clear(f))),
+        Block(_DEFAULTED, tuple(s for f in fields for s in _default(f))),
+        Block(_ZEROED, tuple(s for f in fields for s in _zero(f))),
+    )
+    return tuple(block for block in blocks if block.statements)
+
+
+def _clear(field: Field) -> Iterator[str]:
+    """Yield the assignment of zero; strings and sequences are empty by construction."""
+    match field.type:
+        case Primitive():
+            yield f"{field.name} = {literal(0, field.type)};"
+        case Array(Primitive() as of):
+            yield f"{field.name}.fill({literal(0, of)});"
+
+
+def _default(field: Field) -> Iterator[str]:
+    """Yield the assignment of a default; an empty one needs none."""
+    if field.default not in (None, (), ""):
+        yield f"{field.name} = {literal(field.default, field.type)};"
+
+
+def _zero(field: Field) -> Iterator[str]:
+    """Yield what only ZERO does: undo nothing, but skip defaults, those of array elements too."""
+    if field.default is not None:
+        yield from _clear(field)
+    elif isinstance(field.type, Array) and isinstance(field.type.of, Named):
+        yield f"{field.name}.fill(typename _{field.name}_type::value_type(_init));"

@@ -1,0 +1,141 @@
+"""What the traits header of an interface says: YAML text and the specialisations of rosidl's traits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.interfaces.cpp.headers import services_of
+from forge.interfaces.cpp.text import qualified
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Text,
+    element_of,
+    messages_of,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Field, Interface, Type, TypeName
+
+_OCTETS = frozenset({"octet", "char"})
+
+
+@frozen
+class YamlView:
+    """The function that writes a message as YAML, member by member."""
+
+    name: str
+    writer: str
+    argument: str
+    statements: tuple[str, ...]
+
+
+@frozen
+class Identity:
+    """Both names of a type, and the base classes of the traits for fixed and bounded size."""
+
+    data_type: str
+    name: str
+    fixed: str
+    bounded: str
+
+
+@frozen
+class TypeTraits:
+    """The specialisations for a type; an action has nothing but `traits`."""
+
+    name: str
+    traits: tuple[str, ...]
+    identity: Identity | None = None
+
+
+def yaml_view(message: Message) -> YamlView:
+    """Return the function that writes a message; for an empty message it has nothing to do."""
+    statements = tuple(map(_statement, message.fields))
+    named = bool(statements)
+    return YamlView(message.name.name, " _out" if named else "", " _message" if named else "", statements)
+
+
+def type_traits(interface: Interface) -> Iterator[TypeTraits]:
+    """Yield the traits of every type in the interface's header, parts before the whole."""
+    roles = _roles(interface)
+    for message in messages_of(interface):
+        yield _message_traits(message, ("is_message", *roles.get(message.name, ())))
+    for service in services_of(interface):
+        yield _service_traits(service)
+    if isinstance(interface, Action):
+        yield TypeTraits(qualified(interface.name), ("is_action",))
+
+
+def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
+    """Return further traits of the messages of an interface."""
+    roles: dict[TypeName, tuple[str, ...]] = {}
+    for service in services_of(interface):
+        roles[service.request.name] = ("is_service_request",)
+        roles[service.response.name] = ("is_service_response",)
+    if isinstance(interface, Action):
+        roles[interface.goal.name] = ("is_action_goal",)
+        roles[interface.result.name] = ("is_action_result",)
+        roles[interface.feedback.name] = ("is_action_feedback",)
+    return roles
+
+
+def _message_traits(message: Message, traits: tuple[str, ...]) -> TypeTraits:
+    types = [field.type for field in message.members]
+    fixed = _base("has_fixed_size", types, own=all(map(_is_fixed, types)))
+    bounded = _base("has_bounded_size", types, own=all(map(_is_bounded, types)))
+    return _identified(message.name, fixed, bounded, traits)
+
+
+def _service_traits(service: Service) -> TypeTraits:
+    halves = [Named(service.request.name), Named(service.response.name)]
+    fixed, bounded = (_base(trait, halves, own=True) for trait in ("has_fixed_size", "has_bounded_size"))
+    return _identified(service.name, fixed, bounded, ("is_service",))
+
+
+def _identified(name: TypeName, fixed: str, bounded: str, traits: tuple[str, ...]) -> TypeTraits:
+    spelled = qualified(name)
+    return TypeTraits(spelled, traits, Identity(spelled.removeprefix("::"), str(name), fixed, bounded))
+
+
+def _base(trait: str, types: Iterable[Type], *, own: bool) -> str:
+    """Return the base class of a trait: what the type itself decides, then what its parts say."""
+    if not own:
+        return "std::false_type"
+    names = sorted({of.name for of in map(element_of, types) if isinstance(of, Named)})
+    if not names:
+        return "std::true_type"
+    parts = " &&\n    ".join(f"{trait}<{qualified(name)}>::value" for name in names)
+    return f"std::integral_constant<bool,\n    {parts}>"
+
+
+def _is_fixed(type_: Type) -> bool:
+    return not isinstance(type_, Sequence) and not isinstance(element_of(type_), Text)
+
+
+def _is_bounded(type_: Type) -> bool:
+    if isinstance(type_, Sequence) and type_.bound is None:
+        return False
+    of = element_of(type_)
+    return not (isinstance(of, Text) and of.bound is None)
+
+
+def _statement(field: Field) -> str:
+    """Return the call that writes a member."""
+    many = "s" if isinstance(field.type, Array | Sequence) else ""
+    match element_of(field.type):
+        case Named():
+            kind = "message"
+        case Primitive(name) if name in _OCTETS:
+            kind = "octet"
+        case _:
+            kind = "scalar"
+    return f'_out.{kind}{many}("{field.name}", _message.{field.name});'

@@ -1,0 +1,1 @@
+"""OMG IDL 4.2: parse .idl files, and write interfaces as IDL."""

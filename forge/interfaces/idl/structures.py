@@ -1,0 +1,267 @@
+"""Convert the structs of an .idl file to messages: types, members, constants and annotations (IDL 4.2)."""
+
+from __future__ import annotations
+
+import textwrap
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import TYPE_CHECKING, cast
+
+from forge.base.names import did_you_mean
+from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
+from forge.interfaces.model import (
+    HIDDEN_MEMBER,
+    Array,
+    Constant,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Text,
+    TypeName,
+)
+from forge.interfaces.read.declarations import check_keyword
+from forge.interfaces.read.errors import Fault
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from lark import Token, Tree
+
+    from forge.base.errors import Place
+    from forge.interfaces.model import Type, Value
+
+_ALIASES = {
+    "short": "int16",
+    "long": "int32",
+    "long long": "int64",
+    "unsigned short": "uint16",
+    "unsigned long": "uint32",
+    "unsigned long long": "uint64",
+}
+_NAME_PARTS = 3
+_CANDIDATES = 100
+"""How many types are looked at for each one that is unknown."""
+
+Annotations = dict[str, list[dict[str, Expression]]]
+"""Parameters by annotation; the one of '@name(value)' is called ''."""
+
+
+@dataclass(slots=True)
+class StructureReader:
+    """Knows the typedefs and constants of a file, and makes its structs into messages."""
+
+    report: Callable[[Fault], None]
+    place: Callable[[int], Place]
+    doubt: Callable[[Fault], None]
+    _types: dict[str, Type] = field(default_factory=dict)
+    _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(
+        default_factory=dict
+    )
+
+    def add_typedef(self, tree: Tree[Token]) -> None:
+        """Remember a name for a type."""
+        type_tree, declarator = _subtrees(tree)
+        name = _token(declarator)
+        try:
+            type_ = self._declared(self._type(type_tree), declarator)
+        except Fault as fault:
+            self.report(fault)
+            return
+        if self._types.setdefault(str(name), type_) != type_:
+            self.report(Fault(f"'{name}' is already another type", offset=_start(name)))
+
+    def add_constant(
+        self, path: tuple[Token, ...], tree: Tree[Token], annotations: list[Tree[Token]]
+    ) -> None:
+        """Remember a constant, to be read if it stands in the module of a struct's constants."""
+        self._constants.setdefault(tuple(map(str, path)), []).append((tree, annotations))
+
+    def message(self, name: TypeName, tree: Tree[Token], annotations: list[Tree[Token]]) -> Message:
+        """Return the struct as a message, without the members that were wrong."""
+        constants: dict[str, Constant] = {}
+        for constant in self._constants.get((name.package, name.kind, f"{name.name}_Constants"), []):
+            with self._reporting():
+                self._add_constant(*constant, constants)
+        fields: dict[str, Field] = {}
+        for member in _subtrees(tree):
+            if member.data == "member":
+                with self._reporting():
+                    self._add_members(member, fields, constants)
+        if list(fields) == [HIDDEN_MEMBER]:
+            fields.clear()
+        doc = _documentation(self._annotations(annotations))
+        return Message(name, tuple(fields.values()), tuple(constants.values()), doc)
+
+    @contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Report a fault and go on behind."""
+        try:
+            yield
+        except Fault as fault:
+            self.report(fault)
+
+    def _add_constant(
+        self, tree: Tree[Token], annotations: list[Tree[Token]], constants: dict[str, Constant]
+    ) -> None:
+        type_tree, expression = _subtrees(tree)
+        name = cast("Token", tree.children[1])
+        _check_name(name, "constant", constants)
+        type_ = self._type(type_tree)
+        if not (isinstance(type_, Primitive) or (isinstance(type_, Text) and type_.bound is None)):
+            hint = "a constant is a number, a boolean or an unbounded string"
+            raise Fault(f"constant '{name}' cannot be of this type", offset=_start(name), hint=hint)
+        value = value_of(read_expression(expression), type_)
+        doc = _documentation(self._annotations(annotations))
+        constants[str(name)] = Constant(str(name), type_, value, doc, self.place(_start(name)))
+
+    def _add_members(
+        self, tree: Tree[Token], fields: dict[str, Field], constants: dict[str, Constant]
+    ) -> None:
+        """Make the fields that one line of a struct declares."""
+        parts = _subtrees(tree)
+        split = next(number for number, part in enumerate(parts) if part.data != "annotation")
+        annotations = self._annotations(parts[:split])
+        declarators = parts[split + 1 :]
+        base = self._type(parts[split])
+        if len({len(declarator.children) for declarator in declarators}) > 1:
+            offset = _start(_token(declarators[1]))
+            self.doubt(Fault("rosidl before Rolling takes all of these for arrays", offset=offset))
+        for declarator in declarators:
+            name = _token(declarator)
+            with self._reporting():
+                _check_name(name, "field", fields, constants)
+                type_ = self._declared(base, declarator)
+                default = self._default(annotations, type_)
+                doc, unit = _documentation(annotations), _unit(annotations)
+                place = self.place(_start(name))
+                fields[str(name)] = Field(str(name), type_, default, doc, unit, place)
+
+    def _type(self, tree: Tree[Token]) -> Type:
+        """Return the type of a member, constant or typedef, its name not looked at yet."""
+        match tree.data:
+            case "basic":
+                words = " ".join(map(str, tree.children))
+                return Primitive(_ALIASES.get(words, words))
+            case "text":
+                bound = cast("Tree[Token] | None", tree.children[1])
+                return Text(tree.children[0] == "wstring", read_size(bound) if bound else None)
+            case "sequence":
+                return self._sequence(*cast("list[Tree[Token]]", tree.children))
+            case _:
+                return self._named(cast("list[Token]", cast("Tree[Token]", tree.children[0]).children))
+
+    def _sequence(self, element: Tree[Token], size: Tree[Token] | None) -> Sequence:
+        of = self._type(element)
+        offset = next(token.start_pos or 0 for token in _tokens(element))
+        if isinstance(of, Array | Sequence):
+            hint = "make a struct of the inner one"
+            raise Fault("ROS has no sequences of arrays or sequences", offset=offset, hint=hint)
+        if isinstance(of, Text) and of.wide and of.bound is not None and size is None:
+            message = f"rosidl takes 'sequence<wstring<{of.bound}>>' for one of at most {of.bound} elements"
+            raise Fault(message, offset=offset, hint="give a bound, or use plain wstring")
+        return Sequence(of, read_size(size) if size else None)
+
+    def _named(self, names: list[Token]) -> Type:
+        """Return what a scoped name stands for; one without a scope is a typedef of the file."""
+        written = "::".join(map(str, names))
+        offset = _start(names[0])
+        if len(names) == _NAME_PARTS:
+            return Named(TypeName(*map(str, names)))
+        if len(names) > 1:
+            hint = "a type of ROS is named 'package::msg::Name'"
+            raise Fault(f"'{written}' does not have three parts", offset=offset, hint=hint)
+        if written not in self._types:
+            hint = (
+                did_you_mean(written, islice(self._types, _CANDIDATES))
+                or "messages are named in full: 'package::msg::Name'"
+            )
+            raise Fault(f"unknown type '{written}'", offset=offset, hint=hint)
+        return self._types[written]
+
+    def _declared(self, base: Type, declarator: Tree[Token]) -> Type:
+        """Return the type of a name, with what stands in brackets behind it."""
+        name, *sizes = declarator.children
+        if not sizes:
+            return base
+        offset = _start(cast("Token", name))
+        if len(sizes) > 1 or isinstance(base, Array):
+            raise Fault("an array has one dimension", offset=offset, hint="make a struct of its elements")
+        if isinstance(base, Sequence):
+            raise Fault("ROS has no arrays of sequences", offset=offset, hint="make a struct of the sequence")
+        return Array(base, read_size(_subtrees(cast("Tree[Token]", sizes[0]))[0]))
+
+    def _default(self, annotations: Annotations, type_: Type) -> Value | None:
+        """Return the value of the one @default; rosidl heeds none of several."""
+        found = annotations.get("default", [])
+        for parameters in found:
+            if list(parameters) != ["value"]:
+                offset = min((each.offset for each in parameters.values()), default=0)
+                raise Fault("a default is written '@default (value=...)'", offset=offset)
+        if len(found) > 1:
+            self.doubt(Fault("rosidl heeds none of several defaults", offset=found[1]["value"].offset))
+        return value_of(found[0]["value"], type_) if len(found) == 1 else None
+
+    def _annotations(self, trees: list[Tree[Token]]) -> Annotations:
+        """Return all annotations; those that nothing reads are free to say what they like."""
+        found: Annotations = {}
+        for tree in trees:
+            name, *parameters = tree.children
+            values: dict[str, Expression] = {}
+            try:
+                for parameter in cast("list[Tree[Token] | None]", parameters):
+                    if parameter is not None and parameter.data == "parameter":
+                        key, value = parameter.children
+                        values[str(key)] = read_expression(cast("Tree[Token]", value))
+                    elif parameter is not None:
+                        values[""] = read_expression(parameter)
+            except Fault as fault:
+                self.report(fault)
+                continue
+            found.setdefault(str(name), []).append(values)
+        return found
+
+
+def _documentation(annotations: Annotations) -> tuple[str, ...]:
+    """Return the lines of '@verbatim (language="comment", text="...")'."""
+    texts = [
+        str(parameters["text"].value)
+        for parameters in annotations.get("verbatim", [])
+        if "text" in parameters and parameters.get("language", Expression("text", "", 0)).value == "comment"
+    ]
+    block = textwrap.dedent("\n".join(texts)).strip("\n")
+    return tuple(block.split("\n")) if block else ()
+
+
+def _unit(annotations: Annotations) -> str | None:
+    values = [
+        parameters["value"].value for parameters in annotations.get("unit", []) if "value" in parameters
+    ]
+    return str(values[0]) if len(values) == 1 else None
+
+
+def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
+    """Raise Fault for a name that generated code cannot have, or has already."""
+    check_keyword(str(name), _start(name), what)
+    if any(str(name) in names for names in taken):
+        raise Fault(f"'{name}' is already declared", offset=_start(name))
+
+
+def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:
+    """Return the children that are no tokens."""
+    return [cast("Tree[Token]", child) for child in tree.children if hasattr(child, "data")]
+
+
+def _token(tree: Tree[Token]) -> Token:
+    """Return the name that a declarator begins with."""
+    return cast("Token", tree.children[0])
+
+
+def _tokens(tree: Tree[Token]) -> list[Token]:
+    return list(tree.scan_values(lambda _: True))
+
+
+def _start(token: Token) -> int:
+    return token.start_pos or 0

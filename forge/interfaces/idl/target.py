@@ -1,0 +1,185 @@
+"""The .idl text of an interface, in the form that rosidl_adapter installs."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.templating import render
+from forge.interfaces.model import (
+    Action,
+    Array,
+    File,
+    Named,
+    Primitive,
+    Sequence,
+    Text,
+    element_of,
+    sections_of,
+)
+from forge.interfaces.read.comments import TURNING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from forge.interfaces.model import Catalog, Element, Field, Interface, Message, Type, TypeName, Value
+
+_ESCAPES = str.maketrans(
+    {
+        "\\": r"\\",
+        '"': r"\"",
+        "\n": r"\n",
+        "\t": r"\t",
+        "\r": r"\r",
+        "\v": r"\v",
+        "\b": r"\b",
+        "\f": r"\f",
+        "\a": r"\a",
+    }
+)
+_HALVED = re.compile(r'\\{2,}|\\(?=")')
+_ACTION_INCLUDES = {"builtin_interfaces/msg/Time.idl", "unique_identifier_msgs/msg/UUID.idl"}
+
+
+@frozen
+class _Line:
+    """A member or constant: its comment as quoted lines, its annotations, its declaration."""
+
+    comment: str
+    annotations: tuple[str, ...]
+    declaration: str
+
+
+@frozen
+class _Structure:
+    """A struct, what stands before it, and its members."""
+
+    name: str
+    comment: str
+    typedefs: tuple[str, ...]
+    constants: tuple[_Line, ...]
+    members: tuple[_Line, ...]
+
+
+def files(catalog: Catalog) -> Iterator[File]:
+    """Yield 'PACKAGE/KIND/Name.idl' for each interface."""
+    for interface in catalog.interfaces.values():
+        yield from interface_files(catalog)(interface)
+
+
+def package_files(_: Catalog) -> Iterator[File]:
+    """Yield nothing: no file is about a whole package."""
+    return iter(())
+
+
+def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the file of one interface."""
+
+    def files_of(interface: Interface) -> Iterator[File]:
+        name = interface.name
+        text = idl_text(interface, f"{name.package}/{catalog.sources[name].relative}")
+        yield File(f"{name.package}/{name.kind}/{name.name}.idl", text)
+
+    return files_of
+
+
+def idl_text(interface: Interface, origin: str) -> str:
+    """Return an interface as IDL; `origin` names the file that it was read from."""
+    messages = sections_of(interface)
+    includes = {
+        f"{element.name.package}/{element.name.kind}/{element.name.name}.idl"
+        for message in messages
+        for member in message.fields
+        if isinstance(element := element_of(member.type), Named)
+    }
+    if isinstance(interface, Action):
+        includes |= _ACTION_INCLUDES
+    return render(
+        "idl/interface.idl.j2",
+        origin=origin,
+        includes=sorted(includes),
+        package=interface.name.package,
+        kind=interface.name.kind,
+        structures=[_structure(message) for message in messages],
+    )
+
+
+def _structure(message: Message) -> _Structure:
+    constants = tuple(
+        _Line(
+            _comment(constant.doc, 8),
+            (),
+            f"{_type(constant.type)} {constant.name} = {_literal(constant.value, constant.type)}",
+        )
+        for constant in message.constants
+    )
+    typedefs = dict.fromkeys(line for member in message.members for line in _typedefs(member.type))
+    members = tuple(map(_member, message.members))
+    return _Structure(message.name.name, _comment(message.doc, 6), tuple(typedefs), constants, members)
+
+
+def _member(member: Field) -> _Line:
+    annotations = []
+    if member.default is not None:
+        annotations.append(f"@default (value={_literal(member.default, member.type)})")
+    if member.unit is not None:
+        annotations.append(f"@unit (value={_quoted(member.unit)})")
+    return _Line(_comment(member.doc, 8), tuple(annotations), f"{_type(member.type)} {member.name}")
+
+
+def _comment(lines: tuple[str, ...], indent: int) -> str:
+    """Return quoted lines that IDL joins again, the later ones indented."""
+    return (' "\\n"\n' + " " * indent).join(_quoted(TURNING.sub(" ", line)) for line in lines)
+
+
+def _type(type_: Type) -> str:
+    match type_:
+        case Array(of, size):
+            return f"{_identifier(of)}__{size}"
+        case Sequence(of, None):
+            return f"sequence<{_type(of)}>"
+        case Sequence(of, bound):
+            return f"sequence<{_type(of)}, {bound}>"
+        case Named(name):
+            return _scoped(name)
+        case Text(wide, bound):
+            return ("wstring" if wide else "string") + (f"<{bound}>" if bound else "")
+        case Primitive(name):
+            return name
+
+
+def _typedefs(type_: Type) -> Iterator[str]:
+    """Yield what must be declared before a member of this type: IDL's members cannot be arrays."""
+    if isinstance(type_, Array):
+        identifier = _identifier(type_.of)
+        if isinstance(type_.of, Named):
+            yield f"{_type(type_.of)} {identifier}"
+            yield f"{identifier} {identifier}__{type_.size}[{type_.size}]"
+        else:
+            yield f"{_type(type_.of)} {identifier}__{type_.size}[{type_.size}]"
+
+
+def _identifier(element: Element) -> str:
+    return _type(element).replace("::", "__").replace("<", "__").replace(">", "")
+
+
+def _scoped(name: TypeName) -> str:
+    return f"{name.package}::{name.kind}::{name.name}"
+
+
+def _literal(value: Value, type_: Type) -> str:
+    if isinstance(value, tuple):
+        return _quoted(repr(value))
+    if isinstance(type_, Text):
+        return _quoted(str(value))
+    return str(value).upper() if isinstance(value, bool) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    """Return a string literal; control characters that have no name of their own are written in octal.
+
+    Backslashes before others or before a quote are doubled once more: rosidl halves them twice.
+    """
+    named = _HALVED.sub(lambda run: run[0] * 2, text).translate(_ESCAPES)
+    return '"' + "".join(c if c >= " " else f"\\{ord(c):03o}" for c in named) + '"'

@@ -1,0 +1,1 @@
+"""The Python target: message classes, type stubs and serializers."""

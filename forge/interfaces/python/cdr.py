@@ -1,0 +1,170 @@
+"""Serializers in Python for a catalog: a module beside each generated one, loaded when it is needed.
+
+A module has, for each message, a function that makes its writer and one that makes its reader: the
+tables that these look up come first. Messages too large to be unfolded inside others have two more,
+for the place inside. All are little endian; what they refuse, the run time's exact codec looks into.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
+from forge.base.templating import render
+from forge.interfaces.model import File, messages_of
+from forge.interfaces.python.cdr_read import Others, read_part, read_whole
+from forge.interfaces.python.cdr_text import Names
+from forge.interfaces.python.cdr_text import Text as Lines
+from forge.interfaces.python.cdr_write import write_part, write_whole
+from forge.interfaces.wire.flattening import Layouts
+from forge.interfaces.wire.layout import ANYWHERE, START, Layout, Shared
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from forge.interfaces.model import Catalog, Interface, TypeName
+
+
+@frozen
+class _Function:
+    """A function that makes a reader or a writer, as the template shows it."""
+
+    name: str
+    inner: str
+    """The name and parameters of what it makes."""
+    tables: tuple[str, ...]
+    lines: tuple[str, ...]
+
+    @property
+    def made(self) -> str:
+        """The name of what it makes."""
+        return self.inner.partition("(")[0]
+
+
+@dataclass(slots=True)
+class _Module:
+    """What one generated module refers to."""
+
+    layouts: Layouts
+    own: frozenset[TypeName]
+    all_classes: frozenset[str]
+    """The names of all classes of the catalog, one set for all modules."""
+    classes: dict[TypeName, str] = field(default_factory=dict)
+    modules: dict[str, str] = field(default_factory=dict)
+
+    def class_of(self, name: TypeName) -> str:
+        """Return what the module calls a message's class."""
+        if name not in self.classes:
+            taken = name.name in self.classes.values()
+            self.classes[name] = f"_{name.package}_{name.kind}_{name.name}" if taken else name.name
+        return self.classes[name]
+
+    def maker(self, word: str, name: TypeName) -> str:
+        """Return the expression for the function that makes a large message's reader or writer."""
+        if name in self.own:
+            return f"{word}_{name.name}()"
+        path = f"{_module(name)}__cdr"
+        alias = self.modules.setdefault(path, f"_{path.replace('.', '_')}")
+        return f"{alias}.{word}_{name.name}()"
+
+
+def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the module of serializers for one interface; for `root`, see python.py."""
+    layouts = Layouts(catalog.known)
+    all_classes = frozenset(name.name for name in catalog.known)
+
+    def module(interface: Interface) -> Iterator[File]:
+        path = f"{_module(interface.name).replace('.', '/')}__cdr.py"
+        yield File(path, _serializers(interface, layouts, all_classes, root))
+
+    return module
+
+
+def _module(name: TypeName) -> str:
+    return f"{name.package}.{name.kind}._{snake_case(name.name)}"
+
+
+def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[str], root: str) -> str:
+    """Return the module of one interface file."""
+    own = [message.name for message in messages_of(interface)]
+    module = _Module(layouts, frozenset(own), all_classes)
+    for name in own:
+        module.class_of(name)
+    functions = [function for name in own for function in _functions(name, module)]
+    text = "\n".join(line for function in functions for line in (*function.tables, *function.lines))
+    home = _module(interface.name)
+    classes = [
+        (home if name in module.own else _module(name), name.name, local)
+        for name, local in sorted(module.classes.items())
+    ]
+    others = [(*path.rsplit(".", 1), local) for path, local in sorted(module.modules.items())]
+    return render(
+        "python/cdr.py.j2",
+        title=str(interface.name),
+        shared=_shared_imports(text),
+        imported=[(f"{root}{path}", name, local) for path, name, local in (*classes, *others)],
+        constants=_constants(text),
+        functions=functions,
+    )
+
+
+def _shared_imports(text: str) -> list[str]:
+    """Return the imports that a module's functions need."""
+    wanted = (
+        ("_array(", "from array import array as _array"),
+        ("_repeat(", "from itertools import repeat as _repeat"),
+        ("_lazy.", "from forge_cdr import lazy as _lazy"),
+        ("_pieces.", "from forge_cdr import pieces as _pieces"),
+        ("_ndarray(", "import numpy as _numpy"),
+    )
+    return [line for word, line in wanted if word in text]
+
+
+def _constants(text: str) -> list[str]:
+    """Return the lines for what functions look up without going through another module."""
+    names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"_{name}\b", text)]
+    arrays = ["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []
+    return [*arrays, *(f"_{name} = _pieces.{name}" for name in names)]
+
+
+def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
+    """Yield the functions for one message."""
+    large = module.layouts.is_large(name)
+    if large:
+        layout = module.layouts.of(name, ANYWHERE)
+        yield _writing(f"part_writer_{name.name}", "write(message, append, o)", layout, module)
+        yield _reading(f"part_reader_{name.name}", "read(buffer, view, o, limit)", name, layout, module)
+        whole = Layout((Shared((), name, START),), (), START, ANYWHERE)
+    else:
+        whole = module.layouts.of(name)
+    yield _writing(f"writer_{name.name}", "write(message)", whole, module)
+    yield _reading(f"reader_{name.name}", "read(buffer, limit)", name, whole, module)
+
+
+def _writing(name: str, inner: str, layout: Layout, module: _Module) -> _Function:
+    lines = Lines(_names(module))
+
+    def shared(other: TypeName) -> str:
+        return lines.table(f"write_{snake_case(other.name)}", module.maker("part_writer", other))
+
+    (write_part if layout.start == ANYWHERE else write_whole)(lines, layout, shared)
+    return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
+
+
+def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _Module) -> _Function:
+    lines = Lines(_names(module))
+
+    def shared(other: TypeName) -> str:
+        return lines.table(f"read_{snake_case(other.name)}", module.maker("part_reader", other))
+
+    others = Others(module.class_of, shared)
+    (read_part if layout.start == ANYWHERE else read_whole)(lines, message, layout, others)
+    return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
+
+
+def _names(module: _Module) -> Names:
+    """Return the names of a function; the classes of the whole catalog are taken, whichever it uses."""
+    return Names({"message", "read", "write"}, module.all_classes)

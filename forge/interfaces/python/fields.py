@@ -1,0 +1,239 @@
+"""One field of a message as finished Python text: its types, how it is built and what it accepts."""
+
+from __future__ import annotations
+
+from math import isinf
+from typing import TYPE_CHECKING, Final
+
+from forge.base.frozen import frozen
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+from forge.interfaces.python.types import (
+    DTYPES,
+    INTEGERS,
+    TYPE_CODES,
+    literal,
+    numeric,
+    scalar,
+    slot_type,
+    type_text,
+    zero,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from forge.interfaces.model import Field, Type, TypeName
+
+HIGHEST: Final = {"char": 127, "wchar": 65535}
+FLOAT_MAX: Final = "3.4028234663852886e+38"
+
+BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
+"""What a constructor's short cuts call; a field of such a name hides it there."""
+
+
+@frozen
+class Scope:
+    """What names mean inside a message's methods."""
+
+    classes: Mapping[TypeName, str]
+    """The message classes that the module knows, by what it calls them."""
+    own: str = "self"
+    """The constructor's word for the message itself."""
+    direct: bool = True
+    """Whether the constructor may call builtins, since no field has the name of one."""
+
+
+@frozen
+class FieldView:
+    """A field as the template shows it; every text is finished."""
+
+    name: str
+    type_text: str
+    slot_type: str
+    build: tuple[str, ...]
+    accept: tuple[str, ...]
+    default: str | None
+    needs: frozenset[str]
+    """What the texts use of others: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and its like."""
+
+    @property
+    def default_name(self) -> str:
+        """The class attribute that holds the default."""
+        return f"{self.name.upper()}__DEFAULT"
+
+
+def view_field(field: Field, scope: Scope) -> FieldView:
+    """Return the texts of a field of a message."""
+    default = None if field.default is None else literal(field.type, field.default)
+    return FieldView(
+        name=field.name,
+        type_text=repr(type_text(field.type)),
+        slot_type=slot_type(field.type),
+        build=_build(field, scope),
+        accept=_accept(field, scope.classes),
+        default=default,
+        needs=_needs(field),
+    )
+
+
+def _needs(field: Field) -> frozenset[str]:
+    number, own = numeric(field.type), field.default is None
+    if number is None:
+        return frozenset()
+    if isinstance(field.type, Array):
+        words = {"arrays": True, "zeros": own, "numpy": number != "double" or not own}
+    else:
+        words = {"array": not (own and _bound(field.type, "")), f"no_{number}": own}
+    return frozenset(word for word, used in words.items() if used)
+
+
+def _build(field: Field, scope: Scope) -> tuple[str, ...]:
+    """Return the constructor's lines for a field: nothing given, a short way in, the property's long one."""
+    name, slot = field.name, f"{scope.own}._{field.name}"
+    # A default that no message can hold is told by the property.
+    target = slot if _fits(field) else f"{scope.own}.{name}"
+    lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
+    short = None
+    if numeric(field.type) and field.default is None:
+        return (*lines, "else:", f"    {slot} = {_convert(field)}")
+    if scope.direct and not isinstance(field.type, Array | Sequence):
+        short = _short_test(field.type, scope.classes, name)
+    if short:
+        lines += [f"elif {short}:", f"    {slot} = {name}"]
+    return (*lines, "else:", f"    {scope.own}.{name} = {name}")
+
+
+def _fits(field: Field) -> bool:
+    """Tell if a default is in the range of its type; literals of float32 may not be."""
+    if field.type != Primitive("float") or not isinstance(field.default, float):
+        return True
+    return not abs(field.default) > float(FLOAT_MAX) or isinf(field.default)
+
+
+def _short_test(type_: Type, classes: Mapping[TypeName, str], word: str) -> str:
+    """Return the condition under which a single value needs no closer look."""
+    if isinstance(type_, Named):
+        return f"{word}.__class__ is {classes[type_.name]}"
+    return " and ".join(_tests(type_, word))
+
+
+def _own_value(field: Field, scope: Scope) -> str:
+    """Return the expression for the value of a field that was not given; no other message shares it."""
+    if isinstance(field.type, Array | Sequence) and field.default is not None:
+        copied = ".copy()" if numeric(field.type) and isinstance(field.type, Array) else "[:]"
+        return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
+    match field.type:
+        case Array():
+            return _zeros(field.type, scope)
+        case Sequence():
+            return f"_no_{numeric(field.type)}[:]" if numeric(field.type) else "[]"
+        case Named(name):
+            return f"{scope.classes[name]}()"
+        case single:
+            return zero(single) if field.default is None else scalar(single, field.default)
+
+
+def _zeros(type_: Array, scope: Scope) -> str:
+    match numeric(type_), type_.of:
+        case "double", _:
+            return f"_zeros({type_.size})"  # numpy's own type, which it is fastest with
+        case str(number), _:
+            return f"_zeros({type_.size}, _numpy.{DTYPES[number]})"
+        case _, Named(name):
+            return f"_messages.several({scope.classes[name]}, {type_.size})"
+        case _, of:
+            return f"[{zero(of)}] * {type_.size}"
+
+
+def _convert(field: Field) -> str:
+    """Return the call that makes an array of what the constructor was given."""
+    number = numeric(field.type) or ""
+    if isinstance(field.type, Array):
+        return f"_arrays.new_array({field.name!r}, {field.name}, {number!r}, {field.type.size})"
+    if isinstance(field.type, Sequence) and field.type.bound is not None:
+        return f"_checks.new_numbers({field.name!r}, {field.name}, {number!r}, {field.type.bound})"
+    return f"_array({TYPE_CODES[number]!r}, {field.name})"
+
+
+def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
+    """Return the setter's lines."""
+    store = f"self._{field.name} = value"
+    if isinstance(field.type, Array | Sequence):
+        return (f"self._{field.name} = {_collection(field, classes)}",)
+    call = _scalar_check(field, classes)
+    if isinstance(field.type, Named):
+        test = f"value.__class__ is not {classes[field.type.name]}"
+    else:
+        tests = _tests(field.type, "value")
+        test = f"not ({' and '.join(tests)})" if tests[1:] else tests[0].replace(" is ", " is not ")
+    return (f"if {test}:", f"    value = {call}", store)
+
+
+def _tests(type_: Type, word: str) -> list[str]:
+    """Return the conditions under which a value needs no closer look."""
+    limits = []
+    match type_:
+        case Primitive("boolean"):
+            python = "bool"
+        case Primitive("octet"):
+            python, limits = "bytes", [f"len({word}) == 1"]
+        case Primitive("char" | "wchar" as name):
+            python, limits = "str", [f"len({word}) == 1", f"{word} <= {chr(HIGHEST[name])!r}"]
+        case Primitive("float"):
+            python, limits = "float", [f"-{FLOAT_MAX} <= {word} <= {FLOAT_MAX}"]
+        case Primitive(name) if name in INTEGERS:
+            low, high = INTEGERS[name]
+            python, limits = "int", [f"{low} <= {word} <= {high}"]
+        case Text(_, bound):
+            python, limits = "str", [] if bound is None else [f"len({word}) <= {bound}"]
+        case _:
+            python = "float"
+    return [f"{word}.__class__ is {python}", *limits]
+
+
+def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
+    """Return the call that looks closer at a single value."""
+    start = f"({field.name!r}, value"
+    match field.type:
+        case Primitive("boolean" | "octet" as name):
+            return f"_checks.{name}{start})"
+        case Primitive("char" | "wchar" as name):
+            return f"_checks.character{start}, {HIGHEST[name]})"
+        case Primitive(name):
+            return f"_checks.number{start}, {name!r})"
+        case Text(_, None):
+            return f"_checks.text{start})"
+        case Text(_, bound):
+            return f"_checks.bounded_text{start}, {bound})"
+        case Named(name):
+            return f"_checks.message{start}, {classes[name]})"
+        case _:
+            raise AssertionError(field.type)
+
+
+def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
+    """Return the call that looks at an array or a sequence."""
+    type_, number = field.type, numeric(field.type)
+    size = f", {type_.size}" if isinstance(type_, Array) else ""
+    if number and size:
+        return f"_arrays.array({field.name!r}, value, {number!r}{size})"
+    if number:
+        return f"_checks.numbers({field.name!r}, value, {number!r}{_bound(type_, '')})"
+    match element_of(type_):
+        case Named(name):
+            call, what = "collection", classes[name]
+        case Text(_, None):
+            call, what = "collection", "str"
+        case Text(_, bound):
+            call, what = "texts", str(bound)
+        case Primitive("char" | "wchar" as name):
+            call, what = "characters", str(HIGHEST[name])
+        case Primitive(name):
+            call, what = "collection", "bool" if name == "boolean" else "bytes"
+    length = size.replace(" ", " size=") + _bound(type_, "bound=")
+    return f"_checks.{call}({field.name!r}, value, {what}{length})"
+
+
+def _bound(type_: Type, word: str) -> str:
+    """Return the argument that bounds a sequence, if anything does."""
+    return f", {word}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""

@@ -1,0 +1,204 @@
+"""Python modules for a catalog: one per interface file, with rosidl's names and behaviour.
+
+What all messages share lives in the run-time package forge_rosidl; here is what differs.
+Names that users did not choose begin with '_' in generated text, as no field's name does.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.names import snake_case
+from forge.base.templating import render
+from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
+from forge.interfaces.python.fields import BUILTINS, FieldView, Scope, view_field
+from forge.interfaces.python.stubs import Language, hidden_words, stub_imports, view_stub
+from forge.interfaces.python.types import literal
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from forge.interfaces.model import Catalog, Interface, Message
+
+_CANCEL = TypeName("action_msgs", "srv", "CancelGoal")
+_STATUS = TypeName("action_msgs", "msg", "GoalStatusArray")
+
+
+@frozen
+class _MessageView:
+    """A message class as the template shows it."""
+
+    name: str
+    doc_end: str
+    constants: tuple[tuple[str, str], ...]
+    defaults: tuple[tuple[str, str], ...]
+    fresh: tuple[str, ...]
+    fields: tuple[FieldView, ...]
+    own: str
+
+
+@frozen
+class _ServiceView:
+    """A service class as the template shows it."""
+
+    name: str
+    request: str
+    response: str
+
+
+@frozen
+class _ActionView:
+    """An action class as the template shows it."""
+
+    name: str
+    cancel: str
+    status: str
+
+
+def files(catalog: Catalog) -> Iterator[File]:
+    """Yield the Python package of the catalog's interfaces, to be put where Python finds packages."""
+    yield from package_files(catalog)
+    for interface in catalog.interfaces.values():
+        yield from _interface(interface)
+
+
+def package_files(catalog: Catalog) -> Iterator[File]:
+    """Yield what makes folders of modules a package."""
+    yield File(f"{catalog.package}/__init__.py", "")
+    yield File(f"{catalog.package}/py.typed", "")
+    for kind in sorted({name.kind for name in catalog.interfaces}):
+        names = [name for name in catalog.interfaces if name.kind == kind]
+        yield from _namespace(catalog.package, kind, names)
+
+
+def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
+    """Return what yields the module of one interface and its stub.
+
+    `root` precedes the names of imported packages; with "..." the folder of all packages is a package itself.
+    """
+    return partial(_interface, root=root)
+
+
+def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:
+    """Yield the module that gathers the classes of one kind, and its stub."""
+    members = sorted((f"_{snake_case(name.name)}", name.name) for name in names)
+    for ending in ("py", "pyi"):
+        text = render(f"python/namespace.{ending}.j2", package=package, kind=kind, members=members)
+        yield File(f"{package}/{kind}/__init__.{ending}", text)
+
+
+def _interface(interface: Interface, root: str = "") -> Iterator[File]:
+    """Yield the module of one interface file, and its stub."""
+    messages = tuple(messages_of(interface))
+    imported = _imported(interface, messages)
+    classes = imported | {message.name: message.name.name for message in messages}
+    path = _module(interface.name).replace(".", "/")
+    shared = {
+        "title": str(interface.name),
+        "imported": [(f"{root}{_module(name)}", name.name, local) for name, local in imported.items()],
+        "decorator": _decorator(messages),
+        "services": [_service(part) for part in _services(interface)],
+        "action": _action(interface, classes),
+    }
+    views = [_message(message, classes) for message in messages]
+    text = render("python/interface.py.j2", **shared, messages=views, imports=_imports(views, messages))
+    yield File(f"{path}.py", text)
+    language = Language(classes, hidden_words(messages))
+    stubs = [view_stub(message, language) for message in messages]
+    lines = stub_imports(messages, language.hidden, aliases=bool(_services(interface)))
+    yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
+
+
+def _module(name: TypeName) -> str:
+    return f"{name.package}.{name.kind}._{snake_case(name.name)}"
+
+
+def _services(interface: Interface) -> tuple[Service, ...]:
+    """Return the services that live in an interface's module."""
+    match interface:
+        case Service():
+            return (interface,)
+        case Action():
+            return (interface.send_goal, interface.get_result)
+        case _:
+            return ()
+
+
+def _service(service: Service) -> _ServiceView:
+    return _ServiceView(service.name.name, service.request.name.name, service.response.name.name)
+
+
+def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionView | None:
+    if not isinstance(interface, Action):
+        return None
+    return _ActionView(interface.name.name, classes[_CANCEL], classes[_STATUS])
+
+
+def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
+    """Return the classes that the module takes from others, with the names it gives them."""
+    wanted = {
+        element.name
+        for message in messages
+        for field in message.fields
+        if isinstance(element := element_of(field.type), Named)
+    }
+    if isinstance(interface, Action):
+        wanted |= {_CANCEL, _STATUS}
+    wanted -= {message.name for message in messages}
+    taken = [*(name.name for name in wanted), *_taken(interface, messages)]
+    return {
+        name: name.name if taken.count(name.name) == 1 else f"_{name.package}_{name.kind}_{name.name}"
+        for name in sorted(wanted)
+    }
+
+
+def _taken(interface: Interface, messages: Sequence[Message]) -> set[str]:
+    """Return the names that the module defines, and those that hide others inside a constructor."""
+    classes = {interface.name, *(message.name for message in messages)}
+    classes |= {service.name for service in _services(interface)}
+    return {name.name for name in classes} | {field.name for message in messages for field in message.fields}
+
+
+def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list[str]:
+    """Return the import lines for the standard library and for what all generated modules share."""
+    needs = {need for view in views for field in view.fields for need in field.needs}
+    lines = ["from array import array as _array"] if "array" in needs else []
+    if _decorator(messages) != "property":
+        lines.append("from builtins import property as _property")
+    if lines:
+        lines.append("")
+    lines += ["import numpy as _numpy"] * ("numpy" in needs)
+    lines += ["from numpy import zeros as _zeros"] * ("zeros" in needs)
+    lines += ["from forge_rosidl import arrays as _arrays"] * ("arrays" in needs)
+    lines += ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
+    if any(view.fields for view in views):
+        lines.append("from rosidl_parser import definition as _definition")
+    empty = sorted(need for need in needs if need.startswith("no_"))
+    return lines + [f"from forge_rosidl.empty import {word} as _{word}" for word in empty]
+
+
+def _decorator(messages: Sequence[Message]) -> str:
+    """Return the word for Python's property; a field may have taken the usual one."""
+    hidden = any(field.name == "property" for message in messages for field in message.fields)
+    return "_property" if hidden else "property"
+
+
+def _message(message: Message, classes: Mapping[TypeName, str]) -> _MessageView:
+    names = {field.name for field in message.fields}
+    own = "_self" if "self" in names else "self"
+    scope = Scope(classes, own, direct=not names & BUILTINS)
+    fields = tuple(view_field(field, scope) for field in message.fields)
+    constants = tuple((c.name, literal(c.type, c.value)) for c in message.constants)
+    defaults = tuple((field.default_name, field.default) for field in fields if field.default is not None)
+    changeable = {field.name for field in message.fields if isinstance(field.default, tuple)}
+    return _MessageView(
+        name=message.name.name,
+        doc_end="" if constants else '"""',
+        constants=constants,
+        defaults=defaults,
+        fresh=tuple(field.default_name for field in fields if field.name in changeable),
+        fields=fields,
+        own=own,
+    )

@@ -1,0 +1,1 @@
+"""Definitions from files: find and parse .msg, .srv, .action and .idl files, and lint them."""

@@ -1,0 +1,272 @@
+"""One line of a definition: its type, its name, its value (ROS 2 documentation, Interfaces)."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from functools import cache
+from typing import TYPE_CHECKING, cast
+
+from forge.base.frozen import frozen
+from forge.base.names import did_you_mean, snake_case
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
+from forge.interfaces.read.errors import Fault
+
+if TYPE_CHECKING:
+    from lark import Lark, Token, Tree
+
+    from forge.interfaces.model import Element, Type
+
+PRIMITIVES = {
+    "bool": "boolean",
+    "byte": "octet",
+    "char": "uint8",
+    "float32": "float",
+    "float64": "double",
+    **{f"{sign}int{bits}": f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)},
+}
+_ELSEWHERE = {
+    "boolean": "bool",
+    "double": "float64",
+    "duration": "builtin_interfaces/Duration",
+    "float": "float32",
+    "int": "int32",
+    "long": "int64",
+    "octet": "byte",
+    "short": "int16",
+    "str": "string",
+    "text": "string",
+    "time": "builtin_interfaces/Time",
+    "uint": "uint32",
+}
+"""Common wrong type names, and the intended types."""
+
+LOWER_NAME = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
+TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+_CONSTANT_NAME = re.compile(r"[A-Z](?:_?[A-Z0-9])*")
+_SECTION_NAME = re.compile(
+    r"(?:Sample_)?[A-Z][A-Za-z0-9]*(?:_Feedback)?(?:_Result)?(?:_Goal)?(?:_Response)?(?:_Request)?"
+)
+
+_CPP_KEYWORDS = """
+    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t
+    char32_t class compl const const_cast constexpr continue decltype default delete do double
+    dynamic_cast else enum explicit export extern false float for friend goto if inline int long
+    mutable namespace new noexcept not not_eq nullptr operator or or_eq private protected public
+    register reinterpret_cast return short signed sizeof static static_assert static_cast struct
+    switch template this thread_local throw true try typedef typeid typename union unsigned
+    using virtual void volatile wchar_t while xor xor_eq
+"""
+CPP_KEYWORDS = frozenset(_CPP_KEYWORDS.split())
+_KEYWORDS = {
+    "Python": frozenset(keyword.kwlist),
+    "C++": CPP_KEYWORDS,
+    "C": frozenset({"restrict"}),  # the one that neither of the others has
+}
+
+
+@frozen
+class Declaration:
+    """A field or a constant as written; `value_offset` is where `value` starts in the line."""
+
+    type: Type
+    name: str
+    constant: bool
+    value: str | None
+    value_offset: int
+
+
+def read_declaration(text: str, package: str) -> Declaration:
+    """Read a line of `package`, its comment and trailing blanks cut off.
+
+    A type name without a package is one of `package`'s. Raises Fault.
+    """
+    written, _, rest = text.partition(" ")
+    _check_outline(text, written, rest)
+    type_ = _read_type(written, package)
+    offset = len(text) - len(rest.lstrip(" "))
+    if "=" not in rest:
+        name, _, value = text[offset:].partition(" ")
+        _check_field(name, offset, type_)
+        value = value.lstrip(" ")
+        return Declaration(
+            type_, name, constant=False, value=value or None, value_offset=len(text) - len(value)
+        )
+    name, _, value = text[offset:].partition("=")
+    name, value = name.rstrip(" "), value.lstrip(" ")
+    _check_constant(name, offset, type_)
+    return Declaration(type_, name, constant=True, value=value, value_offset=len(text) - len(value))
+
+
+@cache
+def _read_type(written: str, package: str) -> Type:
+    """Return a type; few are written in a package, but each of them often."""
+    from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only to compile)
+
+    try:
+        tree = _grammar().parse(written)
+    except UnexpectedInput as error:
+        ended = getattr(getattr(error, "token", None), "type", "") == "$END"
+        raise _explained(written, len(written) if ended else error.pos_in_stream or 0) from None
+    return _type(tree, package)
+
+
+@cache
+def _grammar() -> Lark:
+    from lark import Lark  # noqa: PLC0415  (as above)
+
+    return Lark.open("declaration.lark", rel_to=__file__, parser="lalr", start="type")
+
+
+def _check_outline(text: str, written: str, rest: str) -> None:
+    """Reject a line that is not of the form 'TYPE name'."""
+    if not written:
+        start = len(text) - len(text.lstrip())
+        raise Fault(
+            "a declaration starts in the first column", offset=start, hint="remove the blanks before it"
+        )
+    if written.startswith("---"):
+        raise Fault("a separator is exactly '---', and belongs into .srv and .action files")
+    if not rest.strip():
+        if "=" in written:
+            raise Fault("a constant needs a blank after its type", hint="write 'TYPE NAME=VALUE'")
+        raise Fault(f"'{written}' is not followed by a name", offset=len(written), hint="write 'TYPE name'")
+
+
+def _explained(written: str, offset: int) -> Fault:
+    """Return the fault of a type that the grammar rejected at `offset`."""
+    if offset == len(written) and written.count("[") > written.count("]"):
+        return Fault("a type has no blanks inside", offset=offset)
+    if written.count("/") > 1:
+        return Fault(
+            f"type '{written}' has more than two parts",
+            offset=written.index("/", written.index("/") + 1),
+            hint="a message of another package is 'package/Name'",
+        )
+    brackets = re.search(r"\[(<=)?([^\]]*)\]", written)
+    if brackets and offset >= brackets.end():
+        return Fault("an array has one dimension", offset=offset, hint="make a message of its elements")
+    if brackets:
+        return _no_size(brackets[2], brackets.start(2))
+    return Fault(f"'{written}' is not a type", offset=offset)
+
+
+def _type(tree: Tree[Token], package: str) -> Type:
+    match tree.data:
+        case "array":
+            return Array(_element(_subtree(tree), package), _size(tree.children[1]))
+        case "sequence":
+            return _unbounded(_element(_subtree(tree), package))
+        case "bounded_sequence":
+            return Sequence(_element(_subtree(tree), package), _size(tree.children[1]))
+        case _:
+            return _element(tree, package)
+
+
+def _unbounded(of: Element) -> Sequence:
+    """Return a sequence, unless rosidl generators and parsers interpret it differently."""
+    if isinstance(of, Text) and of.wide and of.bound is not None:
+        raise Fault(
+            f"rosidl takes 'wstring<={of.bound}[]' for 'wstring<={of.bound}[<={of.bound}]'",
+            hint="write that, or 'wstring[]'",
+        )
+    return Sequence(of)
+
+
+def _subtree(tree: Tree[Token]) -> Tree[Token]:
+    return cast("Tree[Token]", tree.children[0])
+
+
+def _element(tree: Tree[Token], package: str) -> Element:
+    words = [str(word) for word in tree.children]
+    match tree.data:
+        case "bounded_text":
+            if words[0] not in {"string", "wstring"}:
+                raise Fault(
+                    f"only string and wstring take a bound, not '{words[0]}'",
+                    offset=len(words[0]),
+                    hint="a bounded sequence is 'TYPE[<=N]'",
+                )
+            return Text(words[0] == "wstring", _size(tree.children[1]))
+        case "other":
+            if not LOWER_NAME.fullmatch(words[0]):
+                raise Fault(f"'{words[0]}' is not the name of a package")
+            return Named(TypeName(words[0], "msg", _message_name(words[1], len(words[0]) + 1)))
+        case _:
+            return _single(words[0], package)
+
+
+def _single(word: str, package: str) -> Element:
+    if word in PRIMITIVES:
+        return Primitive(PRIMITIVES[word])
+    if word in {"string", "wstring"}:
+        return Text(word == "wstring")
+    if word in _ELSEWHERE:
+        raise Fault(f"there is no type '{word}'", hint=f"use '{_ELSEWHERE[word]}'")
+    if word[0].isupper():
+        return Named(TypeName(package, "msg", _message_name(word, 0)))
+    raise Fault(f"there is no type '{word}'", hint=did_you_mean(word, [*PRIMITIVES, "string", "wstring"]))
+
+
+def _message_name(name: str, offset: int) -> str:
+    if not _SECTION_NAME.fullmatch(name):
+        raise Fault(
+            f"'{name}' is not the name of a message",
+            offset=offset,
+            hint="such a name is CamelCase: letters and digits",
+        )
+    return name
+
+
+def _size(token: object) -> int:
+    """Return a size or bound, which Python's int() reads and which is at least 1."""
+    offset = getattr(token, "start_pos", None) or 0
+    try:
+        size = int(str(token))
+    except ValueError:
+        raise _no_size(str(token), offset) from None
+    if size < 1:
+        raise Fault("a size is at least 1", offset=offset)
+    return size
+
+
+def _no_size(text: str, offset: int) -> Fault:
+    return Fault(f"'{text}' is not a size", offset=offset, hint="write a decimal number")
+
+
+def _check_field(name: str, offset: int, _: Type) -> None:
+    if not LOWER_NAME.fullmatch(name):
+        better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
+        hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
+        rule = "it takes lower-case letters, digits and single underscores"
+        raise Fault(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
+    check_keyword(name, offset, "field")
+
+
+def check_keyword(name: str, offset: int, what: str) -> None:
+    """Raise Fault when generated code could not contain the name of this `what`."""
+    tongues = [tongue for tongue, words in _KEYWORDS.items() if name in words]
+    if tongues:
+        raise Fault(
+            f"a {what} cannot be called '{name}', a keyword of {' and '.join(tongues)}",
+            offset=offset,
+            hint=f"name it '{name}_value', or say what it holds",
+        )
+
+
+def _check_constant(name: str, offset: int, type_: Type) -> None:
+    first, blank, rest = name.partition(" ")
+    if blank or not first:
+        offset += len(name) - len(rest.lstrip(" "))
+        raise Fault(
+            "a constant is 'TYPE NAME = VALUE'",
+            offset=offset,
+            hint="a line with '=' declares a constant, even where '=' is meant as text",
+        )
+    if not _CONSTANT_NAME.fullmatch(name):
+        better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
+        hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None
+        rule = "it takes upper-case letters, digits and single underscores"
+        raise Fault(f"'{name}' cannot be the name of a constant", offset=offset, hint=hint or rule)
+    if not isinstance(type_, Primitive) and type_ not in {Text(), Text(wide=True)}:
+        raise Fault("a constant is a number, a bool or an unbounded string")

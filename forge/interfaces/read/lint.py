@@ -1,0 +1,183 @@
+"""Error-prone definitions: names that fail to compile, and lines with an unexpected meaning.
+
+forge interprets such lines like rosidl, since results must be the same; `--strict` reports them.
+"""
+
+from __future__ import annotations
+
+import re
+from math import inf
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Place, Problem
+from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, Text, element_of, sections_of
+from forge.interfaces.read.literals import QUOTES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Constant, Field, Message, Source
+    from forge.interfaces.read.parsing import Parsed
+
+_TAKEN = {
+    "it is a keyword of C++20": """
+        char8_t co_await co_return co_yield concept consteval constinit requires
+    """,
+    "it is a macro in common headers": """
+        assert errno linux major makedev minor signals slots stderr stdin stdout unix
+    """,
+    "it hides a method of the Python class": "get_fields_and_field_types",
+}
+_NAMES = {name: reason for reason, names in _TAKEN.items() for name in names.split()}
+_MACROS = """
+    BUFSIZ DOMAIN EOF FALSE FAR HUGE_VAL IN INFINITY INT_MAX INT_MIN NAN NEAR NULL OUT OVERFLOW
+    PLOSS RAND_MAX SING STRICT TLOSS TRUE UNDERFLOW
+"""
+_CONSTANT_NAMES = frozenset(_MACROS.split())
+_FLOAT_MAX = 3.4028234663852886e38
+
+_LEADING_ZERO = re.compile(r"[+-]?0+[0-9_]*[1-9][0-9_]*")
+_NO_UNIT = re.compile(r"[^A-Za-z%°µμΩ]*|.*://.*|(\S+\s+){3,}\S+")
+_BRACKETS = re.compile(r"\s*\[([^,\]]+)\]")
+_MISREAD = re.compile(r"\\(?:\\|[nr]|u|U|N|x(?![0-9a-fA-F]{2}))")
+_SIDE_BY_SIDE = re.compile(r"""["']\s+["']""")
+
+
+def doubts(parsed: Iterable[Parsed]) -> list[Problem]:
+    """Return the problems in some files, in the order of files and lines."""
+    found = []
+    for each in parsed:
+        if each.source.relative.endswith(".idl"):
+            from forge.interfaces.idl.parsing import read_idl  # noqa: PLC0415  (few packages have such files)
+
+            problems = read_idl(each.source).doubts
+        else:
+            problems = [*_comments(each.source), *_lines(each)]
+        for message in sections_of(each.interface):
+            problems += _names(message)
+        found += sorted(problems, key=_position)
+    return found
+
+
+def _position(problem: Problem) -> tuple[int, int]:
+    place = problem.place
+    return (place.line or 0, place.column or 0) if place else (0, 0)
+
+
+def _problem(place: Place | None, message: str, hint: str | None = None, *, at: str | None = None) -> Problem:
+    """Return a problem in a line, with the caret under the text `at`."""
+    if place and at and place.source and at in place.source:
+        place = Place(place.path, place.line, place.source.index(at) + 1, place.source)
+    return Problem(message, place, hint)
+
+
+def _names(message: Message) -> Iterator[Problem]:
+    """Yield names that conflict with compilers or generated classes."""
+    for field in message.fields:
+        if field.name in _NAMES:
+            hint = f"name it '{field.name}_value', or say what it holds"
+            yield _problem(
+                field.place, f"a field called '{field.name}' hurts: {_NAMES[field.name]}", hint, at=field.name
+            )
+        if field.name == HIDDEN_MEMBER:
+            yield _problem(field.place, "this name stands for an empty message", at=field.name)
+    for constant in message.constants:
+        if constant.name in _CONSTANT_NAMES:
+            text = f"a constant called '{constant.name}' hurts: it is a macro of C or of Windows"
+            yield _problem(constant.place, text, "let the name say what of", at=constant.name)
+
+
+def _lines(parsed: Parsed) -> Iterator[Problem]:
+    """Yield declarations with an unexpected meaning."""
+    for message in sections_of(parsed.interface):
+        for field in message.fields:
+            if field.default is not None:
+                yield from _value(field)
+            if field.unit is not None and _NO_UNIT.fullmatch(field.unit):
+                text = f"'{field.unit}' is taken for the field's unit, and out of its comment"
+                yield _problem(field.place, text, "write it without brackets", at=f"[{field.unit}]")
+        for constant in message.constants:
+            yield from _value(constant)
+
+
+def _value(declared: Field | Constant) -> Iterator[Problem]:
+    """Yield problems with the value of a field or a constant."""
+    code, mark, _ = (declared.place.source or "" if declared.place else "").partition("#")
+    _, rest = code.strip().split(maxsplit=1)
+    text = rest.removeprefix(declared.name).strip().removeprefix("=").strip()
+    element = element_of(declared.type)
+    if isinstance(element, Text):
+        yield from _quotes(declared, text, mark)
+        yield from _characters(declared, text)
+    elif isinstance(element, Primitive):
+        for part in text.strip("[]").split(","):
+            yield from _number(declared, element, part.strip())
+
+
+def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Problem]:
+    """Yield quotes that do not enclose a string."""
+    place = declared.place
+    opened = text.lstrip("[ ")[:1]
+    if opened and opened in QUOTES and text.replace(f"\\{opened}", "").count(opened) % 2:
+        if mark:
+            hint = "no string can have a '#' in it"
+            yield _problem(place, "the string ends at '#', where a comment begins", hint, at="#")
+        else:
+            yield _problem(place, "this quote is never closed, and is part of the text", at=opened)
+    if isinstance(declared.type, Array | Sequence) and _SIDE_BY_SIDE.search(text):
+        yield _problem(place, "two texts without a comma between them are two elements", at=text)
+
+
+def _characters(declared: Field | Constant, text: str) -> Iterator[Problem]:
+    """Yield characters that rosidl replaces, or on which it fails."""
+    place = declared.place
+    if "\t" in text:
+        yield _problem(place, "a tab in a string becomes a blank", "write '\\t'", at="\t")
+    if isinstance(declared.type, Array | Sequence):
+        if not text.isascii():
+            yield _problem(place, "rosidl fails over characters beyond ASCII in a list of texts", at=text)
+    elif misread := _MISREAD.search(text):
+        message = f"rosidl reads the escape '{misread[0]}' in another way, or not at all"
+        yield _problem(place, message, "do without it", at=misread[0])
+
+
+def _number(declared: Field | Constant, element: Primitive, text: str) -> Iterator[Problem]:
+    place = declared.place
+    if element.name not in {"float", "double"}:
+        if _LEADING_ZERO.fullmatch(text):
+            hint = f"write {int(text)}, or 0o{text.lstrip('+-0')} for the octal number"
+            yield _problem(place, f"'{text}' is decimal, though it looks octal", hint, at=text)
+    elif text.lstrip("+-").lower() in {"nan", "inf", "infinity"}:
+        yield _problem(place, f"rosidl makes no code that compiles of '{text}'", at=text)
+    elif text and (abs(float(text)) == inf or (element.name == "float" and abs(float(text)) > _FLOAT_MAX)):
+        yield _problem(place, f"'{text}' does not fit into the type, and is infinite", at=text)
+    if not text.isascii():
+        yield _problem(place, f"the digits of '{text}' are not those of ASCII", at=text)
+
+
+def _comments(source: Source) -> Iterator[Problem]:
+    """Yield comments that rosidl changes."""
+    lines = source.text.removeprefix("\ufeff").splitlines()
+    for number, line in enumerate(lines, 1):
+        _, mark, comment = line.partition("#")
+        if mark and "\\" in comment:
+            column = line.index("\\", len(line) - len(comment)) + 1
+            message = "rosidl reads a backslash in a comment as the start of an escape"
+            yield Problem(message, Place(source.path, number, column, line), "do without it")
+    yield from _heading(source, lines)
+
+
+def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
+    """Yield the brackets that rosidl removes from the comment at the start of a .msg file."""
+    if PurePosixPath(source.relative).suffix != ".msg":
+        return
+    end = next((n for n, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    found = [(n, match) for n, line in enumerate(lines[:end], 1) for match in _BRACKETS.finditer(line)]
+    if len(found) == 1:
+        number, match = found[0]
+        message = f"'[{match[1]}]' is taken for a unit, and out of the comment"
+        column = match.start(1)
+        yield Problem(
+            message, Place(source.path, number, column, lines[number - 1]), "write it without brackets"
+        )

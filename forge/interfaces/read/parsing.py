@@ -1,0 +1,233 @@
+"""Parse a .msg, .srv, .action or .idl file to an interface with full but unchecked type names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.frozen import frozen
+from forge.interfaces.model import (
+    HIDDEN_MEMBER,
+    Action,
+    Constant,
+    Field,
+    Message,
+    Primitive,
+    Service,
+    Source,
+    Text,
+    TypeName,
+)
+from forge.interfaces.read.comments import read_comments
+from forge.interfaces.read.declarations import TYPE_NAME, Declaration, read_declaration
+from forge.interfaces.read.errors import Fault
+from forge.interfaces.read.literals import read_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from forge.interfaces.model import Interface
+
+ENDINGS = ("msg", "srv", "action", "idl")
+"""The file name extensions of definitions."""
+
+SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
+"""The kinds of files, and the name suffix of each of their sections."""
+
+_SEPARATOR = "---"
+_DIVISIONS = {1: "is not divided by '---'", 2: "is divided by one '---'", 3: "is divided by two '---'"}
+
+
+@frozen
+class Parsed:
+    """An interface and the file that it was read from."""
+
+    source: Source
+    interface: Interface
+
+
+def parse_all(sources: Iterable[Source]) -> tuple[Parsed, ...]:
+    """Parse several files; raises InterfaceError with the problems of all of them."""
+    results = [_attempt(source) for source in sources]
+    raise_if_any((p for r in results if isinstance(r, InterfaceError) for p in r.problems), InterfaceError)
+    return tuple(result for result in results if isinstance(result, Parsed))
+
+
+def parse(source: Source) -> Interface:
+    """Parse one file; a type name without a package is one of the file's own package.
+
+    Raises InterfaceError with every problem of the file, in the order of its lines.
+    """
+    if source.relative.endswith(".idl"):
+        from forge.interfaces.idl.parsing import parse_idl  # noqa: PLC0415  (few packages have such files)
+
+        return parse_idl(source)
+    name = type_name(source)
+    lines = _lines(source)
+    sections = list(_sections(lines))
+    problems = _outline_problems(source, name, lines, len(sections))
+    messages = []
+    for suffix, section in zip(SECTIONS[name.kind], sections, strict=False):
+        reader = _SectionReader(replace(name, name=name.name + suffix), source)
+        messages.append(reader.read(section))
+        problems += reader.problems
+    raise_if_any(sorted(problems, key=_line_number), InterfaceError)
+    match messages:
+        case [message]:
+            return message
+        case [request, response]:
+            return Service(name, request, response)
+        case _:
+            return Action(name, *messages)
+
+
+def _attempt(source: Source) -> Parsed | InterfaceError:
+    """Return the error instead of raising it, so that the next file is read as well."""
+    try:
+        return Parsed(source, parse(source))
+    except InterfaceError as error:
+        return error
+
+
+def type_name(source: Source) -> TypeName:
+    """Return the type name of a .msg, .srv or .action file: package, extension, stem."""
+    path = PurePosixPath(source.relative)
+    return TypeName(source.package, path.suffix.removeprefix("."), path.stem)
+
+
+@frozen
+class _Line:
+    """A line of a file; `text` has blanks instead of tabs, which preserves columns."""
+
+    number: int
+    text: str
+    source: str
+
+    def place(self, path: object, offset: int = 0) -> Place:
+        return Place(str(path), self.number, offset + 1, self.source)
+
+
+def _lines(source: Source) -> list[_Line]:
+    text = source.text.removeprefix("\ufeff")
+    return [_Line(n, line.replace("\t", " "), line) for n, line in enumerate(text.splitlines(), 1)]
+
+
+def _sections(lines: list[_Line]) -> Iterator[list[_Line]]:
+    section: list[_Line] = []
+    for line in lines:
+        if line.text == _SEPARATOR:
+            yield section
+            section = []
+        else:
+            section.append(line)
+    yield section
+
+
+def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count: int) -> list[Problem]:
+    """Return the problems with the name of the file and its number of sections."""
+    problems = []
+    if not TYPE_NAME.fullmatch(name.name):
+        message = f"'{name.name}' cannot be the name of an interface"
+        hint = "such a name is CamelCase: letters and digits, the first in upper case"
+        problems.append(Problem(message, Place(source.path), hint))
+    wanted = len(SECTIONS[name.kind])
+    separators = [line for line in lines if line.text.startswith(_SEPARATOR)]
+    if count != wanted and all(line.text == _SEPARATOR for line in separators):
+        place = separators[wanted - 1].place(source.path) if count > wanted else Place(source.path)
+        problems.append(Problem(f"a .{name.kind} file {_DIVISIONS[wanted]}", place))
+    return problems
+
+
+def _line_number(problem: Problem) -> int:
+    """Return the line of a problem as a sort key; problems of the whole file come first."""
+    return (problem.place.line or 0) if problem.place else 0
+
+
+@dataclass(slots=True)
+class _Entry:
+    """A declaration, and the comment lines found for it so far."""
+
+    line: _Line
+    declaration: Declaration
+    comments: list[str]
+
+
+@dataclass(slots=True)
+class _SectionReader:
+    """Reads one message and collects problems in `problems`."""
+
+    name: TypeName
+    source: Source
+    problems: list[Problem] = field(default_factory=list)
+
+    def read(self, lines: list[_Line]) -> Message:
+        """Return the message without its invalid declarations."""
+        heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
+        entries = self._entries(lines[heading:])
+        fields: dict[str, Field] = {}
+        constants: dict[str, Constant] = {}
+        for entry in entries:
+            self._add(entry, fields, constants)
+        if [(f.name, f.type) for f in fields.values()] == [(HIDDEN_MEMBER, Primitive("uint8"))]:
+            fields.clear()
+        doc, _ = read_comments(line.text for line in lines[:heading])
+        return Message(self.name, tuple(fields.values()), tuple(constants.values()), doc)
+
+    def _entries(self, lines: list[_Line]) -> list[_Entry]:
+        """Return the declarations, each with the comments before, behind and indented below it."""
+        entries: list[_Entry] = []
+        collected: list[str] = []
+        broken = False
+        for line in lines:
+            code, mark, comment = line.text.partition("#")
+            if not mark and not code.strip():
+                continue
+            if mark and code and not code.strip():
+                # Comments of an invalid declaration are dropped with it.
+                if entries and not broken:
+                    entries[-1].comments.append(mark + comment)
+                continue
+            if mark:
+                collected.append(mark + comment)
+            if code:
+                declaration = self._declaration(line, code.rstrip())
+                broken = declaration is None
+                if declaration:
+                    entries.append(_Entry(line, declaration, collected))
+                collected = []
+        return entries
+
+    def _declaration(self, line: _Line, code: str) -> Declaration | None:
+        try:
+            return read_declaration(code, self.name.package)
+        except Fault as fault:
+            self._report(line, fault)
+            return None
+
+    def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
+        """Add the field or constant of an entry, or report its problem."""
+        declaration, line = entry.declaration, entry.line
+        earlier = (constants if declaration.constant else fields).get(declaration.name)
+        if earlier:
+            first = earlier.place.line if earlier.place else None
+            kind = "constant" if declaration.constant else "field"
+            column = line.text.index(declaration.name, line.text.index(" "))
+            message = f"{kind} '{declaration.name}' is already declared in line {first}"
+            self._report(line, Fault(message, offset=column))
+            return
+        try:
+            value = None if declaration.value is None else read_value(declaration.value, declaration.type)
+        except Fault as fault:
+            self._report(line, fault.shifted(declaration.value_offset))
+            return
+        doc, unit = read_comments(entry.comments)
+        place = line.place(self.source.path)
+        if not declaration.constant:
+            fields[declaration.name] = Field(declaration.name, declaration.type, value, doc, unit, place)
+        elif value is not None and isinstance(declaration.type, Primitive | Text):
+            constants[declaration.name] = Constant(declaration.name, declaration.type, value, doc, place)
+
+    def _report(self, line: _Line, fault: Fault) -> None:
+        self.problems.append(Problem(fault.message, line.place(self.source.path, fault.offset), fault.hint))

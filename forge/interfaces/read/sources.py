@@ -1,0 +1,170 @@
+"""Find definitions in folders, installed packages, and the embedded packages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import INDEX
+from forge.base.errors import InterfaceError, Place, Problem
+from forge.base.files import read_file
+from forge.base.layout import PACKAGE
+from forge.interfaces.model import File, Source, TypeName
+from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+EMBEDDED = PACKAGE / "embedded"
+_RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
+"""The folder and the files of each language in the run time."""
+
+
+def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
+    """Read the definitions in a package's folder: by kind, then by name; .idl files in other folders last.
+
+    An .idl file beside a .msg, .srv or .action file of its name is what rosidl made of that.
+    Raises InterfaceError when there is none, or when one is not UTF-8.
+    """
+    relatives = [
+        f"{kind}/{path.name}"
+        for kind in _namespaces(folder)
+        for path in sorted({*(folder / kind).glob(f"*.{kind}"), *_idl_only(folder / kind)})
+    ]
+    if not relatives:
+        hint = "definitions lie in its folders msg, srv and action; .idl files in any"
+        raise InterfaceError(Problem(f"there is no interface in '{folder}'", hint=hint))
+    return tuple(read_source(package, folder, relative) for relative in relatives)
+
+
+def read_source(package: str, base: Path, relative: str) -> Source:
+    """Read the file `relative` below `base` as one of `package`.
+
+    Raises InterfaceError when it cannot be read, is not UTF-8 or has another ending.
+    """
+    path = base / relative
+    if PurePosixPath(relative).suffix.removeprefix(".") not in ENDINGS:
+        hint = "definitions end in .msg, .srv, .action or .idl"
+        raise InterfaceError(Problem("not an interface definition", Place(path), hint))
+    if PurePosixPath(relative).is_absolute() or ".." in PurePosixPath(relative).parts:
+        hint = f"name it by its path below '{base}', as 'msg/Name.msg'"
+        raise InterfaceError(
+            Problem("a definition lies below the folder that it is told of", Place(path), hint)
+        )
+    try:
+        content = read_file(path)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InterfaceError(Problem(f"cannot read the definition: {reason}", Place(path))) from error
+    try:
+        return Source(package, relative, path, content.decode())
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InterfaceError(Problem("the text is not UTF-8", Place(path, line))) from error
+
+
+def read_runtime(language: str) -> Iterator[File]:
+    """Yield the run-time files that generated code of a language needs."""
+    if language not in _RUNTIMES:
+        return
+    place, pattern = _RUNTIMES[language]
+    folder = EMBEDDED / "rosidl_default_runtime" / place
+    for path in sorted(folder.rglob(pattern)):
+        relative = path.relative_to(folder)
+        # Skip caches that tools create in a checkout.
+        if path.is_file() and not any(part.startswith((".", "__pycache__")) for part in relative.parts):
+            yield File(relative.as_posix(), path.read_text(encoding="utf-8"))
+
+
+@dataclass(slots=True)
+class Library:
+    """The interfaces of all packages that can be found, read and parsed once, when asked for.
+
+    Included folders win over prefixes, earlier prefixes over later ones, all over the embedded set.
+    """
+
+    includes: Mapping[str, Path] = field(default_factory=dict)
+    prefixes: tuple[Path, ...] = ()
+    embedded: Path | None = EMBEDDED
+    _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return the interface of that name, or None; raises InterfaceError when its file is wrong."""
+        if name not in self._parsed:
+            path = self.file(name)
+            self._parsed[name] = self._parse(name, path) if path else None
+        return self._parsed[name]
+
+    def file(self, name: TypeName) -> Path | None:
+        """Return the file that should define an interface: .idl only where nothing else does."""
+        folder = self.folder(name.package)
+        if not folder:
+            return None
+        paths = (folder / name.kind / f"{name.name}.{ending}" for ending in (name.kind, "idl"))
+        return next((path for path in paths if path.is_file()), None)
+
+    def folder(self, package: str) -> Path | None:
+        """Return the folder that holds a package's msg, srv and action folders."""
+        return next((folder for folder in self._folders(package) if _has_interfaces(folder)), None)
+
+    def packages(self) -> dict[str, Path]:
+        """Return the folder of each package that has interfaces, by name."""
+        names = set(self.includes)
+        for prefix in self.prefixes:
+            names |= _entries(prefix / INDEX / "rosidl_interfaces")
+        if self.embedded:
+            names |= _entries(self.embedded)
+        folders = {name: self.folder(name) for name in sorted(names)}
+        return {name: folder for name, folder in folders.items() if folder}
+
+    def names(self) -> Iterator[TypeName]:
+        """Yield the name of every interface there is."""
+        for package, folder in self.packages().items():
+            yield from names_in(package, folder)
+
+    def _folders(self, package: str) -> Iterator[Path]:
+        if package in self.includes:
+            yield self.includes[package]
+        for prefix in self.prefixes:
+            yield prefix / "share" / package
+        if self.embedded:
+            yield self.embedded / package
+
+    def _parse(self, name: TypeName, path: Path) -> Parsed | None:
+        source = read_source(name.package, path.parent.parent, f"{name.kind}/{path.name}")
+        interface = parse(source)
+        return Parsed(source, interface) if interface.name == name else None
+
+
+def names_in(package: str, folder: Path) -> Iterator[TypeName]:
+    """Yield the names of the interfaces in a package's folder; a service's installed halves are none."""
+    for kind in _namespaces(folder):
+        stems = {path.stem for ending in (kind, "idl") for path in (folder / kind).glob(f"*.{ending}")}
+        yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
+
+
+def _has_interfaces(folder: Path) -> bool:
+    return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
+
+
+def _namespaces(folder: Path) -> tuple[str, ...]:
+    """Return the names of the folders that hold definitions: ROS's own, then others with .idl files."""
+    others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
+    return (*SECTIONS, *sorted(others))
+
+
+def _idl_only(folder: Path) -> list[Path]:
+    """Return the .idl files that were not generated from other files in the folder."""
+    return [
+        path
+        for path in folder.glob("*.idl")
+        if not any(path.with_suffix(f".{kind}").is_file() for kind in SECTIONS)
+    ]
+
+
+def _entries(folder: Path) -> set[str]:
+    """Return the visible names in a folder, which need not exist."""
+    if not folder.is_dir():
+        return set()
+    return {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}

@@ -1,0 +1,1 @@
+"""Parsed definitions to catalogs: look up referenced types, and reject conflicts and cycles."""

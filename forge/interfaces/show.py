@@ -1,0 +1,85 @@
+"""The text of an interface with the messages inside it unfolded, as `ros2 interface show` prints it."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from forge.base.errors import InterfaceError, Problem
+from forge.interfaces.model import Named, TypeName, element_of
+from forge.interfaces.read.declarations import read_declaration
+from forge.interfaces.read.errors import Fault
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+LONGEST = 1_000_000
+"""How many lines are printed: a message of two, of two each, and so on, has any number of them."""
+
+_DEEPEST = 100
+
+
+class Comments(Enum):
+    """Which levels keep their comments and blank lines."""
+
+    TOP = "top"
+    ALL = "all"
+    NONE = "none"
+
+
+def parse_type_name(text: str) -> TypeName:
+    """Return the name 'package/kind/Name' stands for; raises InterfaceError as ros2 interface words it."""
+    parts = text.split("/")
+    if len(parts) != 3:  # noqa: PLR2004  (a full name has three parts)
+        raise InterfaceError(Problem(f"Invalid name '{text}'. Expected three parts separated by '/'"))
+    if not all(parts):
+        raise InterfaceError(Problem(f"Invalid name '{text}'. Must not contain empty parts"))
+    if ".." in parts:
+        raise InterfaceError(Problem(f"Invalid name '{text}'. Must not contain '..'"))
+    return TypeName(*parts)
+
+
+def show(name: TypeName, comments: Comments, text_of: Callable[[TypeName], str]) -> Iterator[str]:
+    """Yield the lines of an interface and of the messages in it, a tab deeper for each level.
+
+    `text_of` returns a definition. Where a comment goes, all of it goes: upstream leaves its '#'.
+    Raises InterfaceError when a message contains itself or comes to too much, and whatever `text_of` raises.
+    """
+    for number, line in enumerate(_show(name, comments, text_of, ())):
+        if number >= LONGEST:
+            raise InterfaceError(Problem(f"'{name}' has more than {LONGEST} lines with what is inside it"))
+        yield line
+
+
+def _show(
+    name: TypeName, comments: Comments, text_of: Callable[[TypeName], str], above: tuple[TypeName, ...]
+) -> Iterator[str]:
+    if name in above:
+        path = " -> ".join(f"{each.package}/{each.name}" for each in (*above[above.index(name) :], name))
+        raise InterfaceError(Problem(f"a message cannot contain itself: {path}"))
+    if len(above) > _DEEPEST:
+        raise InterfaceError(
+            Problem(f"more than {_DEEPEST} messages stand inside each other in '{above[0]}'")
+        )
+    keep = comments is Comments.ALL or (comments is Comments.TOP and not above)
+    for written in text_of(name).removeprefix("\ufeff").splitlines():
+        line = written.rstrip() if keep else written.partition("#")[0].rstrip()
+        if line or keep:
+            yield "\t" * len(above) + line if line else ""
+        nested = _nested(line, name.package)
+        if nested:
+            yield from _show(nested, comments, text_of, (*above, name))
+
+
+def _nested(line: str, package: str) -> TypeName | None:
+    """Return the message that a line declares a field of, if it does."""
+    code = line.partition("#")[0].replace("\t", " ").rstrip()
+    if not code:
+        return None
+    try:
+        declaration = read_declaration(code, package)
+    except Fault:
+        return None
+    element = element_of(declaration.type)
+    return element.name if isinstance(element, Named) else None

@@ -1,0 +1,1 @@
+"""HTML documentation: one page per interface, an index per package, and a search."""

@@ -1,0 +1,133 @@
+"""All interfaces of several packages as a site of HTML pages: no network, readable without scripts.
+
+index.html                  all packages and interfaces, with a search
+PACKAGE/index.html          a package: its interfaces, and how to depend on it
+PACKAGE/KIND/Name.html      an interface
+style.css  search.js
+COLCON_IGNORE               excludes the folder from package discovery
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.base.templating import render
+from forge.interfaces.model import Catalog, File, sections_of
+from forge.interfaces.site.pages import Pages, path_of
+from forge.interfaces.site.text import KINDS, Paragraph, kind_of, paragraphs, summary, visible
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from forge.interfaces.model import Interface, Message, Source, TypeName
+
+
+@frozen
+class About:
+    """What is known of a package beside its interfaces; `origin` says in a few words where it is from."""
+
+    version: str = ""
+    description: str = ""
+    origin: str = ""
+
+
+@frozen
+class Entry:
+    """An interface in a list: `words` are what else it can be found by."""
+
+    name: TypeName
+    kind: str
+    page: str
+    summary: str
+    words: str
+
+
+@frozen
+class Group:
+    """The interfaces of a package that are of one kind."""
+
+    title: str
+    entries: tuple[Entry, ...]
+
+
+@frozen
+class Chapter:
+    """A package, with what a list of packages says of it."""
+
+    name: str
+    about: About
+    paragraphs: tuple[Paragraph, ...]
+    counts: str
+    groups: tuple[Group, ...]
+
+
+def site(catalogs: Iterable[Catalog], abouts: Mapping[str, About], title: str) -> Iterator[File]:
+    """Yield the files of a site about catalogs, which may each have a part of a package.
+
+    Links lead to interfaces of the catalogs only.
+    """
+    title = visible(title)
+    catalog = _together(catalogs)
+    names = defaultdict(list)
+    for name in catalog.interfaces:
+        names[name.package].append(name)
+    chapters = [_chapter(package, names[package], catalog, abouts) for package in sorted(names)]
+    pages = Pages(catalog)
+    for name in catalog.interfaces:
+        page = pages.page(name)
+        text = render("html/interfaces/interface.html.j2", title=title, root=page.root, page=page)
+        yield File(path_of(name), text)
+    for chapter in chapters:
+        text = render("html/interfaces/package.html.j2", title=title, root="../", package=chapter)
+        yield File(f"{chapter.name}/index.html", text)
+    yield File("style.css", render("html/interfaces/style.css.j2"))
+    yield File("COLCON_IGNORE", "")
+    yield File("search.js", render("html/interfaces/search.js.j2"))
+    counts = f"{_plural(len(catalog.interfaces), 'interface')} in {_plural(len(chapters), 'package')}"
+    text = render("html/interfaces/index.html.j2", title=title, root="", packages=chapters, counts=counts)
+    yield File("index.html", text)
+
+
+def _together(catalogs: Iterable[Catalog]) -> Catalog:
+    """Return one catalog of all, in the order of the names."""
+    interfaces: dict[TypeName, Interface] = {}
+    known: dict[TypeName, Message] = {}
+    sources: dict[TypeName, Source] = {}
+    for catalog in catalogs:
+        interfaces.update(catalog.interfaces)
+        known.update(catalog.known)
+        sources.update(catalog.sources)
+    return Catalog("", dict(sorted(interfaces.items())), known, sources)
+
+
+def _chapter(
+    package: str, names: Iterable[TypeName], catalog: Catalog, abouts: Mapping[str, About]
+) -> Chapter:
+    kinds: dict[str, list[Entry]] = {}
+    for name in names:
+        kinds.setdefault(name.kind, []).append(_entry(name, catalog.interfaces[name]))
+    order = [*(kind for kind in KINDS if kind in kinds), *sorted(kinds.keys() - KINDS.keys())]
+    groups = tuple(Group(_title(kind), tuple(kinds[kind])) for kind in order)
+    counts = ", ".join(_plural(len(kinds[kind]), *KINDS.get(kind, (f"in '{kind}'",) * 2)) for kind in order)
+    said = abouts.get(package, About())
+    about = About(visible(said.version), visible(said.description), visible(said.origin))
+    description = paragraphs((" ".join(said.description.split()),))
+    return Chapter(package, about, description, counts, groups)
+
+
+def _entry(name: TypeName, interface: Interface) -> Entry:
+    sections = sections_of(interface)
+    fields = [member.name for message in sections for member in message.fields]
+    words = dict.fromkeys([*fields, *(each.name for message in sections for each in message.constants)])
+    said = next((text for message in sections if (text := summary(message.doc))), "")
+    return Entry(name, kind_of(name), path_of(name), said, visible(" ".join(words)))
+
+
+def _title(kind: str) -> str:
+    return KINDS[kind][1].capitalize() if kind in KINDS else f"In the folder {kind}"
+
+
+def _plural(count: int, word: str, several: str | None = None) -> str:
+    return f"1 {word}" if count == 1 else f"{count:,} {several or word + 's'}"

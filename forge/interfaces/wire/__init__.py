@@ -1,0 +1,1 @@
+"""The serialized form of messages (XCDR1): the layout that the serializers of all languages share."""

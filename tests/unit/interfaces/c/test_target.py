@@ -1,0 +1,252 @@
+"""C headers as text: what they are called, what they include, how constants and values are written."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.errors import InterfaceError
+from forge.interfaces.c import target as c
+from forge.interfaces.c.text import declare, number, units
+from forge.interfaces.cpp.headers import detail_path
+from forge.interfaces.model import (
+    Array,
+    Catalog,
+    Constant,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Source,
+    Text,
+    Type,
+    TypeName,
+    Value,
+)
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder, read_runtime
+from forge.interfaces.resolve.resolution import resolve
+from tests.conftest import GOLDEN, Forge, Golden, Tree
+
+POINT = Named(TypeName("geometry_msgs", "msg", "Point"))
+
+
+def texts(*messages: Message) -> dict[str, str]:
+    """Return the headers of a package 'demo' by path."""
+    catalog = Catalog("demo", {message.name: message for message in messages}, {}, {})
+    return {file.path: file.text for file in c.files(catalog)}
+
+
+def message(*fields: Field, constants: tuple[Constant, ...] = (), name: str = "Thing") -> Message:
+    """Return a message of the package 'demo'."""
+    return Message(TypeName("demo", "msg", name), fields, constants)
+
+
+def struct(*fields: Field, constants: tuple[Constant, ...] = ()) -> str:
+    """Return the header of a message's struct."""
+    return texts(message(*fields, constants=constants))["demo/msg/detail/thing__struct.h"]
+
+
+def functions(*fields: Field) -> str:
+    """Return the header of a message's functions."""
+    return texts(message(*fields))["demo/msg/detail/thing__functions.h"]
+
+
+def test_a_package_reads_as_if_written_by_hand(golden: Golden) -> None:
+    """A message, a service and an action give these headers and no others."""
+    case = GOLDEN / "interfaces" / "c" / "robot"
+    catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())
+    golden(case, {file.path: file.text for file in c.files(catalog)})
+
+
+def test_every_interface_has_rosidls_headers() -> None:
+    """Names are in snake case; the visibility header lies in msg and is there even if nothing else is."""
+    visibility = "demo/msg/rosidl_generator_c__visibility_control.h"
+    assert sorted(texts(message(name="UInt8"))) == [
+        "demo/msg/detail/u_int8__functions.h",
+        "demo/msg/detail/u_int8__struct.h",
+        "demo/msg/detail/u_int8__type_support.h",
+        visibility,
+        "demo/msg/u_int8.h",
+    ]
+    assert list(texts()) == [visibility]
+
+
+def test_a_folder_of_c_compiles_by_itself(forge: Forge, tree: Tree) -> None:
+    """`--lang c` brings the run-time headers of C and other packages' messages, and nothing of C++."""
+    root = tree({"src/msg/A.msg": "std_msgs/Header header"})
+    ran = forge("interface", "generate", "--package", "p", "--output", "out", "--lang", "c", "src", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
+    made = {path.relative_to(root / "out/c").as_posix() for path in (root / "out/c").rglob("*.*")}
+    assert {"p/msg/a.h", "std_msgs/msg/header.h", "builtin_interfaces/msg/time.h"} <= made
+    assert {"rosidl_runtime_c/string_functions.h", "rosidl_typesupport_interface/macros.h"} <= made
+    assert all(path.endswith(".h") for path in made)
+    assert {file.path.removeprefix("c/") for file in read_runtime("c")} <= made
+
+
+def test_headers_include_what_members_need_once() -> None:
+    """Members of one type share an include, and each part includes the same part of others."""
+    fields = [
+        Field("a", POINT),
+        Field("b", Array(POINT, 2)),
+        Field("c", Sequence(Text(), 2)),
+        Field("d", Text(wide=True)),
+        Field("e", Sequence(Primitive("double"))),
+        Field("f", Array(Primitive("double"), 2)),
+    ]
+    assert re.findall(r'#include "(.*)"', struct(*fields)) == [
+        "geometry_msgs/msg/detail/point__struct.h",
+        "rosidl_runtime_c/primitives_sequence.h",
+        "rosidl_runtime_c/string.h",
+        "rosidl_runtime_c/u16string.h",
+    ]
+    assert re.findall(r'#include "(.*)"', functions(*fields)) == [
+        "demo/msg/detail/thing__struct.h",
+        "geometry_msgs/msg/detail/point__functions.h",
+        "rosidl_runtime_c/primitives_sequence_functions.h",
+        "rosidl_runtime_c/sequence_functions.h",
+        "rosidl_runtime_c/string_functions.h",
+        "rosidl_runtime_c/u16string_functions.h",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [
+        (TypeName("p", "msg", "HTTPServer"), "p/msg/detail/http_server__struct.h"),
+        (TypeName("p", "msg", "Foo_Request"), "p/msg/detail/foo__request__struct.h"),
+        (TypeName("p", "srv", "AskMe_Request"), "p/srv/detail/ask_me__struct.h"),
+        (TypeName("p", "action", "GoOn_SendGoal_Request"), "p/action/detail/go_on__struct.h"),
+        (TypeName("p", "action", "GoOn_FeedbackMessage"), "p/action/detail/go_on__struct.h"),
+        (TypeName("p", "srv", "Of_Idl"), "p/srv/detail/of__idl__struct.h"),
+    ],
+)
+def test_parts_live_in_the_header_of_the_whole(name: TypeName, path: str) -> None:
+    assert detail_path(name, "struct", "h") == path
+
+
+@pytest.mark.parametrize(
+    ("type_", "text"),
+    [
+        (Primitive("boolean"), "bool x"),
+        (Primitive("octet"), "uint8_t x"),
+        (Primitive("char"), "signed char x"),
+        (Primitive("wchar"), "uint16_t x"),
+        (Primitive("long double"), "long double x"),
+        (Text(bound=5), "rosidl_runtime_c__String x"),
+        (Text(wide=True), "rosidl_runtime_c__U16String x"),
+        (POINT, "geometry_msgs__msg__Point x"),
+        (Array(Primitive("float"), 3), "float x[3]"),
+        (Array(POINT, 3), "geometry_msgs__msg__Point x[3]"),
+        (Sequence(Primitive("long double")), "rosidl_runtime_c__long_double__Sequence x"),
+        (Sequence(Primitive("boolean"), 4), "rosidl_runtime_c__boolean__Sequence x"),
+        (Sequence(Text(bound=2)), "rosidl_runtime_c__String__Sequence x"),
+        (Sequence(POINT, 8), "geometry_msgs__msg__Point__Sequence x"),
+    ],
+)
+def test_a_member_is_declared_as_the_specification_says(type_: Type, text: str) -> None:
+    assert declare(type_, "x") == text
+
+
+@pytest.mark.parametrize(
+    ("type_", "value", "text"),
+    [
+        (Primitive("int8"), -1, "enum { demo__msg__Thing__X = -1 };"),
+        (Primitive("octet"), 255, "enum { demo__msg__Thing__X = 255 };"),
+        (Primitive("uint32"), 2**31 - 1, "enum { demo__msg__Thing__X = 2147483647u };"),
+        (Primitive("uint32"), 2**31, "static const uint32_t demo__msg__Thing__X = 2147483648u;"),
+        (Primitive("int64"), -(2**31), "enum { demo__msg__Thing__X = -2147483648ll };"),
+        (Primitive("int64"), 2**40, "static const int64_t demo__msg__Thing__X = 1099511627776ll;"),
+        (Primitive("boolean"), True, "static const bool demo__msg__Thing__X = true;"),
+        (Primitive("float"), 1, "static const float demo__msg__Thing__X = 1.0f;"),
+        (Text(), 'a"b', 'static const char * const demo__msg__Thing__X = "a\\"b";'),
+        (Text(wide=True), "hé", "static const uint_least16_t demo__msg__Thing__X[] = {'h', 0x00e9, 0};"),
+    ],
+)
+def test_a_constant_is_an_enumerator_if_it_can_be_one(
+    type_: Primitive | Text, value: Value, text: str
+) -> None:
+    """An int of C99 has no more than 32 bits; wstring constants, which rosidl leaves out, are there."""
+    assert f"\n{text}\n" in struct(constants=(Constant("X", type_, value),))
+
+
+def test_bounds_are_enumerators() -> None:
+    """A sequence of texts has two; what does not fit an int is a size_t."""
+    header = struct(
+        Field("words", Sequence(Text(bound=3), 2)),
+        Field("names", Array(Text(bound=4), 2)),
+        Field("free", Sequence(Text())),
+        Field("far", Text(bound=2**32)),
+    )
+    assert re.findall(r"^(?:enum|static).*$", header, re.MULTILINE) == [
+        "enum { demo__msg__Thing__words__MAX_SIZE = 2 };",
+        "enum { demo__msg__Thing__words__MAX_STRING_SIZE = 3 };",
+        "enum { demo__msg__Thing__names__MAX_STRING_SIZE = 4 };",
+        "static const size_t demo__msg__Thing__far__MAX_STRING_SIZE = 4294967296u;",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("type_", "value", "text"),
+    [
+        (Primitive("float"), float("nan"), "NAN"),
+        (Primitive("float"), float("-inf"), "-HUGE_VALF"),
+        (Primitive("float"), 1e60, "HUGE_VALF"),
+        (Primitive("double"), float("inf"), "HUGE_VAL"),
+        (Primitive("long double"), float("inf"), "HUGE_VALL"),
+        (Primitive("double"), 1, "1.0"),
+        (Primitive("char"), "a", "97"),
+        (Primitive("char"), 200, "(signed char)200"),
+        (Primitive("int64"), -(2**63), "(-9223372036854775807ll - 1)"),
+    ],
+)
+def test_a_number_is_written_exactly(type_: Primitive, value: Value, text: str) -> None:
+    assert number(value, type_) == text
+
+
+def test_a_field_cannot_be_called_by_a_keyword_of_c() -> None:
+    """All others are keywords of C++ as well."""
+    source = Source("demo", "msg/A.msg", Path("A.msg"), "int8 restrict")
+    with pytest.raises(InterfaceError, match="a field cannot be called 'restrict', a keyword of C"):
+        parse_all([source])
+
+
+def test_math_is_included_only_for_what_it_names() -> None:
+    """Infinity and not-a-number are macros of <math.h>."""
+    real = Primitive("float")
+    odd, even = Constant("X", real, float("nan")), Constant("X", real, 1.0)
+    assert "#include <math.h>" in struct(constants=(odd,))
+    assert "#include <math.h>" not in struct(constants=(even,))
+    assert "#include <math.h>" in functions(Field("x", Sequence(real), (1.0, float("inf"))))
+    assert "#include <math.h>" not in functions(Field("x", real, 1.0), Field("y", real))
+
+
+def test_a_flag_is_declared_only_where_a_member_needs_it() -> None:
+    """A member may be called like it."""
+    plain = functions(
+        Field("done", Primitive("boolean"), default=True), Field("equal", Array(Primitive("int8"), 2))
+    )
+    assert "bool done" not in plain
+    assert "bool equal = lhs->done == rhs->done;\n" in plain
+    array = functions(Field("words", Array(Text(), 2)))
+    assert array.count("bool done = true;\n") == 2
+    assert "bool equal = true;\n" in array
+    assert "bool done = rosidl_runtime_c__String__copy(&input->x, &output->x);" in functions(
+        Field("x", Text())
+    )
+
+
+@given(st.text(st.characters(), max_size=20))
+def test_wide_texts_are_their_units_and_a_zero(text: str) -> None:
+    """Whatever the text, the initializer holds its UTF-16, surrogates that stand alone included."""
+    items = re.findall(r"'[^']'|[0-9a-fx]+", units(text))
+    numbers = [ord(item[1]) if item[0] == "'" else int(ast.literal_eval(item)) for item in items]
+    assert numbers.pop() == 0
+    data = b"".join(number.to_bytes(2, "little") for number in numbers)
+    assert data.decode("utf-16-le", "surrogatepass") == text

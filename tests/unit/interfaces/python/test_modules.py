@@ -1,0 +1,313 @@
+"""Generated Python, imported and used: modules, messages, services, actions (interface spec 4)."""
+
+# ruff: noqa: S102, S301, SLF001  (its own text is run and unpickled; the names with '_' are rosidl's API)
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from array import array
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from forge.interfaces.python import modules as python
+from tests.conftest import GOLDEN, Golden
+from tests.generated import PROBE, catalog_of, embedded_catalog, probe_catalog, refused, run_python
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import ModuleType
+
+
+def test_a_package_has_a_module_for_each_file_and_one_for_each_kind() -> None:
+    catalog = catalog_of("probe", {"msg/UInt8.msg": "", "srv/DoIt.srv": "---", "msg/Vec3D.msg": ""})
+    paths = sorted(file.path for file in python.files(catalog))
+    assert [path for path in paths if not path.endswith(".pyi")] == [
+        "probe/__init__.py",
+        "probe/msg/__init__.py",
+        "probe/msg/_u_int8.py",
+        "probe/msg/_vec3_d.py",
+        "probe/py.typed",
+        "probe/srv/__init__.py",
+        "probe/srv/_do_it.py",
+    ]
+
+
+def test_every_module_with_content_has_a_stub() -> None:
+    files = {file.path: file.text for file in python.files(probe_catalog())}
+    modules = {path for path, text in files.items() if path.endswith(".py") and text}
+    assert {f"{path}i" for path in modules} == {path for path in files if path.endswith(".pyi")}
+
+
+def test_generating_twice_gives_the_same_files() -> None:
+    catalog = probe_catalog()
+    assert list(python.files(catalog)) == list(python.files(catalog))
+
+
+def test_no_line_ends_in_blanks() -> None:
+    for file in (*python.files(probe_catalog()), *python.files(embedded_catalog("action_msgs"))):
+        assert not [line for line in file.text.splitlines() if line != line.rstrip()], file.path
+
+
+def test_only_the_main_name_is_exported(probe: Path) -> None:
+    assert probe.is_dir()
+    srv = import_module("probe.srv")
+    assert srv.__all__ == ["Point"]
+    with pytest.raises(AttributeError, match=r"'probe\.srv' has no attribute 'Point_Request'"):
+        _ = srv.Point_Request
+
+
+def test_classes_live_in_the_module_of_their_file(msg: ModuleType) -> None:
+    assert msg.Scalars.__module__ == "probe.msg._scalars"
+    assert import_module("probe.srv").Point.Request.__module__ == "probe.srv._point"
+
+
+def test_a_namespace_lists_its_classes_and_gives_them_to_a_star_import(msg: ModuleType) -> None:
+    assert {path.stem for path in PROBE.glob("msg/*.msg")} <= set(dir(msg))
+    names: dict[str, Any] = {}
+    exec("from probe.msg import *", names)
+    assert names["Point"] is msg.Point
+    assert set(msg.__all__) == {name for name in names if not name.startswith("_")}
+
+
+def test_importing_a_namespace_loads_no_message(probe: Path) -> None:
+    code = "import probe.msg, sys; print([name for name in sys.modules if name.startswith('probe.msg.')])"
+    assert run_python(probe, code) == "[]"
+
+
+def test_a_module_without_fixed_arrays_needs_no_numpy(probe: Path) -> None:
+    code = "from probe.msg import Loose; import sys; Loose(a_int8=[1]); print('numpy' in sys.modules)"
+    assert run_python(probe, code) == "False"
+
+
+def test_constants_can_be_read_on_class_and_instance(msg: ModuleType) -> None:
+    for owner in (msg.Constants, msg.Constants()):
+        assert (owner.YES, owner.RAW, owner.LETTER, owner.LOW) == (True, b"\n", 65, -128)
+        assert (18446744073709551615, 3.5, math.inf) == (owner.HIGH, owner.PI, owner.INF)
+        assert math.isnan(owner.NAN)
+        assert (owner.WORD, owner.WIDE) == ("it's", "日本")
+
+
+def test_constants_cannot_be_changed(msg: ModuleType) -> None:
+    for owner in (msg.Constants, msg.Constants()):
+        with pytest.raises(AttributeError, match="LOW"):
+            owner.LOW = 1
+        with pytest.raises(AttributeError, match="LOW"):
+            del owner.LOW
+    assert msg.Constants.LOW == -128
+
+
+def test_a_class_stays_open_for_other_attributes(msg: ModuleType) -> None:
+    msg.Hidden.note = "mine"
+    msg.Hidden.note = "still mine"
+    del msg.Hidden.note
+    assert not hasattr(msg.Hidden, "note")
+
+
+def test_defaults_can_be_read_but_not_changed(msg: ModuleType) -> None:
+    assert msg.Defaults.WHOLE__DEFAULT == 0.0
+    assert array("i", [1, 2]) == msg.Defaults().SOME__DEFAULT
+    for name in ("WHOLE__DEFAULT", "SOME__DEFAULT"):
+        with pytest.raises(AttributeError, match=name):
+            setattr(msg.Defaults, name, None)
+        with pytest.raises(AttributeError, match=name):
+            setattr(msg.Defaults(), name, None)
+    assert not hasattr(msg.Point, "X__DEFAULT")
+
+
+@pytest.mark.parametrize("name", ["SOME__DEFAULT", "PAIR__DEFAULT", "FLAGS__DEFAULT"])
+def test_a_default_read_on_the_class_is_fresh_and_shared_on_instances(msg: ModuleType, name: str) -> None:
+    assert getattr(msg.Defaults, name) is not getattr(msg.Defaults, name)
+    assert getattr(msg.Defaults(), name) is getattr(msg.Defaults(), name)
+
+
+def test_slots_stand_in_the_order_of_the_fields_and_nothing_else_can_be_set(msg: ModuleType) -> None:
+    assert msg.Nested.__slots__ == ["_header", "_point"]
+    with pytest.raises(AttributeError):
+        msg.Nested().other = 1
+    assert not hasattr(msg.Nested(), "__dict__")
+
+
+def test_field_types_are_spelled_as_rosidl_does(msg: ModuleType) -> None:
+    assert msg.Nested.get_fields_and_field_types() == {"header": "std_msgs/Header", "point": "probe/Point"}
+    types = {
+        **msg.Scalars.get_fields_and_field_types(),
+        **msg.Fixed.get_fields_and_field_types(),
+        **msg.Bound.get_fields_and_field_types(),
+    }
+    assert types["flag"] == "boolean"
+    assert (types["octet"], types["letter"], types["wide"], types["brief"]) == (
+        "octet",
+        "uint8",
+        "wstring",
+        "string<3>",
+    )
+    assert (types["single"], types["exact"]) == ("float", "double")
+    assert (types["a_int8"], types["bytes"]) == ("int8[3]", "octet[2]")
+    assert (types["numbers"], types["shorts"]) == ("sequence<int32, 3>", "sequence<string<3>, 2>")
+    assert types["points"] == "sequence<probe/Point, 2>"
+
+
+def test_field_types_are_handed_out_as_a_copy(msg: ModuleType) -> None:
+    msg.Point.get_fields_and_field_types().clear()
+    assert list(msg.Point().get_fields_and_field_types()) == ["x", "y"]
+    assert msg.Point._fields_and_field_types == {"x": "double", "y": "double"}
+
+
+def test_slot_types_describe_the_fields(msg: ModuleType) -> None:
+    definition = import_module("rosidl_parser.definition")
+    point = definition.NamespacedType(["probe", "msg"], "Point")
+    assert (
+        definition.BoundedSequence(definition.BasicType("int32"), 3),
+        definition.BoundedSequence(definition.UnboundedString(), 3),
+        definition.BoundedSequence(definition.BoundedString(3), 2),
+        definition.BoundedSequence(point, 2),
+    ) == msg.Bound.SLOT_TYPES
+    assert msg.Fixed.SLOT_TYPES[-1] == definition.Array(point, 2)
+    assert msg.Loose().SLOT_TYPES[-1] == definition.UnboundedSequence(point)
+    assert definition.UnboundedWString() in msg.Scalars.SLOT_TYPES
+
+
+def test_unknown_keywords_are_refused_in_order(msg: ModuleType) -> None:
+    with refused("Invalid arguments passed to constructor: a, z"):
+        msg.Point(z=1, a=2, x=0.0)
+
+
+def test_arguments_are_keywords_only(msg: ModuleType) -> None:
+    with pytest.raises(TypeError):
+        msg.Point(1.0)
+
+
+def test_messages_are_equal_member_by_member(msg: ModuleType) -> None:
+    assert msg.Point(x=1.0) == msg.Point(x=1.0)
+    assert msg.Point(x=1.0) != msg.Point(x=2.0)
+    assert msg.Point() != msg.Nothing()
+    assert msg.Point() != 0
+    assert msg.Nothing() == msg.Nothing()
+    assert msg.Point(x=math.nan) != msg.Point(x=math.nan)
+
+
+def test_arrays_differ_if_one_element_does(msg: ModuleType) -> None:
+    one, other = msg.Fixed(a_int8=[1, 2, 3]), msg.Fixed(a_int8=[1, 2, 4])
+    assert one != other
+    other.a_int8[2] = 3
+    assert one == other
+
+
+def test_messages_have_no_hash_and_no_order(msg: ModuleType) -> None:
+    with pytest.raises(TypeError):
+        hash(msg.Point())
+    with pytest.raises(TypeError):
+        _ = msg.Point() < msg.Point()
+
+
+def test_a_message_shows_as_the_call_that_makes_it(msg: ModuleType) -> None:
+    assert repr(msg.Point(x=1.0)) == "probe.msg.Point(x=1.0, y=0.0)"
+    assert repr(msg.Nothing()) == "probe.msg.Nothing()"
+    shown = repr(msg.Bound(numbers=[1, 2], texts=["a'b"]))
+    assert shown == 'probe.msg.Bound(numbers=[1, 2], texts=["a\'b"], shorts=[], points=[])'
+    assert "a_int8=array([0, 0, 0], dtype=int8)" in repr(msg.Fixed())
+
+
+@pytest.mark.parametrize("name", ["Scalars", "Fixed", "Loose", "Nested", "Nothing", "Defaults"])
+def test_messages_can_be_copied_and_pickled(msg: ModuleType, name: str) -> None:
+    values = {"nothing": 0.5} if name == "Defaults" else {}
+    original = getattr(msg, name)(**values)
+    for made in (copy.copy(original), copy.deepcopy(original), pickle.loads(pickle.dumps(original))):
+        assert made == original
+        assert made is not original
+
+
+def test_a_copy_is_shallow_and_a_deep_copy_is_not(msg: ModuleType) -> None:
+    original = msg.Nested()
+    assert copy.copy(original).point is original.point
+    assert copy.deepcopy(original).point is not original.point
+
+
+def test_the_metaclass_carries_what_client_libraries_look_for(msg: ModuleType) -> None:
+    metaclass = type(msg.Point)
+    assert metaclass.__name__ == "Metaclass_Point"
+    for name in (
+        "_CREATE_ROS_MESSAGE",
+        "_CONVERT_FROM_PY",
+        "_CONVERT_TO_PY",
+        "_DESTROY_ROS_MESSAGE",
+        "_TYPE_SUPPORT",
+    ):
+        assert getattr(metaclass, name) is None
+    metaclass.__import_type_support__()
+    assert metaclass._TYPE_SUPPORT is None
+
+
+def test_the_docstring_names_the_constants(msg: ModuleType) -> None:
+    assert msg.Point.__doc__ == "Message class 'Point'."
+    assert msg.Constants.__doc__.split() == [
+        "Message",
+        "class",
+        "'Constants'.",
+        "Constants:",
+        *["YES", "RAW", "LETTER", "LOW", "HIGH", "PI", "NAN", "INF", "WORD", "WIDE"],
+    ]
+
+
+def test_an_empty_message_has_no_field(msg: ModuleType) -> None:
+    assert msg.Nothing.__slots__ == []
+    assert msg.Nothing.SLOT_TYPES == ()
+    assert msg.Nothing.get_fields_and_field_types() == {}
+
+
+def test_a_hidden_member_beside_another_is_a_field(msg: ModuleType) -> None:
+    assert list(msg.Hidden.get_fields_and_field_types()) == ["structure_needs_at_least_one_member", "other"]
+
+
+def test_a_service_is_a_pair_of_messages(probe: Path) -> None:
+    assert probe.is_dir()
+    service = import_module("probe.srv").Point
+    assert service.Request.__name__ == "Point_Request"
+    assert (service.Request().a, service.Request.LIMIT) == (5, 3)
+    assert repr(service.Response(why="x")) == "probe.srv.Point_Response(why='x', all=[])"
+    with pytest.raises(NotImplementedError, match=r"^Service classes can not be instantiated$"):
+        service()
+    assert type(service)._TYPE_SUPPORT is None
+    assert not hasattr(service, "Event")
+
+
+def test_an_action_holds_its_messages_and_services(probe: Path) -> None:
+    assert probe.is_dir()
+    action = import_module("probe.action").Act
+    assert [part.__name__ for part in (action.Goal, action.Result, action.Feedback)] == [
+        "Act_Goal",
+        "Act_Result",
+        "Act_Feedback",
+    ]
+    impl = action.Impl
+    send = impl.SendGoalService.Request(goal=action.Goal())
+    assert send.get_fields_and_field_types() == {
+        "goal_id": "unique_identifier_msgs/UUID",
+        "goal": "probe/Act_Goal",
+    }
+    assert impl.SendGoalService.Response(accepted=True).accepted is True
+    assert impl.GetResultService.Response(status=4).result == action.Result()
+    assert impl.FeedbackMessage(feedback=action.Feedback(part=0.5)).feedback.part == 0.5
+    assert impl.CancelGoalService.__module__ == "action_msgs.srv._cancel_goal"
+    assert impl.GoalStatusMessage.__module__ == "action_msgs.msg._goal_status_array"
+    assert pickle.loads(pickle.dumps(send)) == send
+    with pytest.raises(NotImplementedError, match=r"^Action classes can not be instantiated$"):
+        action()
+    type(action).__import_type_support__()
+    assert type(action)._TYPE_SUPPORT is None
+
+
+@pytest.mark.parametrize("case", sorted(path.name for path in (GOLDEN / "interfaces" / "python").iterdir()))
+def test_the_text_is_as_reviewed(case: str, golden: Golden) -> None:
+    source = GOLDEN / "interfaces" / "python" / case
+    definitions = {
+        path.relative_to(source).as_posix(): path.read_text(encoding="utf-8")
+        for path in sorted(source.glob("*/*.*"))
+        if "expected" not in path.parts
+    }
+    files = python.files(catalog_of("golden_msgs", definitions))
+    golden(f"interfaces/python/{case}", {file.path: file.text for file in files})

@@ -1,0 +1,137 @@
+"""What --strict tells: legal lines that hurt, or that rosidl takes for something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.interfaces.model import Source
+from forge.interfaces.read.lint import doubts
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Tree
+
+
+def told(text: str, relative: str = "msg/A.msg") -> list[str]:
+    """Return the messages about a file, each with line and column."""
+    found = doubts(parse_all([Source("p", relative, Path(relative), text)]))
+    return [f"{p.place.line}:{p.place.column} {p.message}" for p in found if p.place]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("int8 requires", "1:6 a field called 'requires' hurts: it is a keyword of C++20"),
+        ("int8 errno", "1:6 a field called 'errno' hurts: it is a macro in common headers"),
+        ("int8 unix", "1:6 a field called 'unix' hurts: it is a macro in common headers"),
+        (
+            "int8 get_fields_and_field_types",
+            "1:6 a field called 'get_fields_and_field_types' hurts: it hides a method of the Python class",
+        ),
+        ("float64 NAN=0", "1:9 a constant called 'NAN' hurts: it is a macro of C or of Windows"),
+        ('string a "a#b"', "1:12 the string ends at '#', where a comment begins"),
+        ("string A='a#b'", "1:12 the string ends at '#', where a comment begins"),
+        ('string a "abc', "1:10 this quote is never closed, and is part of the text"),
+        ('string a "a\tb"', "1:12 a tab in a string becomes a blank"),
+        (r'string a "a\nb"', r"1:12 rosidl reads the escape '\n' in another way, or not at all"),
+        (r'string a "a\\b"', r"1:12 rosidl reads the escape '\\' in another way, or not at all"),
+        (r"string A=C:\Users", r"1:12 rosidl reads the escape '\U' in another way, or not at all"),
+        ("string[] a ['a' 'b']", "1:12 two texts without a comma between them are two elements"),
+        ("string[] a ['é']", "1:12 rosidl fails over characters beyond ASCII in a list of texts"),
+        ("int8 a 017", "1:8 '017' is decimal, though it looks octal"),
+        ("int8[] a [1, -010]", "1:14 '-010' is decimal, though it looks octal"),
+        ("int8 A=007", "1:8 '007' is decimal, though it looks octal"),
+        ("int8 a ٣", "1:8 the digits of '٣' are not those of ASCII"),
+        ("float64 a nan", "1:11 rosidl makes no code that compiles of 'nan'"),
+        ("float32[] a [0, -inf]", "1:17 rosidl makes no code that compiles of '-inf'"),
+        ("float32 a 1e39", "1:11 '1e39' does not fit into the type, and is infinite"),
+        ("float64 a -1e400", "1:11 '-1e400' does not fit into the type, and is infinite"),
+        (
+            "float64 a # in [0.0-1.0]",
+            "1:16 '0.0-1.0' is taken for the field's unit, and out of its comment",
+        ),
+        ("int8 a # [0]", "1:10 '0' is taken for the field's unit, and out of its comment"),
+        (
+            "string a # [this is its link](http://x)",
+            "1:12 'this is its link' is taken for the field's unit, and out of its comment",
+        ),
+        (r"int8 a # C:\Users", "1:12 rosidl reads a backslash in a comment as the start of an escape"),
+        ("# K[0] == 0\nint8 a", "1:4 '[0]' is taken for a unit, and out of the comment"),
+        (
+            "uint8 structure_needs_at_least_one_member\nint8 a",
+            "1:7 this name stands for an empty message",
+        ),
+    ],
+)
+def test_what_hurts_is_told_with_its_place(line: str, message: str) -> None:
+    assert told(line) == [message]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "int8 a 0",
+        "int8 a 0x1F",
+        "int8 a 00",
+        "int8 a -10",
+        "float64 a 0.5",
+        "float64 a 1.",
+        "float32[2] a [1e38, 3.4e38]",
+        "float64 a # [m/s^2]",
+        "float64 a # [°]",
+        "float64 a # [kg m^2] of it",
+        "int8 a # [0] or [1]",
+        'string a "it\'s"',
+        r"string a 'it\'s'",
+        r'string a "a\tb"',
+        "string[] a ['a', \"b\"]",
+        "wstring a 'é'",
+        "int8 DELETE=1",
+        "int8 property",
+        "string a",
+        "int8[] a []",
+    ],
+)
+def test_what_is_common_is_not(line: str) -> None:
+    assert told(line) == []
+
+
+def test_sections_and_idl_files_are_looked_into() -> None:
+    assert told("int8 errno\n---\nint8 linux", "srv/A.srv") == [
+        "1:6 a field called 'errno' hurts: it is a macro in common headers",
+        "3:6 a field called 'linux' hurts: it is a macro in common headers",
+    ]
+    text = "module p { module msg { struct A { int8 a[2], errno; }; }; };"
+    assert told(text, "msg/A.idl") == [
+        "1:47 rosidl before Rolling takes all of these for arrays",
+        "1:47 a field called 'errno' hurts: it is a macro in common headers",
+    ]
+
+
+def test_the_switch_makes_them_errors(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/msg/A.msg": "int8 a 017\nint8 errno\n"})
+    arguments = ["--package", "tour", "src"]
+    assert forge("interface", "generate", "--output", "out", *arguments, cwd=root).code == 0
+    for verb in (["generate", "--output", "strict"], ["hash"]):
+        ran = forge("interface", *verb, "--strict", *arguments, cwd=root)
+        assert (ran.code, ran.out) == (2, "")
+        assert ran.err.splitlines() == [
+            "src/msg/A.msg:1:8: error: '017' is decimal, though it looks octal",
+            "    int8 a 017",
+            "           ^",
+            "hint: write 17, or 0o17 for the octal number",
+            "src/msg/A.msg:2:6: error: a field called 'errno' hurts: it is a macro in common headers",
+            "    int8 errno",
+            "         ^",
+            "hint: name it 'errno_value', or say what it holds",
+        ]
+    assert not (root / "strict").exists()
+
+
+@pytest.mark.parametrize("package", sorted(Library().packages()))
+def test_what_forge_brings_along_is_strict(package: str) -> None:
+    assert doubts(parse_all(read_folder(package, Library().packages()[package]))) == []

@@ -1,0 +1,154 @@
+"""Literals: what each type accepts, and to which value (interface spec 1.6 and 1.8)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
+from forge.interfaces.read.errors import Fault
+from forge.interfaces.read.literals import INTEGER_RANGES, read_value
+
+if TYPE_CHECKING:
+    from forge.interfaces.model import Type, Value
+
+INT8 = Primitive("int8")
+INT32 = Primitive("int32")
+BOOL = Primitive("boolean")
+DOUBLE = Primitive("double")
+TEXT = Text()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("017", 17),
+        ("0x1F", 31),
+        ("0X1f", 31),
+        ("0b11", 3),
+        ("0o17", 15),
+        ("+5", 5),
+        ("-0", 0),
+        ("1_000", 1000),
+        ("-0x10", -16),
+    ],
+)
+def test_integers_read_as_python_reads_them(text: str, value: int) -> None:
+    assert read_value(text, INT32) == value
+
+
+@given(st.sampled_from(sorted(INTEGER_RANGES)), st.integers(-(1 << 65), 1 << 65))
+def test_an_integer_is_accepted_exactly_within_its_range(name: str, number: int) -> None:
+    low, high = INTEGER_RANGES[name]
+    if low <= number <= high:
+        assert read_value(str(number), Primitive(name)) == number
+    else:
+        with pytest.raises(Fault, match="out of range"):
+            read_value(str(number), Primitive(name))
+
+
+@pytest.mark.parametrize("text", ["true", "TRUE", "tRuE", "1"])
+def test_truth_has_any_letter_case(text: str) -> None:
+    assert read_value(text, BOOL) is True
+    assert read_value({"1": "0"}.get(text, "False"), BOOL) is False
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1.0),
+        ("1.", 1.0),
+        (".5", 0.5),
+        ("1e3", 1000.0),
+        ("1_0.5", 10.5),
+        ("-Infinity", -math.inf),
+        ("1e400", math.inf),
+    ],
+)
+def test_reals_read_as_python_reads_them(text: str, value: float) -> None:
+    read = read_value(text, DOUBLE)
+    assert (read, type(read)) == (value, float)
+
+
+def test_reals_have_no_range() -> None:
+    assert math.isnan(float(str(read_value("nan", Primitive("float")))))
+    assert read_value("1e39", Primitive("float")) == 1e39
+    assert read_value("inf", Primitive("float")) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("text", "type_", "value"),
+    [
+        ("[]", Sequence(INT8), ()),
+        ("[1, 2,3 ]", Sequence(INT8), (1, 2, 3)),
+        ("[1, 2]", Array(DOUBLE, 2), (1.0, 2.0)),
+        ("[true, 0]", Sequence(BOOL, 2), (True, False)),
+        ("[]", Sequence(TEXT), ()),
+        ("[\"a\", 'b', c d ]", Sequence(TEXT), ("a", "b", "c d")),
+        ("""["H\\"el'lo", 'Wo\\'r"ld']""", Sequence(TEXT), ("H\"el'lo", "Wo'r\"ld")),
+        ("""["Hel,lo", ',World', abcd , "!,",]""", Sequence(TEXT), ("Hel,lo", ",World", "abcd", "!,")),
+        ('["a" "b"]', Sequence(TEXT), ("a", "b")),
+        ('["a\\tb"]', Sequence(TEXT), ("a\\tb",)),
+        ('["\\"a\\" \\"b\\"", "é"]', Sequence(TEXT), ('"a" "b"', "é")),
+        ('["abc"]', Sequence(Text(bound=3), 1), ("abc",)),
+    ],
+)
+def test_collections(text: str, type_: Type, value: Value) -> None:
+    assert read_value(text, type_) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("a b c", "a b c"),
+        ("", ""),
+        ('""', ""),
+        ('"', ""),
+        ('"abc', '"abc'),
+        ("[1,2]", "[1,2]"),
+        ('"it\'s"', "it's"),
+        ("'it\\'s'", "it's"),
+        ('"say \\"yes\\""', 'say "yes"'),
+        ("'say \"yes\"'", 'say "yes"'),
+        ('"a\\tb\\n\\r\\v\\b\\f\\a\\?"', "a\tb\n\r\v\b\f\a?"),
+        ('"a\\x41b oct\\101 \\0"', "aAb octA \0"),
+        ('"\\u0041\\u00e9\\u65e5"', "Aé日"),
+        ("C:\\Users", "C:\\Users"),
+        ('"a\\\\b"', "a\\b"),
+        ('"\\\\"', "\\"),
+        ("日本", "日本"),
+    ],
+)
+def test_text_loses_its_quotes_and_its_escapes_once(text: str, value: str) -> None:
+    assert read_value(text, TEXT) == value
+    assert read_value(text, Text(wide=True)) == value
+
+
+def test_a_bound_counts_the_text_that_is_meant() -> None:
+    assert read_value("'it\\'s'", Text(bound=4)) == "it's"
+    with pytest.raises(Fault, match="5 characters does not fit into 4"):
+        read_value('"it\'ss"', Text(bound=4))
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"])))
+def test_any_text_can_be_written_between_quotes(text: str) -> None:
+    written = text.replace("\\", "\\\\").replace('"', '\\"')
+    assert read_value(f'"{written}"', TEXT) == text
+
+
+@pytest.mark.parametrize(
+    "type_", [Named(TypeName("a", "msg", "B")), Sequence(Named(TypeName("a", "msg", "B")))]
+)
+def test_messages_have_no_literals(type_: Type) -> None:
+    with pytest.raises(Fault, match="message type"):
+        read_value("[]", type_)
+
+
+def test_a_fault_points_at_the_element() -> None:
+    with pytest.raises(Fault) as caught:
+        read_value("[1, 2,  x]", Sequence(INT8))
+    assert caught.value.offset == 8

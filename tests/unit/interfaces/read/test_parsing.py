@@ -1,0 +1,232 @@
+"""Text to interfaces: declarations, comments, sections (interface spec 1.2 to 1.7, 1.10)."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.base.errors import InterfaceError
+from forge.interfaces.model import (
+    Action,
+    Array,
+    Constant,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Source,
+    Text,
+    Type,
+    TypeName,
+)
+from forge.interfaces.read.comments import read_comments
+from forge.interfaces.read.declarations import PRIMITIVES
+from forge.interfaces.read.parsing import parse, parse_all
+
+INT8 = Primitive("int8")
+
+
+def message(text: str) -> Message:
+    """Return what 'tour/msg/Walk.msg' with this text holds."""
+    interface = parse(Source("tour", "msg/Walk.msg", Path("Walk.msg"), text))
+    assert isinstance(interface, Message)
+    return interface
+
+
+def problems(text: str, relative: str = "msg/Walk.msg") -> list[str]:
+    """Return place and message of each problem with this text."""
+    with pytest.raises(InterfaceError) as caught:
+        parse(Source("tour", relative, Path(relative), text))
+    return [f"{problem.place}: {problem.message}" for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("text", "type_"),
+    [
+        *((written, Primitive(name)) for written, name in PRIMITIVES.items()),
+        ("string", Text()),
+        ("wstring", Text(wide=True)),
+        ("string<=5", Text(bound=5)),
+        ("wstring<=1_0", Text(wide=True, bound=10)),
+        ("Pose", Named(TypeName("tour", "msg", "Pose"))),
+        ("Pose_Request", Named(TypeName("tour", "msg", "Pose_Request"))),
+        ("geometry_msgs/Pose", Named(TypeName("geometry_msgs", "msg", "Pose"))),
+        ("boolean_msgs/Bool", Named(TypeName("boolean_msgs", "msg", "Bool"))),
+        ("int8[]", Sequence(INT8)),
+        ("int8[3]", Array(INT8, 3)),
+        ("int8[+3]", Array(INT8, 3)),
+        ("int8[<=3]", Sequence(INT8, 3)),
+        ("string<=5[<=10]", Sequence(Text(bound=5), 10)),
+        ("string<=5[3]", Array(Text(bound=5), 3)),
+        ("a/B[]", Sequence(Named(TypeName("a", "msg", "B")))),
+    ],
+)
+def test_a_type_reads_as_written(text: str, type_: Type) -> None:
+    assert message(f"{text} x").fields == (Field("x", type_),)
+
+
+@pytest.mark.parametrize(
+    "line", ["int8 a", "int8   a", "int8 a   ", "int8\ta", "int8 a # note", "int8 a#note", "\ufeffint8 a"]
+)
+def test_blanks_tabs_and_comments_do_not_change_a_field(line: str) -> None:
+    assert [(f.name, f.type, f.default) for f in message(line).fields] == [("a", INT8, None)]
+
+
+@pytest.mark.parametrize("line", ["int8 A=-1", "int8 A = -1", "int8  A  =  -1   # why", "int8\tA\t=\t-1"])
+def test_blanks_and_comments_do_not_change_a_constant(line: str) -> None:
+    assert [(c.name, c.type, c.value) for c in message(line).constants] == [("A", INT8, -1)]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\v", "\f", "\x1c", "\x85", "\u2028"])
+def test_any_line_end_ends_a_line(end: str) -> None:
+    assert [f.name for f in message(f"int8 a{end}int8 b{end}").fields] == ["a", "b"]
+
+
+def test_a_value_is_what_stands_before_the_first_hash() -> None:
+    parsed = message('string a "a#b"\nstring A="a#b"\nstring B=x=y\nstring C=\n')
+    assert parsed.fields[0].default == '"a'
+    assert [c.value for c in parsed.constants] == ['"a', "x=y", ""]
+
+
+def test_a_tab_inside_quotes_is_a_blank() -> None:
+    assert message('string a "a\tb"').fields[0].default == "a b"
+
+
+def test_words_of_idl_and_of_other_tongues_are_good_names() -> None:
+    words = ["string", "module", "sequence", "property", "type", "builtins", "self", "match"]
+    assert [f.name for f in message("\n".join(f"int8 {w}" for w in words)).fields] == words
+
+
+def test_a_field_and_a_constant_may_share_their_letters() -> None:
+    parsed = message("int8 a\nint8 A=1")
+    assert (parsed.fields, parsed.constants) == ((Field("a", INT8),), (Constant("A", INT8, 1),))
+
+
+def test_the_hidden_member_is_hidden_only_when_it_is_alone() -> None:
+    hidden = "uint8 structure_needs_at_least_one_member"
+    assert message(hidden).fields == ()
+    assert message("").members == message(hidden).members
+    assert len(message(f"{hidden}\nint8 a").fields) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "file", "docs"),
+    [
+        ("# f1\n# f2\n\nint8 a\n", ("f1", "f2"), {"a": ()}),
+        ("\n# c1\n# c2\nint8 a # t1\n  # ind1\n", (), {"a": ("c1", "c2", "t1", "ind1")}),
+        ("\nint8 a\n# next\n\n# next2\nint8 b\n", (), {"a": (), "b": ("next", "next2")}),
+        ("int8 a\n# dangling\n", (), {"a": ()}),
+        ("# top\nint8 a\n", ("top",), {"a": ()}),
+        ("\n# top\nint8 a\n", (), {"a": ("top",)}),
+        ("\n### x ###\nint8 a\n", (), {"a": ("x ###",)}),
+        ("\n  # nobody's\nint8 a\n", (), {"a": ()}),
+        ("#\n# text\n#\n#\n#   deeper\n##\n\nint8 a\n", ("text", "", "  deeper"), {"a": ()}),
+        ("\n# one\n# C:\\Users \\\nint8 a\n", (), {"a": ("one", "C:\\Users \\")}),
+    ],
+)
+def test_comments_belong_to_the_file_the_next_or_the_previous(
+    text: str, file: tuple[str, ...], docs: dict[str, tuple[str, ...]]
+) -> None:
+    parsed = message(text)
+    assert parsed.doc == file
+    assert {f.name: f.doc for f in parsed.fields} == docs
+
+
+@pytest.mark.parametrize(
+    ("comment", "doc", "unit"),
+    [
+        ("range [0, 1] in [m]", ("range [0, 1] in",), "m"),
+        ("pos [m] and [s]", ("pos [m] and [s]",), None),
+        ("[rad/s]", (), "rad/s"),
+        ("speed [m/s] of it", ("speed of it",), "m/s"),
+        ("no unit", ("no unit",), None),
+        ("empty []", ("empty []",), None),
+    ],
+)
+def test_a_single_pair_of_brackets_is_the_unit(comment: str, doc: tuple[str, ...], unit: str | None) -> None:
+    field = message(f"int8 a # {comment}").fields[0]
+    assert (field.doc, field.unit) == (doc, unit)
+
+
+def test_a_unit_whose_blanks_span_lines_stays_in_the_text() -> None:
+    assert read_comments(["# speed", "# [m/s]"]) == (("speed", "[m/s]"), "m/s")
+
+
+def test_services_and_actions_have_sections_of_their_own() -> None:
+    service = parse(
+        Source("tour", "srv/Go.srv", Path("Go.srv"), "# ask\nint8 a\n---\n# tell\nint8 a\nint8 A=1\n")
+    )
+    assert isinstance(service, Service)
+    assert (service.request.name.name, service.response.name.name) == ("Go_Request", "Go_Response")
+    assert (service.request.doc, service.response.doc) == (("ask",), ("tell",))
+    assert [c.name for c in service.response.constants] == ["A"]
+    action = parse(Source("tour", "action/Go.action", Path("Go.action"), "int8 a\n---\n---\nint8 c"))
+    assert isinstance(action, Action)
+    assert [len(part.fields) for part in (action.goal, action.result, action.feedback)] == [1, 0, 1]
+    assert str(action.feedback.name) == "tour/action/Go_Feedback"
+
+
+def test_problems_come_in_the_order_of_their_lines() -> None:
+    assert problems("int8 a 300\nfoo b\nint8 a\n") == [
+        "msg/Walk.msg:1:8: '300' is out of range for int8",
+        "msg/Walk.msg:2:1: there is no type 'foo'",
+    ]
+
+
+def test_the_problems_of_all_files_are_raised_at_once() -> None:
+    sources = [Source("tour", f"msg/{name}.msg", Path(f"{name}.msg"), "foo a") for name in ("One", "Two")]
+    with pytest.raises(InterfaceError) as caught:
+        parse_all(sources)
+    assert [str(problem.place) for problem in caught.value.problems] == ["One.msg:1:1", "Two.msg:1:1"]
+
+
+def test_comments_of_a_broken_declaration_are_nobody_elses() -> None:
+    text = "int8 a\nfoo b\n   # about b\nint8 c"
+    assert problems(text) == ["msg/Walk.msg:2:1: there is no type 'foo'"]
+
+
+ELEMENTS = st.one_of(
+    st.sampled_from(sorted(PRIMITIVES)),
+    st.builds("{}<={}".format, st.sampled_from(["string", "wstring"]), st.integers(1, 99)),
+    st.sampled_from(["string", "wstring", "Pose", "geometry_msgs/Pose"]),
+)
+# An unbounded sequence of bounded wide strings is refused: rosidl takes it for something else.
+TYPES = st.builds(
+    "{}{}".format,
+    ELEMENTS,
+    st.one_of(st.just(""), st.just("[]"), st.builds("[{}]".format, st.integers(1, 99)), st.just("[<=7]")),
+).filter(lambda written: not (written.startswith("wstring<=") and written.endswith("[]")))
+
+
+@given(st.lists(TYPES, max_size=6), st.sampled_from(["\n", "\n\n", "  # note\n", "\n# note\n"]))
+def test_every_well_formed_declaration_becomes_a_field(types: list[str], between: str) -> None:
+    text = "".join(f"{type_} f{number}{between}" for number, type_ in enumerate(types))
+    assert [f.name for f in message(text).fields] == [f"f{number}" for number in range(len(types))]
+
+
+PIECES = ["int8", "a", "[", "]", "<=", "3", "=", " ", "#", '"', "/", "Pose", "---", "\n", "\t"]
+
+
+@given(st.lists(st.sampled_from(PIECES)), st.sampled_from(["msg/Walk.msg", "srv/Walk.srv"]))
+def test_no_text_makes_the_parser_fail_otherwise_than_by_saying_why(pieces: list[str], relative: str) -> None:
+    with contextlib.suppress(InterfaceError):
+        parse(Source("tour", relative, Path(relative), "".join(pieces)))
+
+
+def test_names_of_constants_follow_their_pattern() -> None:
+    good = ["A", "A1", "A_B", "A_1", "AB_C2"]
+    assert [c.name for c in message("\n".join(f"int8 {n}=1" for n in good)).constants] == good
+    for bad in ("A__B", "A_", "_A", "aA", "1A"):
+        assert "cannot be the name of a constant" in problems(f"int8 {bad}=1")[0]
+
+
+def test_only_bare_types_have_constants() -> None:
+    for type_, value in itertools.product(["int8[]", "string<=3", "Pose"], ["1"]):
+        assert "a constant is a number" in problems(f"{type_} A={value}")[0]

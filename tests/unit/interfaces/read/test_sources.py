@@ -1,0 +1,104 @@
+"""Where definitions are found, and which of several wins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import InterfaceError
+from forge.interfaces.model import TypeName
+from forge.interfaces.read.sources import EMBEDDED, Library, names_in, read_folder, read_runtime, read_source
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+INDEX = "share/ament_index/resource_index/rosidl_interfaces"
+
+
+def fields(library: Library, name: str) -> list[str]:
+    """Return the names of a message's fields as the library knows it."""
+    parsed = library.find(TypeName(*name.split("/")))
+    assert parsed
+    return [field.name for field in getattr(parsed.interface, "fields", ())]
+
+
+def test_a_folder_is_read_in_the_order_of_kinds_and_names(tree: Tree) -> None:
+    folder = tree(
+        {"srv/A.srv": "---", "msg/B.msg": "", "msg/A.msg": "", "action/A.action": "", "msg/README.md": ""}
+    )
+    assert [source.relative for source in read_folder("p", folder)] == [
+        "msg/A.msg",
+        "msg/B.msg",
+        "srv/A.srv",
+        "action/A.action",
+    ]
+
+
+def test_a_folder_without_definitions_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InterfaceError, match="no interface in"):
+        read_folder("p", tmp_path)
+    with pytest.raises(InterfaceError, match="no interface in"):
+        read_folder("p", tmp_path / "missing")
+
+
+def test_what_cannot_be_read_is_said_with_its_place(tree: Tree) -> None:
+    folder = tree({"msg/A.txt": "", "msg/Dir.msg/x": ""})
+    with pytest.raises(InterfaceError, match=r"A\.txt: error: not an interface definition"):
+        read_source("p", folder, "msg/A.txt")
+    with pytest.raises(InterfaceError, match=r"B\.msg: error: cannot read the definition: no such file"):
+        read_source("p", folder, "msg/B.msg")
+    (folder / "msg/Latin.msg").write_bytes("int8 a\n# caf\xe9\n".encode("latin-1"))
+    with pytest.raises(InterfaceError, match=r"Latin\.msg:2: error: the text is not UTF-8"):
+        read_source("p", folder, "msg/Latin.msg")
+
+
+def test_includes_win_over_prefixes_and_prefixes_over_what_forge_brings(tree: Tree) -> None:
+    root = tree(
+        {
+            "included/msg/String.msg": "int8 included",
+            "one/share/std_msgs/msg/String.msg": "int8 one",
+            "two/share/std_msgs/msg/String.msg": "int8 two",
+        }
+    )
+    prefixes = (root / "one", root / "two")
+    assert fields(Library(), "std_msgs/msg/String") == ["data"]
+    assert fields(Library(prefixes=prefixes), "std_msgs/msg/String") == ["one"]
+    assert fields(Library({"std_msgs": root / "included"}, prefixes), "std_msgs/msg/String") == ["included"]
+
+
+def test_a_package_is_taken_whole_from_where_it_is_found(tree: Tree) -> None:
+    prefix = tree({"share/std_msgs/msg/String.msg": "int8 mine"})
+    assert Library(prefixes=(prefix,)).find(TypeName("std_msgs", "msg", "Header")) is None
+
+
+def test_an_interface_is_parsed_once() -> None:
+    library = Library()
+    name = TypeName("std_msgs", "msg", "Header")
+    assert library.find(name) is library.find(name)
+
+
+def test_packages_are_those_with_interfaces(tree: Tree) -> None:
+    prefix = tree(
+        {f"{INDEX}/mine": "", f"{INDEX}/.hidden": "", f"{INDEX}/gone": "", "share/mine/srv/A.srv": "---"}
+    )
+    found = Library(prefixes=(prefix,)).packages()
+    assert found["mine"] == prefix / "share/mine"
+    assert found["std_msgs"] == EMBEDDED / "std_msgs"
+    assert not {"ament_cmake", ".hidden", "gone"} & found.keys()
+
+
+def test_halves_of_services_are_hidden_and_idl_files_count(tree: Tree) -> None:
+    folder = tree(
+        {"srv/A.srv": "---", "srv/A_Request.msg": "", "srv/A.idl": "", "msg/B.idl": "", "msg/C_D.msg": ""}
+    )
+    assert list(map(str, names_in("p", folder))) == ["p/msg/B", "p/srv/A"]
+    assert {str(name) for name in Library({"p": folder}, embedded=None).names()} == {"p/msg/B", "p/srv/A"}
+
+
+def test_run_time_files_are_those_of_the_language() -> None:
+    assert "rosidl_runtime_cpp/bounded_vector.hpp" in {file.path for file in read_runtime("cpp")}
+    assert "forge_rosidl/messages.py" in {file.path for file in read_runtime("python")}
+    assert list(read_runtime("idl")) == []

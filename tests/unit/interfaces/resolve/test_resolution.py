@@ -1,0 +1,190 @@
+"""References: found, named when they are not, and never in a circle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import InterfaceError
+from forge.interfaces.model import Source, TypeName
+from forge.interfaces.read.parsing import Parsed, parse, parse_all, type_name
+from forge.interfaces.resolve.resolution import messages_below, referred, resolve
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from forge.interfaces.model import Catalog
+
+
+@dataclass
+class Shelf:
+    """Interfaces of other packages from a table of 'package/kind/file' and text; notes what was asked for."""
+
+    texts: Mapping[str, str]
+    asked: list[str] = field(default_factory=list)
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Parse it now."""
+        self.asked.append(str(name))
+        path = f"{name}.{name.kind}"
+        if path not in self.texts:
+            return None
+        source = Source(name.package, f"{name.kind}/{name.name}.{name.kind}", Path(path), self.texts[path])
+        return Parsed(source, parse(source))
+
+    def names(self) -> Iterable[TypeName]:
+        """Return what the table holds."""
+        return [TypeName(*path.partition(".")[0].split("/")) for path in self.texts]
+
+
+ROS = {
+    "builtin_interfaces/msg/Time.msg": "int32 sec\nuint32 nanosec",
+    "unique_identifier_msgs/msg/UUID.msg": "uint8[16] uuid",
+    "std_msgs/msg/Header.msg": "builtin_interfaces/Time stamp\nstring frame_id",
+    "action_msgs/msg/GoalInfo.msg": "unique_identifier_msgs/UUID goal_id\nbuiltin_interfaces/Time stamp",
+    "action_msgs/msg/GoalStatus.msg": "GoalInfo goal_info\nint8 status",
+    "action_msgs/msg/GoalStatusArray.msg": "GoalStatus[] status_list",
+    "action_msgs/srv/CancelGoal.srv": "GoalInfo goal_info\n---\nGoalInfo[] goals_canceling",
+}
+
+
+def catalog(files: Mapping[str, str], shelf: Shelf | None = None) -> Catalog:
+    """Resolve a package 'tour' of these files."""
+    sources = [Source("tour", relative, Path(relative), text) for relative, text in files.items()]
+    return resolve("tour", parse_all(sources), shelf or Shelf(ROS))
+
+
+def problems(files: Mapping[str, str], shelf: Shelf | None = None) -> list[str]:
+    """Return place, message and hint of each problem of such a package."""
+    with pytest.raises(InterfaceError) as caught:
+        catalog(files, shelf)
+    return [f"{p.place}: {p.message} ({p.hint})" for p in caught.value.problems]
+
+
+def test_a_catalog_holds_all_that_its_messages_refer_to() -> None:
+    found = catalog({"msg/B.msg": "std_msgs/Header[] headers", "msg/A.msg": "B b"})
+    assert [str(name) for name in found.interfaces] == ["tour/msg/A", "tour/msg/B"]
+    assert sorted(map(str, found.known)) == [
+        "builtin_interfaces/msg/Time",
+        "std_msgs/msg/Header",
+        "tour/msg/A",
+        "tour/msg/B",
+    ]
+    assert [source.relative for source in found.sources.values()] == [
+        "msg/A.msg",
+        "msg/B.msg",
+        "msg/Header.msg",
+        "msg/Time.msg",
+    ]
+
+
+def test_other_packages_are_asked_only_for_what_is_referred_to_and_once() -> None:
+    shelf = Shelf(ROS)
+    catalog(
+        {"msg/A.msg": "std_msgs/Header a\nstd_msgs/Header b", "msg/B.msg": "std_msgs/Header c\nA d"}, shelf
+    )
+    assert shelf.asked == ["std_msgs/msg/Header", "builtin_interfaces/msg/Time"]
+
+
+def test_an_action_brings_its_derived_types_and_what_they_imply() -> None:
+    found = catalog({"action/Go.action": "---\n---\n"})
+    names = {str(name) for name in found.known}
+    assert {"tour/action/Go_SendGoal_Request", "tour/action/Go_FeedbackMessage"} <= names
+    assert {"unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time"} <= names
+
+
+def test_an_action_without_what_it_implies_is_one_problem_per_type() -> None:
+    assert problems({"action/Go.action": "---\n---\n"}, Shelf({})) == [
+        f"None: the action 'Go' needs '{name}', which is not there "
+        f"(add <depend>{name.partition('/')[0]}</depend> to package.xml)"
+        for name in ("unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time")
+    ]
+
+
+def test_unknown_types_are_named_with_the_nearest_known() -> None:
+    header = "did you mean 'std_msgs/Header'? add <depend>std_msgs</depend> to package.xml"
+    assert problems({"msg/A.msg": "std_msg/Header a\nHeader b\nB c", "msg/Bb.msg": "nowhere/Thing a"}) == [
+        f"msg/A.msg:1:1: unknown type 'std_msg/Header' ({header})",
+        f"msg/A.msg:2:1: unknown type 'tour/Header' ({header})",
+        "msg/A.msg:3:1: unknown type 'tour/B' (did you mean 'tour/Bb'?)",
+        "msg/Bb.msg:1:1: unknown type 'nowhere/Thing' (add <depend>nowhere</depend> to package.xml)",
+    ]
+
+
+def test_a_wrong_definition_of_another_package_is_reported_once() -> None:
+    shelf = Shelf({"p/msg/A.msg": "foo a"})
+    assert problems({"msg/A.msg": "p/A a\np/A b", "msg/B.msg": "p/A a"}, shelf) == [
+        "p/msg/A.msg:1:1: there is no type 'foo' (None)"
+    ]
+
+
+def test_a_service_is_no_type_of_a_field() -> None:
+    shelf = Shelf({"p/msg/A.msg": "int8 a", "p/srv/B.srv": "---"})
+    assert problems({"msg/A.msg": "p/B b"}, shelf) == [
+        "msg/A.msg:1:1: unknown type 'p/B' (did you mean 'p/A'?)"
+    ]
+
+
+def test_cycles_are_named_whole_and_each_once() -> None:
+    files = {"msg/A.msg": "B b", "msg/B.msg": "int8 x\nA[] a", "msg/C.msg": "C c", "msg/D.msg": "A a\nC c"}
+    found = problems(files)
+    assert len(found) == 2
+    assert any("tour/C -> tour/C" in text for text in found)
+    assert any("tour/A -> tour/B -> tour/A" in text or "tour/B -> tour/A -> tour/B" in text for text in found)
+
+
+def test_one_name_in_two_places_and_two_names_for_one_output_are_refused() -> None:
+    assert problems({"msg/A.msg": "", "more/msg/A.msg": ""}) == [
+        "more/msg/A.msg: 'tour/msg/A' is also defined in 'msg/A.msg' (None)"
+    ]
+    found = problems({"msg/AB1.msg": "", "msg/Ab1.msg": "", "srv/Ab1.srv": "---"})
+    assert len(found) == 1
+    assert "'Ab1' and 'AB1' would both be generated into 'ab1'" in found[0]
+
+
+def test_a_message_and_a_service_may_share_a_name() -> None:
+    found = catalog({"msg/Empty.msg": "", "srv/Empty.srv": "---"})
+    assert [str(name) for name in found.interfaces] == ["tour/msg/Empty", "tour/srv/Empty"]
+
+
+def test_a_chain_of_thousands_of_messages_resolves() -> None:
+    files = {f"msg/M{n}.msg": f"M{n + 1} next" for n in range(3000)} | {"msg/M3000.msg": "int8 last"}
+    assert len(catalog(files).known) == 3001
+
+
+def test_what_generated_code_needs_of_others_comes_by_package() -> None:
+    shelf = Shelf(ROS)
+    others = referred(catalog({"msg/A.msg": "std_msgs/Header a"}, shelf), shelf)
+    assert {each.package: list(map(str, each.interfaces)) for each in others} == {
+        "builtin_interfaces": ["builtin_interfaces/msg/Time"],
+        "std_msgs": ["std_msgs/msg/Header"],
+    }
+    others = referred(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
+    assert [each.package for each in others] == [
+        "action_msgs",
+        "builtin_interfaces",
+        "unique_identifier_msgs",
+    ]
+    assert [name.name for name in others[0].interfaces] == [
+        "GoalInfo",
+        "GoalStatus",
+        "GoalStatusArray",
+        "CancelGoal",
+    ]
+
+
+def test_what_generated_code_needs_and_nobody_has_is_an_error() -> None:
+    shelf = Shelf({path: text for path, text in ROS.items() if "CancelGoal" not in path})
+    with pytest.raises(InterfaceError, match="'action_msgs/srv/CancelGoal', which generated code needs"):
+        referred(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
+
+
+def test_messages_below_an_installed_interface_include_its_own_packages() -> None:
+    parsed = Shelf(ROS).find(TypeName("action_msgs", "srv", "CancelGoal"))
+    assert parsed
+    below = messages_below(parsed, Shelf(ROS))
+    assert TypeName("action_msgs", "msg", "GoalInfo") in below
+    assert type_name(parsed.source) not in below

@@ -1,0 +1,401 @@
+"""Pages about interfaces: whole, the same every time, and not to be taken over by what they tell of."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.site.generator import About, site
+from forge.interfaces.site.text import Paragraph, paragraphs, summary
+from tests.conftest import GOLDEN, Forge, Golden, Tree
+from tests.generated import catalog_of, generate_embedded, run_python
+from tests.sites import faults_of, read_page
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MANIFEST = (
+    '<package format="3"><name>{0}</name><version>1.2.3</version><description>About {0}.</description>'
+    '<maintainer email="a@b.cc">A</maintainer><license>MIT</license>'
+    "<build_depend>rosidl_default_generators</build_depend>"
+    "<member_of_group>rosidl_interface_packages</member_of_group></package>"
+)
+HOSTILE = """</pre><script>alert(1)</script> "'><img src=x onerror=alert(2)> &lt;b&gt; {{ 7 * 7 }} --> ]]>"""
+DOCS = ("interface", "docs")
+
+
+def page_of(message: Message, **about: str) -> dict[str, str]:
+    """Return the files of a site about one message."""
+    name = message.name
+    source = Source(
+        name.package, f"msg/{name.name}.msg", EMBEDDED / "x", f"# {HOSTILE}\nint8 a # {HOSTILE}\n"
+    )
+    catalog = Catalog(name.package, {name: message}, {name: message}, {name: source})
+    files = site([catalog], {name.package: About(**about)}, HOSTILE)
+    return {file.path: file.text for file in files}
+
+
+def workspace(tree: Tree) -> Path:
+    """Return a workspace with two packages of interfaces, one of which needs the other."""
+    return tree(
+        {
+            "src/a_msgs/package.xml": MANIFEST.format("a_msgs"),
+            "src/a_msgs/msg/Base.msg": "# The ground of it all.\nuint8 NONE=0\nuint8 kind\n",
+            "src/a_msgs/msg/Later.msg": "builtin_interfaces/Time at\nBase base\n",
+            "src/b_msgs/package.xml": MANIFEST.format("b_msgs"),
+            "src/b_msgs/srv/Ask.srv": 'a_msgs/Base what\n---\nstring<=8 answer "no"\n',
+            "src/b_msgs/action/Go.action": "---\n---\n",
+            "src/other/package.xml": MANIFEST.format("other").replace("rosidl_", "ros1_"),
+            "src/other/msg/Odd.msg": "this is none of ours",
+        }
+    )
+
+
+def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
+    """A message, a service and an action, with constants, defaults, units and links."""
+    case = GOLDEN / "interfaces" / "html" / "robot"
+    folder = GOLDEN / "interfaces" / "docs" / "robot"
+    catalog = resolve("robot", parse_all(read_folder("robot", folder)), Library())
+    files = site([catalog], {"robot": About("1.0.0", "Robots.", "from the workspace")}, "Interfaces")
+    golden(case, {file.path: file.text for file in files if file.path.endswith(".html")})
+
+
+def test_nothing_that_is_told_becomes_markup() -> None:
+    doc = (HOSTILE, "", f"  {HOSTILE}")
+    fields = (Field("text", Text(), HOSTILE, doc, HOSTILE), Field("a", Primitive("int8")))
+    message = Message(TypeName("demo", "msg", "Thing"), fields, (Constant("A", Text(), HOSTILE, doc),), doc)
+    plain = Message(
+        TypeName("demo", "msg", "Thing"),
+        fields,
+        (Constant("A", Text(), "", ("a", "", "  b")),),
+        ("a", "", " b"),
+    )
+    for path, text in page_of(message, version=HOSTILE, description=HOSTILE, origin=HOSTILE).items():
+        if path.endswith(".html"):
+            contents = read_page(text)
+            assert contents.faults == []
+            assert [tag for tag, _ in contents.tags].count("script") == 1
+            assert "img" not in {tag for tag, _ in contents.tags}
+            assert not [
+                name for _, attributes in contents.tags for name in attributes if name.startswith("on")
+            ]
+            assert "alert(2)" in contents.text
+    assert page_of(plain)["demo/msg/Thing.html"] != page_of(message)["demo/msg/Thing.html"]
+
+
+def test_what_hides_or_turns_the_rest_is_seen() -> None:
+    doc = ("nul \x00 and escape \x1b[31m", "turned \u202e round", "joined \u200d here")
+    (paragraph,) = paragraphs(doc)
+    assert (
+        paragraph.text == "nul ␀ and escape ␛[31m\nturned \N{REPLACEMENT CHARACTER} round\njoined \u200d here"
+    )
+
+
+def test_drawings_keep_their_columns() -> None:
+    assert paragraphs(("words", "and words", "", "", "  +--+", "  |  |", "", "a  b", "")) == (
+        Paragraph("words\nand words"),
+        Paragraph("  +--+\n  |  |", drawn=True),
+        Paragraph("a  b", drawn=True),
+    )
+
+
+@pytest.mark.parametrize(
+    ("doc", "first"),
+    [
+        ((), ""),
+        (
+            (
+                "",
+                "One. Two.",
+            ),
+            "One.",
+        ),
+        (("Not yet", "over, e.g. here! Now."), "Not yet over, e.g."),
+        (("No end",), "No end"),
+        (("x" * 200,), "x" * 160 + " …"),
+    ],
+)
+def test_a_list_has_the_first_sentence(doc: tuple[str, ...], first: str) -> None:
+    assert summary(doc) == first
+
+
+def test_every_link_leads_somewhere(forge: Forge, tree: Tree) -> None:
+    """Also where types of other packages are referred to: those have pages, too."""
+    root = workspace(tree)
+    ran = forge(*DOCS, cwd=root)
+    out = root / "build/forge_interface_docs"
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.endswith("files written, start page: 'build/forge_interface_docs/index.html'\n")
+    assert faults_of(out) == []
+    assert (out / "builtin_interfaces/msg/Time.html").is_file()
+    assert (out / "action_msgs/srv/CancelGoal.html").is_file()
+    assert not (out / "other").exists()
+    base = read_page((out / "a_msgs/msg/Base.html").read_text())
+    assert {"../../a_msgs/msg/Later.html", "../../b_msgs/srv/Ask.html"} <= set(base.targets)
+    package = read_page((out / "a_msgs/index.html").read_text()).text
+    assert "1.2.3" in package
+    assert "About a_msgs." in package
+    assert "2 messages; from the workspace." in package
+    assert "only referenced types" in (out / "builtin_interfaces/index.html").read_text()
+
+
+def test_all_that_forge_brings_along_has_pages(forge: Forge, tmp_path: Path) -> None:
+    ran = forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path)
+    assert ran.code == 0
+    assert faults_of(tmp_path / "site") == []
+    pages = list((tmp_path / "site").glob("*/*/*.html"))
+    assert len(pages) == len(list(Library().names()))
+
+
+def test_the_same_interfaces_give_the_same_bytes(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+    """From another folder, in another order, at another time; neither dates nor host paths are told."""
+    root = workspace(tree)
+    forge(*DOCS, "-o", str(tmp_path / "one"), cwd=root)
+    (tmp_path / "elsewhere").mkdir()
+    shutil.copytree(root / "src", tmp_path / "elsewhere/deep/src")
+    forge(*DOCS, "b_msgs", "a_msgs", "-o", str(tmp_path / "two"), cwd=tmp_path / "elsewhere/deep/src/a_msgs")
+    contents = [
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for folder in (tmp_path / "one", tmp_path / "two")
+    ]
+    assert contents[0] == contents[1]
+    assert str(tmp_path).encode() not in b"".join(contents[0].values())
+
+
+def test_only_what_changed_is_written_and_what_is_gone_is_removed(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    first = forge(*DOCS, "-o", "site", cwd=root).out
+    count = int(first.split()[2])
+    assert first.startswith(f"{count} of {count} files")
+    assert forge(*DOCS, "-o", "site", cwd=root).out.startswith(f"0 of {count} files")
+    (root / "src/a_msgs/msg/Later.msg").unlink()
+    (root / "site/notes.html").write_text("mine")
+    ran = forge(*DOCS, "-o", "site", cwd=root)
+    assert not (root / "site/a_msgs/msg/Later.html").exists()
+    assert "Later" not in (root / "site/a_msgs/msg/Base.html").read_text()
+    assert (root / "site/notes.html").read_text() == "mine"
+    assert int(ran.out.split()[0]) == 4  # of Base, of Time, of the package, the first
+    shutil.rmtree(root / "src/b_msgs")
+    forge(*DOCS, "-o", "site", cwd=root)
+    assert not (root / "site/b_msgs").exists()
+    assert faults_of(root / "site") == []
+
+
+def test_a_first_page_of_somebody_else_stays(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    (root / "site").mkdir()
+    (root / "site/index.html").write_text("mine")
+    ran = forge(*DOCS, "-o", "site", cwd=root)
+    assert ran.code == 2
+    assert ran.err == (
+        "site: error: 'index.html' is there, and forge did not write it\n"
+        "hint: name another folder with --output, or remove it\n"
+    )
+    assert (root / "site/index.html").read_text() == "mine"
+
+
+def test_a_spoilt_list_removes_nothing_elsewhere(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    forge(*DOCS, "-o", "site", cwd=root)
+    (root / "precious").write_text("")
+    listing = root / "site/.forge_site"
+    listing.write_text(f"{listing.read_text()}../precious\n{root}/precious\n")
+    assert forge(*DOCS, "-o", "site", cwd=root).code == 0
+    assert (root / "precious").exists()
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    (root / "site").write_text("a file")
+    ran = forge(*DOCS, "-o", "site", cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith("site")
+    assert "cannot write: " in ran.err
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (
+            ("geometry_msg",),
+            "unknown interface package 'geometry_msg'\nhint: did you mean 'geometry_msgs'?",
+        ),
+        ((), "no interfaces to document\nhint: change to a workspace"),
+        (("--include", "../up=."), "'../up' is not a valid name of an interface package"),
+    ],
+)
+def test_what_cannot_be_told_of_is_said(
+    forge: Forge, tmp_path: Path, argv: tuple[str, ...], words: str
+) -> None:
+    ran = forge(*DOCS, *argv, cwd=tmp_path)
+    assert ran.code == 2
+    assert words in ran.err
+
+
+@pytest.mark.parametrize("out", [".", "..", "src", "src/other"])
+def test_pages_do_not_hide_packages(forge: Forge, tree: Tree, out: str) -> None:
+    """No tool looks for packages among pages: a folder that has some is none for pages."""
+    root = workspace(tree)
+    before = sorted(root.rglob("*"))
+    ran = forge(*DOCS, "-o", out, cwd=root)
+    assert ran.code == 2
+    assert ran.err.startswith(
+        f"{out}: error: the output folder contains packages, which discovery would then ignore\n"
+    )
+    assert sorted(root.rglob("*")) == before
+
+
+def test_a_manifest_that_cannot_be_read_is_warned_of(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    (root / "src/other/package.xml").write_text("<package>")
+    ran = forge(*DOCS, cwd=root)
+    assert ran.code == 0
+    assert "src/other/package.xml" in ran.err
+    assert "warning: " in ran.err
+
+
+@given(text=st.text(st.characters(exclude_categories=["Cs"])))
+def test_any_comment_makes_a_page_that_is_whole(text: str) -> None:
+    doc = tuple(text.splitlines())
+    fields = (Field("a", Text(), text, doc, text),)
+    page = page_of(Message(TypeName("demo", "msg", "Thing"), fields, (), doc), description=text)
+    for path in ("demo/msg/Thing.html", "demo/index.html", "index.html"):
+        assert read_page(page[path]).faults == []
+
+
+def test_mistakes_in_all_packages_are_told_at_once(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    (root / "src/a_msgs/msg/Base.msg").write_text("int9 kind\n")
+    (root / "src/b_msgs/srv/Ask.srv").write_text("nowhere_msgs/What what\n---\n")
+    ran = forge(*DOCS, cwd=root)
+    assert ran.code == 2
+    assert "src/a_msgs/msg/Base.msg:1:1: error: " in ran.err
+    assert "src/b_msgs/srv/Ask.srv:1:1: error: " in ran.err
+    assert ran.err.count("int9") == 2
+
+
+def test_underlays_and_named_folders_are_told_of_when_asked_for(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "under/share/u_msgs/msg/U.msg": "int8 u\n",
+            "under/share/u_msgs/package.xml": MANIFEST.format("u_msgs"),
+            "under/share/ament_index/resource_index/rosidl_interfaces/u_msgs": "msg/U.msg\n",
+            "w/plain/msg/P.msg": "u_msgs/U u\n",
+        }
+    )
+    under, root = root / "under", root / "w"
+    sourced = {"AMENT_PREFIX_PATH": str(under)}
+    forge(*DOCS, "--underlays", "-o", "site", cwd=root, env=sourced)
+    text = read_page((root / "site/u_msgs/index.html").read_text()).text
+    assert "1 message; from an underlay." in text
+    ran = forge(*DOCS, "--include", "plain=plain", "-o", "site", cwd=root, env=sourced)
+    assert ran.code == 0
+    assert "u_msgs/msg/U.html" in (root / "site/plain/msg/P.html").read_text()
+    assert faults_of(root / "site") == []
+
+
+def _snippets(folder: Path, language: str) -> dict[str, str]:
+    """Return the lines of Python or C++ that the pages of a site show, by the page."""
+    found = {}
+    for path in sorted(folder.glob("*/*/*.html")):
+        code = re.search(
+            rf"<h3>{re.escape(language)}</h3>\n<pre><code>(.*?)</code>", path.read_text(), re.DOTALL
+        )
+        assert code
+        words = read_page(code[1]).text
+        found[path.relative_to(folder).as_posix()] = words
+    return found
+
+
+def test_the_python_of_every_page_runs(forge: Forge, tmp_path: Path) -> None:
+    forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path)
+    generate_embedded(tmp_path / "code")
+    snippets = _snippets(tmp_path / "site", "Python")
+    code = (
+        f"for name, text in {snippets!r}.items():\n    exec(compile(text, name, 'exec'), {{}})\nprint('all')"
+    )
+    assert run_python(tmp_path / "code", code) == "all"
+    assert "message.position.x = 1.0" in snippets["geometry_msgs/msg/Pose.html"]
+
+
+@pytest.mark.needs("g++")
+def test_the_cpp_of_the_pages_compiles(forge: Forge, tmp_path: Path) -> None:
+    """Those of a few packages, with every kind of member among them."""
+    packages = ("example_interfaces", "rcl_interfaces", "std_srvs", "geometry_msgs")
+    forge(*DOCS, *packages, "-o", "site", cwd=tmp_path)
+    for package in packages:
+        forge(
+            "interface",
+            "generate",
+            "--package",
+            package,
+            "--lang",
+            "cpp",
+            "--output",
+            "code",
+            str(EMBEDDED / package),
+            cwd=tmp_path,
+        )
+    lines, functions = set(), []
+    for number, text in enumerate(_snippets(tmp_path / "site", "C++").values()):
+        include, _, body = text.partition("\n\n")
+        lines.add(include)
+        functions.append(f"void f{number}()\n{{\n{body}}}\n")
+    (tmp_path / "all.cpp").write_text("\n".join([*sorted(lines), *functions]))
+    argv = ["g++", "-std=c++17", "-fsyntax-only", "-Icode/cpp", "all.cpp"]
+    ran = subprocess.run(argv, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.stderr == ""
+    assert ran.returncode == 0
+
+
+def test_a_field_named_like_a_part_of_the_page_has_an_anchor_of_its_own() -> None:
+    parts = ("definition", "use", "wire", "users", "hash", "request", "response")
+    catalog = catalog_of("p", {"srv/A.srv": "".join(f"int8 {part}\n" for part in parts) + "---\nint8 hash"})
+    files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}
+    contents = read_page(files["p/srv/A.html"])
+    assert contents.faults == []
+    assert {"hash", "request.hash", "response.hash"} <= set(contents.ids)
+
+
+def test_definitions_of_other_folders_and_languages_have_pages(forge: Forge, tree: Tree) -> None:
+    """An .idl file may lie in any folder; what it defines is used like a message."""
+    module = "module a_msgs {{ module {0} {{ struct {1} {{ {2}; }}; }}; }};\n"
+    root = tree(
+        {
+            "src/a_msgs/package.xml": MANIFEST.format("a_msgs"),
+            "src/a_msgs/deep/Thing.idl": "// All of it.\n" + module.format("deep", "Thing", "double x"),
+            "src/a_msgs/msg/Uses.idl": '#include "a_msgs/deep/Thing.idl"\n'
+            + module.format("msg", "Uses", "a_msgs::deep::Thing thing"),
+        }
+    )
+    assert forge(*DOCS, "-o", "site", cwd=root).code == 0
+    assert faults_of(root / "site") == []
+    assert (
+        "../../a_msgs/deep/Thing.html" in read_page((root / "site/a_msgs/msg/Uses.html").read_text()).targets
+    )
+    assert "<i>// All of it.</i>" in (root / "site/a_msgs/deep/Thing.html").read_text()
+    assert "In the folder deep" in (root / "site/a_msgs/index.html").read_text()
+
+
+def test_pages_in_the_build_folder_go_with_it(forge: Forge, tree: Tree) -> None:
+    root = workspace(tree)
+    forge(*DOCS, cwd=root)
+    assert forge("clean", "workspace", "--yes", cwd=root).code == 0
+    assert not (root / "build").exists()
+
+
+def test_an_interface_without_anything_has_a_page() -> None:
+    catalog = catalog_of("p", {"msg/A.msg": ""})
+    files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}
+    assert "No fields." in files["p/msg/A.html"]
+    assert "Always 1 byte, without the header" in files["p/msg/A.html"]

@@ -1,0 +1,141 @@
+"""Documentation pages as text, and targets of other distributions."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import ForgeError
+from forge.interfaces import markdown
+from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Text, TypeName
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.rendering import TARGETS, render
+from forge.interfaces.resolve.resolution import resolve
+from tests.conftest import GOLDEN, Forge, Golden, Tree
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NAME = TypeName("demo", "msg", "Thing")
+EMPTY = Catalog("demo", {}, {}, {})
+GENERATE = ("interface", "generate", "--package", "p", "--output", "out")
+METADATA = "Metadata-Version: 2.1\nName: third\nVersion: 1.0\n"
+
+
+def page(message: Message) -> str:
+    """Return the page of a package with one message."""
+    (file,) = markdown.files(Catalog("demo", {message.name: message}, {message.name: message}, {}))
+    assert file.path == "demo.md"
+    return file.text
+
+
+def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
+    """A message, a service and an action, with constants, defaults, units and links."""
+    case = GOLDEN / "interfaces" / "docs" / "robot"
+    catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())
+    golden(case, {file.path: file.text for file in markdown.files(catalog)})
+
+
+def test_comments_and_values_cannot_become_markup() -> None:
+    """What Markdown would understand is escaped, so that a table stays a table."""
+    doc = ("# not | a *heading*", "", "<b>nor</b> [a](link)")
+    fields = (Field("text", Text(), "a | `b`", doc),)
+    text = page(Message(NAME, fields, (Constant("A_B", Primitive("int8"), -1, doc),), doc))
+    plain = re.sub(r"\\.", "", text)
+    assert "\\# not \\| a \\*heading\\*\n\n\\<b\\>nor\\</b\\> \\[a\\](link)\n" in text
+    assert '| `text` | string | "a \\| \\`b\\`" |  | \\# not \\| a' in text
+    assert {line.count("|") for line in plain.splitlines() if line.startswith("| `text`")} == {6}
+    assert {line.count("|") for line in plain.splitlines() if line.startswith("| `A_B`")} == {5}
+
+
+def test_a_message_without_fields_says_so() -> None:
+    assert "\n\nNo fields.\n" in page(Message(NAME))
+
+
+def test_docs_are_a_language_like_any_other(forge: Forge, tree: Tree) -> None:
+    """Pages of the types referred to lie beside the package's own, so that links lead somewhere."""
+    root = tree({"src/msg/A.msg": "geometry_msgs/Point[] points"})
+    ran = forge(
+        "interface", "generate", "--package", "p", "--output", "out", "--lang", "docs", "src", cwd=root
+    )
+    assert (ran.code, ran.err) == (0, "")
+    assert sorted(path.name for path in (root / "out/docs").iterdir()) == ["geometry_msgs.md", "p.md"]
+    (link,) = set(re.findall(r"\((geometry_msgs\.md)#", (root / "out/docs/p.md").read_text()))
+    assert '<a id="geometry_msgs/msg/Point"></a>' in (root / "out/docs" / link).read_text()
+
+
+@pytest.fixture
+def third_party(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Install a distribution with targets, good and bad, and one that only looks like forge's own."""
+    entries = {
+        "names": "third_names",
+        "broken": "third_broken",
+        "missing": "third_missing",
+        "empty": "third_empty",
+        "python": "third_names",
+    }
+    lines = "".join(f"{name} = {value}\n" for name, value in entries.items())
+    root = tree(
+        {
+            "third_names.py": "from forge.interfaces.model import File\n"
+            "def files(catalog):\n"
+            "    lines = [f'{name}\\n' for name in catalog.interfaces]\n"
+            "    yield File(f'{catalog.package}.txt', ''.join(lines))\n",
+            "third_broken.py": "1 / 0\n",
+            "third_empty.py": "",
+            "third-1.0.dist-info/METADATA": METADATA,
+            "third-1.0.dist-info/entry_points.txt": f"[forge.interfaces.targets]\n{lines}",
+        }
+    )
+    monkeypatch.syspath_prepend(str(root))
+    return root
+
+
+@pytest.mark.usefixtures("third_party")
+def test_another_distribution_brings_a_language(forge: Forge, tree: Tree) -> None:
+    """It is asked for by name, and its files lie in a folder of that name."""
+    root = tree({"src/msg/A.msg": "int8 a", "src/msg/B.msg": ""})
+    ran = forge(
+        "interface", "generate", "--package", "p", "--output", "out", "--lang", "names", "src", cwd=root
+    )
+    assert (ran.code, ran.err) == (0, "")
+    assert (root / "out/names/p.txt").read_text() == "p/msg/A\np/msg/B\n"
+
+
+@pytest.mark.usefixtures("third_party")
+def test_forges_own_targets_come_first() -> None:
+    assert all(file.path != "python/demo.txt" for file in render(EMPTY, "python"))
+
+
+@pytest.mark.usefixtures("third_party")
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("broken", "ZeroDivisionError: division by zero"),
+        (
+            "missing",
+            "ModuleNotFoundError: No module named 'third_missing'",
+        ),
+        ("empty", "it has no function 'files'"),
+    ],
+)
+def test_a_target_that_cannot_be_used_is_named_with_its_cause(name: str, cause: str) -> None:
+    with pytest.raises(ForgeError) as caught:
+        render(EMPTY, name)
+    message = f"the target '{name}' cannot be loaded from 'third_{name}': {cause}"
+    assert caught.value.problems[0].message == message
+
+
+@pytest.mark.usefixtures("third_party")
+def test_an_unknown_language_gets_a_list_of_those_there_are() -> None:
+    """Those of other distributions included, with the nearest first."""
+    with pytest.raises(ForgeError) as caught:
+        render(EMPTY, "nams")
+    (problem,) = caught.value.problems
+    assert problem.message == "forge generates no 'nams'"
+    assert problem.hint is not None
+    assert problem.hint.startswith("did you mean 'names'? there are ")
+    assert {*TARGETS, "names"} <= set(re.findall(r"\w+", problem.hint))

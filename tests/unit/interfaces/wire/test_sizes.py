@@ -1,0 +1,123 @@
+"""How many bytes messages take and where members lie, held against messages that were serialized."""
+
+from __future__ import annotations
+
+import struct
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from forge.interfaces.model import Message, Primitive, TypeName
+from forge.interfaces.wire.sizes import Extent, Extents, Span
+from tests.generated import catalog_of, generate, importable
+from tests.messages import messages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+DEFINITIONS = {
+    "msg/Fixed.msg": "uint8 a\nfloat64 b\nint16[3] c\nuint32 d\nint8 e",
+    "msg/Inner.msg": "uint8 a\nint64 b\nuint8 c",
+    "msg/Twice.msg": "uint16 a\nInner b\nInner[5] c\nuint32 d",
+    "msg/Texts.msg": "string a\nint32 b\nInner c\nwstring d\nuint8 e\nfloat64 f",
+    "msg/Bounded.msg": "uint8 a\nstring<=5 b\nfloat64[<=3] c\nwstring<=3 d\nInner[<=4] e\nuint16 f",
+    "msg/Deep.msg": "int8 a\nBounded[<=2] b\nstring<=3[2] c\nint64 d",
+    "msg/Lists.msg": "float64[] a\nuint8 b\nInner[] c\nstring[2] d\nint64 e",
+    "msg/Nothing.msg": "",
+    "msg/Hollow.msg": "uint32 a\nNothing b\nNothing[3] c\nuint16 d",
+}
+FORMATS = dict(
+    zip(("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"), "bBhHiIqQ", strict=True)
+)
+CATALOG = catalog_of("spans", DEFINITIONS)
+NAMES = sorted(CATALOG.interfaces)
+
+
+@pytest.fixture(scope="module")
+def classes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Any]]:
+    """Yield the generated classes, in a Python that has forge_cdr."""
+    folder = tmp_path_factory.mktemp("spans")
+    generate(folder, CATALOG)
+    with importable(folder):
+        module = import_module("spans.msg")
+        yield {str(name): getattr(module, name.name) for name in NAMES}
+
+
+def extent(name: TypeName) -> tuple[Message, Extent]:
+    message = CATALOG.interfaces[name]
+    assert isinstance(message, Message)
+    return message, Extents(CATALOG.known).of(message)
+
+
+def content_of(message: Any) -> bytes:  # noqa: ANN401  (a class made a moment ago)
+    """Return the bytes of a message behind its header."""
+    content: bytes = import_module("forge_cdr").serialize(message)
+    return content[4:]
+
+
+def size(message: Any) -> int:  # noqa: ANN401  (as above)
+    return len(content_of(message))
+
+
+@pytest.mark.parametrize("name", NAMES, ids=str)
+def test_an_empty_message_takes_the_least(classes: Mapping[str, Any], name: TypeName) -> None:
+    assert size(classes[str(name)]()) == extent(name)[1].least
+
+
+@pytest.mark.parametrize("name", NAMES, ids=str)
+@settings(max_examples=30)
+@given(data=st.data())
+def test_no_message_takes_less_or_more(
+    classes: Mapping[str, Any], name: TypeName, data: st.DataObject
+) -> None:
+    message = data.draw(messages(classes[str(name)]))
+    found = extent(name)[1]
+    assert found.least <= size(message)
+    assert found.most is None or size(message) <= found.most
+
+
+@pytest.mark.parametrize("name", NAMES, ids=str)
+@settings(max_examples=30)
+@given(data=st.data())
+def test_a_number_lies_where_it_is_said_to(
+    classes: Mapping[str, Any], name: TypeName, data: st.DataObject
+) -> None:
+    definition, found = extent(name)
+    message = data.draw(messages(classes[str(name)]))
+    content = content_of(message)
+    for member, span in zip(definition.fields, found.spans, strict=False):
+        if span.fixed and isinstance(member.type, Primitive) and member.type.name in FORMATS:
+            (value,) = struct.unpack_from(f"<{FORMATS[member.type.name]}", content, span.offset)
+            assert value == getattr(message, member.name)
+
+
+def test_a_full_message_takes_the_most(classes: Mapping[str, Any]) -> None:
+    inner, bounded = classes["spans/msg/Inner"], classes["spans/msg/Bounded"]
+    full = [bounded(b="12345", c=[1.0] * 3, d="123", e=[inner() for _ in range(4)]) for _ in range(2)]
+    assert size(full[0]) == extent(TypeName("spans", "msg", "Bounded"))[1].most
+    deep = classes["spans/msg/Deep"](b=full, c=["123", "123"])
+    assert size(deep) == extent(TypeName("spans", "msg", "Deep"))[1].most
+
+
+def test_members_in_words() -> None:
+    """The same message begins anywhere inside another one, and is then padded in another way."""
+    spans = extent(TypeName("spans", "msg", "Texts"))[1].spans
+    assert spans == (
+        Span(0, fixed=True, alignment=4, least=5, most=None),
+        Span(8, fixed=False, alignment=4, least=4, most=4),
+        Span(12, fixed=False, alignment=1, least=13, most=17),
+        Span(28, fixed=False, alignment=4, least=4, most=None),
+        Span(32, fixed=False, alignment=1, least=1, most=1),
+        Span(40, fixed=False, alignment=8, least=8, most=8),
+    )
+
+
+def test_many_elements_take_no_longer_to_count() -> None:
+    catalog = catalog_of("p", {"msg/A.msg": "B[4000000000] many", "msg/B.msg": "uint16 a\nuint32 b\nuint8 c"})
+    message = catalog.interfaces[TypeName("p", "msg", "A")]
+    assert isinstance(message, Message)
+    # Each begins 8 bytes behind the one before, but for its padding at the end of all.
+    assert Extents(catalog.known).of(message).least == 8 * (4_000_000_000 - 1) + 9
