@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.interfaces.cpp.headers import main_path
 from forge.interfaces.cpp.text import qualified
-from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Text, TypeName
+from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, String, TypeName
 from forge.interfaces.wire.layout import SIZES
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def _sizes(field: Field) -> Iterator[str]:
 
 def _size(path: str, type_: Element) -> str:
     match type_:
-        case Text(wide):
+        case String(wide):
             counted = f"4 * {path}.size()" if wide else f"{path}.size() + 1"
             return f"offset += 4 + Cdr::alignment(offset, 4) + {counted};"
         case _:
@@ -152,7 +152,7 @@ def _moves(field: Field, arrow: str) -> Iterator[str]:
     """Yield the statements that write (<<) or read (>>) a member."""
     path, type_ = f"message.{field.name}", field.type
     of = getattr(type_, "of", None)
-    plain = isinstance(of, Primitive) or (isinstance(of, Text) and not of.wide)
+    plain = isinstance(of, Primitive) or (isinstance(of, String) and not of.wide)
     if of is None:
         yield _move(path, type_, arrow)  # type: ignore[arg-type]  # no collection
     elif plain and (isinstance(type_, Array) or getattr(type_, "bound", 0) is None):
@@ -183,9 +183,9 @@ def _move(path: str, type_: Element, arrow: str) -> str:
         case Named():
             call = f"serialize_members({path}, cdr)" if arrow == "<<" else f"deserialize_members(cdr, {path})"
             return f"{call};"
-        case Text(wide=True) if arrow == "<<":
+        case String(wide=True) if arrow == "<<":
             return f"cdr << std::wstring({path}.begin(), {path}.end());"
-        case Text(wide=True):
+        case String(wide=True):
             return f"{{std::wstring wide; cdr >> wide; {path}.assign(wide.begin(), wide.end());}}"
         case Primitive("boolean") if arrow == "<<":
             return f"cdr << (bool) {path};"

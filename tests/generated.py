@@ -16,7 +16,7 @@ from forge.interfaces.model import Catalog, Source
 from forge.interfaces.python import modules, target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
-from forge.interfaces.resolve.resolution import referred, resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -55,7 +55,7 @@ def embedded_catalog(package: str) -> Catalog:
 
 def generate(folder: Path, catalog: Catalog) -> None:
     """Write the catalog's Python and that of what it refers to in other packages."""
-    for each in (catalog, *referred(catalog, Library())):
+    for each in (catalog, *dependency_catalogs(catalog, Library())):
         for file in target.files(each):
             write_if_changed(folder / file.path, file.text)
 

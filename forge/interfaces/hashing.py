@@ -15,7 +15,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     Service,
-    Text,
+    String,
     TypeName,
     element_of,
     messages_of,
@@ -166,9 +166,9 @@ def _element(element: Element) -> tuple[int, int, str]:
     match element:
         case Named(name):
             return 1, 0, str(name)
-        case Text(wide, None):
+        case String(wide, None):
             return 18 if wide else 17, 0, ""
-        case Text(wide, bound):
+        case String(wide, bound):
             return 22 if wide else 21, bound or 0, ""
         case Primitive(name):
             return _PRIMITIVE_IDS[name], 0, ""

@@ -21,7 +21,7 @@ from forge.base.names import snake_case
 from forge.interfaces.python.target import files
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
-from forge.interfaces.resolve.resolution import referred, resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.schema import parse_name, read_schema
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _nameless() -> Problem:
 
 def _of_folder(package: str, folder: Path, library: Library) -> tuple[Catalog, ...]:
     catalog = resolve(package, parse_all(read_folder(package, folder)), library)
-    return catalog, *referred(catalog, library)
+    return catalog, *dependency_catalogs(catalog, library)
 
 
 def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ...]:
@@ -100,7 +100,7 @@ def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ..
     known = _Schema({each.interface.name: each for each in parsed}, library)
     own = [each for each in parsed if each.interface.name.package == name.package]
     catalog = resolve(name.package, own, known)
-    return catalog, *referred(catalog, known)
+    return catalog, *dependency_catalogs(catalog, known)
 
 
 class _Schema:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.interfaces.hashing import hashes
-from forge.interfaces.model import Action, Array, File, Message, Named, Primitive, Sequence, Service, Text
-from forge.interfaces.read.comments import TURNING
+from forge.interfaces.model import Action, Array, File, Message, Named, Primitive, Sequence, Service, String
+from forge.interfaces.read.comments import BIDI_CONTROLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Type, Value
 
 _MARKUP = re.compile(r"([\\`*_<>\[\]|#])")
-_UNSEEN = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029]|{TURNING.pattern}")
+_UNSEEN = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029]|{BIDI_CONTROLS.pattern}")
 _IN_FILES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 
 
@@ -75,7 +75,7 @@ def _spell(type_: Type) -> str:
     match type_:
         case Primitive(name):
             return _IN_FILES.get(name, name)
-        case Text(wide, bound):
+        case String(wide, bound):
             return ("wstring" if wide else "string") + ("" if bound is None else _escaped(f"<={bound}"))
         case Named(name):
             return f"[{name.package}/{name.name}]({name.package}.md#{name})"
@@ -90,7 +90,7 @@ def _shown(value: Value | None) -> str:
     if value is None:
         return ""
     text = json.dumps(value, ensure_ascii=False)
-    return _escaped(TURNING.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text))
+    return _escaped(BIDI_CONTROLS.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text))
 
 
 def _escaped(text: str) -> str:

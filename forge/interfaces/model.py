@@ -43,7 +43,7 @@ class Primitive:
 
 
 @frozen
-class Text:
+class String:
     """A string (UTF-8) or wstring (UTF-16), with an upper bound or None."""
 
     wide: bool = False
@@ -57,7 +57,7 @@ class Named:
     name: TypeName
 
 
-Element = Primitive | Text | Named
+Element = Primitive | String | Named
 
 
 @frozen
@@ -96,7 +96,7 @@ class Constant:
     """A named value of a bare primitive or unbounded string type."""
 
     name: str
-    type: Primitive | Text
+    type: Primitive | String
     value: Value
     doc: tuple[str, ...] = ()
     place: Place | None = field(default=None, compare=False)

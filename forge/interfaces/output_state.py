@@ -19,28 +19,28 @@ from forge.interfaces.model import TypeName
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-RECORDS = ".forge"
+STATE_FOLDER = ".forge"
 """The folder for forge's own records in an output folder."""
 
 _VERSION = 3
 
-FileMark = tuple[int, int]
+FileStat = tuple[int, int]
 """The size and modification time of a file: if both are unchanged, so is the file."""
 
 
 @frozen
-class Made:
+class PartState:
     """The files of one part of a run, and the digest of what they were made from."""
 
     digest: str | None
-    marks: Mapping[str, FileMark | None]
+    marks: Mapping[str, FileStat | None]
 
 
 @frozen
-class Record:
+class OutputState:
     """The record of a package in an output folder: its files by part, and referenced types of others."""
 
-    parts: Mapping[str, Made] = field(default_factory=dict)
+    parts: Mapping[str, PartState] = field(default_factory=dict)
     needs: tuple[TypeName, ...] = ()
     folders: Mapping[str, Path] = field(default_factory=dict)
     """Where the definitions of needed packages were."""
@@ -51,15 +51,17 @@ class Record:
         for part in self.parts.values():
             yield from part.marks
 
-    def fresh(self, part: str, digest: str | None, out: Path) -> Made | None:
+    def fresh(self, part: str, digest: str | None, out: Path) -> PartState | None:
         """Return the record of a part if its digest matches and all its files exist unchanged."""
         made = self.parts.get(part)
         if made is None or digest is None or made.digest != digest:
             return None
-        return made if all(mark and mark_of(out, path) == mark for path, mark in made.marks.items()) else None
+        return (
+            made if all(mark and file_stat(out, path) == mark for path, mark in made.marks.items()) else None
+        )
 
 
-def mark_of(out: Path, path: str) -> FileMark | None:
+def file_stat(out: Path, path: str) -> FileStat | None:
     """Return the mark of a file, or None when it is not there."""
     try:
         status = os.stat(f"{out}/{path}")  # noqa: PTH116  (thousands of them: Path takes three times as long)
@@ -68,12 +70,12 @@ def mark_of(out: Path, path: str) -> FileMark | None:
     return status.st_size, status.st_mtime_ns
 
 
-def read_records(out: Path) -> dict[str, Record]:
+def read_states(out: Path) -> dict[str, OutputState]:
     """Return the records of all packages generated into a folder; unreadable ones are ignored."""
-    return {path.stem: _read(path) for path in sorted((out / RECORDS).glob("*.json"))}
+    return {path.stem: _read(path) for path in sorted((out / STATE_FOLDER).glob("*.json"))}
 
 
-def write_record(out: Path, package: str, record: Record) -> None:
+def write_state(out: Path, package: str, record: OutputState) -> None:
     """Keep the record of a package's run; raises OSError."""
     content = {
         "version": _VERSION,
@@ -81,7 +83,7 @@ def write_record(out: Path, package: str, record: Record) -> None:
         "folders": {name: str(folder) for name, folder in sorted(record.folders.items())},
         "parts": {key: [made.digest, made.marks] for key, made in sorted(record.parts.items())},
     }
-    write_if_changed(out / RECORDS / f"{package}.json", json.dumps(content) + "\n")
+    write_if_changed(out / STATE_FOLDER / f"{package}.json", json.dumps(content) + "\n")
 
 
 @cache
@@ -94,22 +96,22 @@ def generator_digest() -> str:
             for name in sorted(names):
                 if not name.endswith(".pyc"):
                     path = os.path.relpath(f"{folder}/{name}", root)
-                    digest.update(f"{path} {mark_of(root, path)}".encode())
+                    digest.update(f"{path} {file_stat(root, path)}".encode())
     return digest.hexdigest()[:32]
 
 
-def _read(path: Path) -> Record:
+def _read(path: Path) -> OutputState:
     try:
         written = json.loads(path.read_text(encoding="utf-8"))
         if written["version"] != _VERSION:
-            return Record()
-        return Record(
+            return OutputState()
+        return OutputState(
             {
-                key: Made(digest, {name: tuple(mark) if mark else None for name, mark in marks.items()})
+                key: PartState(digest, {name: tuple(mark) if mark else None for name, mark in marks.items()})
                 for key, (digest, marks) in written["parts"].items()
             },
             tuple(TypeName(*name.split("/")) for name in written["needs"]),
             {name: Path(folder) for name, folder in written["folders"].items()},
         )
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        return Record()
+        return OutputState()

@@ -15,7 +15,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     Service,
-    Text,
+    String,
     element_of,
 )
 
@@ -87,7 +87,7 @@ def _zero(element: Element, known: Mapping[TypeName, Message]) -> Prototype:
     match element:
         case Named(name):
             return prototype(known[name], known)
-        case Text():
+        case String():
             return ""
         case Primitive("boolean"):
             return False

@@ -10,7 +10,7 @@ from forge.base.errors import InterfaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.interfaces.fingerprints import fingerprint_of_all
 from forge.interfaces.model import File
-from forge.interfaces.resolve.resolution import too_deep
+from forge.interfaces.resolve.resolution import nesting_problems
 from forge.interfaces.targets import find_target
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Ite
     Raises ForgeError as `render` does, and if messages are nested too deeply.
     """
     if target in _NESTING:
-        raise_if_any(too_deep(catalog.known), InterfaceError)
+        raise_if_any(nesting_problems(catalog.known), InterfaceError)
     # Import targets by name, so that only the requested one is loaded.
     view = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
     # The inputs of another distribution's target are unknown.

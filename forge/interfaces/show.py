@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import InterfaceError, Problem
 from forge.interfaces.model import Named, TypeName, element_of
 from forge.interfaces.read.declarations import read_declaration
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.read.errors import ParseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -79,7 +79,7 @@ def _nested(line: str, package: str) -> TypeName | None:
         return None
     try:
         declaration = read_declaration(code, package)
-    except Fault:
+    except ParseError:
         return None
     element = element_of(declaration.type)
     return element.name if isinstance(element, Named) else None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Place, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
-from forge.interfaces.output_state import Made, Record, mark_of, read_records, write_record
+from forge.interfaces.output_state import OutputState, PartState, file_stat, read_states, write_state
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,42 +30,42 @@ class Written:
     total: int
 
 
-def write(parts: Iterable[Part], out: Path, package: str, record: Record | None = None) -> Written:
+def write(parts: Iterable[Part], out: Path, package: str, record: OutputState | None = None) -> Written:
     """Write the parts of a package below `out`; parts that are up to date are skipped.
 
     `record` contains further data to store with the run. Files of an earlier run of the same package are
     removed, unless this run or another package generates them, or this run does not include their language.
     Raises EnvironmentFault if the folder is not writable.
     """
-    records = read_records(out)
-    before = records.pop(package, Record())
+    records = read_states(out)
+    before = records.pop(package, OutputState())
     changed: list[Path] = []
-    made: dict[str, Made] = {}
+    made: dict[str, PartState] = {}
     try:
         for part in parts:
             made[part.key] = before.fresh(part.key, part.digest, out) or _make(part, out, changed)
         languages = {_language(key) for key in made}
         total = sum(len(each.marks) for each in made.values())
         made |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
-        new = Record(made, *((record.needs, record.folders) if record else ()))
+        new = OutputState(made, *((record.needs, record.folders) if record else ()))
         kept = {*new.files, *(path for each in records.values() for path in each.files)}
         for path in set(before.files) - kept:
             (out / path).unlink(missing_ok=True)
-        write_record(out, package, new)
+        write_state(out, package, new)
     except OSError as error:
         raise _unwritable(error, out) from error
     return Written(tuple(changed), total)
 
 
-def _make(part: Part, out: Path, changed: list[Path]) -> Made:
+def _make(part: Part, out: Path, changed: list[Path]) -> PartState:
     """Render a part, write its changed files, and add them to `changed`."""
     marks = {}
     for file in part.files():
         path = out / file.path
         if write_if_changed(path, file.text):
             changed.append(path)
-        marks[file.path] = mark_of(out, file.path)
-    return Made(part.digest, marks)
+        marks[file.path] = file_stat(out, file.path)
+    return PartState(part.digest, marks)
 
 
 def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:

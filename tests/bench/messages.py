@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from forge.interfaces.read.sources import Library
-from forge.interfaces.resolve.resolution import messages_below
+from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.show import parse_type_name
 from tests.bench.cdr_python import generated
 from tests.bench.figures import Case, Series
@@ -87,7 +87,7 @@ def _construct(name: str, words: Mapping[str, Any], runs: int) -> Case:
     type_name, library = parse_type_name(name), Library()
     parsed = library.find(type_name)
     assert parsed
-    known = messages_below(parsed, library)
+    known = nested_messages(parsed, library)
     variants = {"forge": utilities.get_message(name), PLAIN: plain_class(known[type_name], known)}
     shown = f"{type_name.name}({', '.join(words)})"
     return Case(shown, _in_turn(variants, words, runs), unit="us")

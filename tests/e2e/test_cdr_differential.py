@@ -20,7 +20,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from forge.base.names import snake_case
-from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Text, messages_of
+from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, String, messages_of
 from forge.interfaces.read.sources import Library
 from tests.generated import embedded_catalog, generate_embedded, importable
 from tests.messages import messages, plain
@@ -77,7 +77,7 @@ def _described(type_: Type) -> Any:  # noqa: ANN401  (rosbags' nested tuples)
     match type_:
         case Primitive(name):
             return Nodetype.BASE, (_WORDS.get(name, name), 0)
-        case Text():
+        case String():
             return Nodetype.BASE, ("string", 0)
         case Named(name):
             return Nodetype.NAME, str(name)

@@ -48,7 +48,7 @@ from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes
 from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Source, TypeName
-from forge.interfaces.output_state import read_records
+from forge.interfaces.output_state import read_states
 from forge.interfaces.read.parsing import Parsed, parse, parse_all
 from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
@@ -301,7 +301,7 @@ def tables(data: bytes) -> None:
         recorded_underlays(build)
         recorded_python(build)
     place("tables", ".forge/p.json", data)
-    read_records(build)
+    read_states(build)
     _load(build / "forge_files.json")
 
 

@@ -29,7 +29,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     Source,
-    Text,
+    String,
     TypeName,
 )
 from forge.interfaces.read.parsing import Parsed, parse
@@ -61,13 +61,13 @@ _WORDS = ("x", "plain words", "x.")
 
 def definition(doc: Iterable[str], unit: str, value: str, name: str = "Hostile") -> Message:
     """Return a message that says the same wherever an author may say anything."""
-    lines, text = tuple(line for each in doc for line in each.split("\n")), Text()
+    lines, text = tuple(line for each in doc for line in each.split("\n")), String()
     return Message(
         TypeName("pkg", "msg", name),
         (
             Field("number", Primitive("int8"), 5, lines, unit),
             Field("text", text, value, lines, unit),
-            Field("wide", Text(wide=True), value, lines),
+            Field("wide", String(wide=True), value, lines),
             Field("texts", Sequence(text), (value, value), lines),
             Field("fixed", Array(text, 2), ("", value), lines),
         ),

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import example, given
 
 from forge.base.templating import render
-from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
-from forge.interfaces.site.generator import About, site
+from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
+from forge.interfaces.site.generator import PackageInfo, site
 from forge.output.charts.charts import Chart, drawn_graph, mermaid, printable
 from forge.output.charts.drawing import drawn, facts
 from forge.output.charts.pages import trace
@@ -68,13 +68,13 @@ def site_of(text: str) -> dict[str, str]:
     name, doc = TypeName("demo", "msg", "Thing"), tuple(text.split("\n"))
     number = Field("a", Primitive("int8"), 5, doc, text)
     message = Message(
-        name, (number, Field("text", Text(), text, doc)), (Constant("A", Text(), text, doc),), doc
+        name, (number, Field("text", String(), text, doc)), (Constant("A", String(), text, doc),), doc
     )
     source = Source(
         "demo", "msg/Thing.msg", Path("Thing.msg"), f"# {text}\nint8 a # {text}\nstring b '{text}'\n"
     )
     catalog = Catalog("demo", {name: message}, {name: message}, {name: source})
-    files = site([catalog], {"demo": About(text, text, text)}, f"About {text}")
+    files = site([catalog], {"demo": PackageInfo(text, text, text)}, f"About {text}")
     return {file.path: file.text for file in files if file.path.endswith((".html", ".js"))}
 
 

@@ -9,7 +9,7 @@ from forge.base.frozen import frozen
 from forge.interfaces.c.text import is_plain, number, numbers, spell, units
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import quoted
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -75,9 +75,9 @@ def _tables(field: Field) -> Iterator[str]:
     match field.type:
         case Array(Primitive() as of) | Sequence(Primitive() as of) if _has_default(field):
             yield f"static const {spell(of)} default_{field.name}[] = {numbers(_value(field), of)};"
-        case Text(wide=True) if _has_default(field):
+        case String(wide=True) if _has_default(field):
             yield _wide_table(field.name, str(field.default))
-        case Array(Text(wide=True)) | Sequence(Text(wide=True)):
+        case Array(String(wide=True)) | Sequence(String(wide=True)):
             for position, item in enumerate(_items(field)):
                 yield _wide_table(f"{position}_{field.name}", item)
 
@@ -98,9 +98,9 @@ def _init(field: Field) -> Iterator[str]:
             yield f"{target} = {number(_value(field), field.type)};"
         case Array(Primitive()):
             yield f"memcpy({target}, default_{field.name}, sizeof(default_{field.name}));"
-        case Text(wide):
+        case String(wide):
             yield _assign(target, str(field.default), field.name, wide=wide)
-        case Array(Text(wide)):
+        case Array(String(wide)):
             for position, item in enumerate(_items(field)):
                 yield _assign(f"{target}[{position}]", item, f"{position}_{field.name}", wide=wide)
         case Sequence(of):
@@ -108,9 +108,9 @@ def _init(field: Field) -> Iterator[str]:
             yield from _fill(field, of)
 
 
-def _fill(field: Field, of: Primitive | Text | Named) -> Iterator[str]:
+def _fill(field: Field, of: Primitive | String | Named) -> Iterator[str]:
     """Yield the statements that set the elements of a sequence of the right size."""
-    if isinstance(of, Text):
+    if isinstance(of, String):
         for position, item in enumerate(_items(field)):
             target = f"message->{field.name}.data[{position}]"
             yield _assign(target, item, f"{position}_{field.name}", wide=of.wide)
@@ -122,7 +122,7 @@ def _fill(field: Field, of: Primitive | Text | Named) -> Iterator[str]:
 
 def _assign(target: str, value: str, table: str, *, wide: bool) -> str:
     """Return the step that assigns a string; one that contains NUL is passed with its length."""
-    function = spell(Text(wide=wide))
+    function = spell(String(wide=wide))
     if wide:
         size = len(value.encode("utf-16-le", "surrogatepass")) // 2
         return f"done = done && {function}__assignn(&{target}, default_{table}, {size});"

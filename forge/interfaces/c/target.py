@@ -13,7 +13,7 @@ from forge.interfaces.c.functions import functions_view
 from forge.interfaces.c.text import declare, fits_int, needs_math, number, spell, units
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, symbol
 from forge.interfaces.cpp.text import comment, quoted
-from forge.interfaces.model import Array, File, Primitive, Sequence, Text, element_of, messages_of
+from forge.interfaces.model import Array, File, Primitive, Sequence, String, element_of, messages_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,7 +25,7 @@ _NEVER_ENUMERATED = frozenset({"boolean", "float", "double", "long double"})
 
 
 @frozen
-class Line:
+class CommentedLine:
     """A declaration and the comment above it."""
 
     doc: tuple[str, ...]
@@ -38,9 +38,9 @@ class StructView:
 
     symbol: str
     doc: tuple[str, ...]
-    constants: tuple[Line, ...]
+    constants: tuple[CommentedLine, ...]
     bounds: tuple[str, ...]
-    members: tuple[Line, ...]
+    members: tuple[CommentedLine, ...]
 
 
 def files(catalog: Catalog) -> Iterator[File]:
@@ -130,7 +130,7 @@ def _runtime(messages: tuple[Message, ...], suffix: str) -> set[str]:
     found = set()
     for field in (field for message in messages for field in message.members):
         match field.type:
-            case Text(wide) | Array(Text(wide)) | Sequence(Text(wide)):
+            case String(wide) | Array(String(wide)) | Sequence(String(wide)):
                 found.add(f"rosidl_runtime_c/{'u16string' if wide else 'string'}{suffix}.h")
             case Sequence(Primitive()):
                 found.add(f"rosidl_runtime_c/primitives_sequence{suffix}.h")
@@ -143,21 +143,23 @@ def _struct_view(message: Message) -> StructView:
         doc=comment(message.doc),
         constants=tuple(_constant(message, constant) for constant in message.constants),
         bounds=tuple(line for field in message.fields for line in _bounds(message, field)),
-        members=tuple(Line(comment(f.doc, f.unit), f"{declare(f.type, f.name)};") for f in message.members),
+        members=tuple(
+            CommentedLine(comment(f.doc, f.unit), f"{declare(f.type, f.name)};") for f in message.members
+        ),
     )
 
 
-def _constant(message: Message, constant: Constant) -> Line:
+def _constant(message: Message, constant: Constant) -> CommentedLine:
     """Return the definition of a constant."""
     name = f"{symbol(message.name)}__{constant.name}"
     match constant.type:
-        case Text(wide=True):
+        case String(wide=True):
             text = f"static const uint_least16_t {name}[] = {units(str(constant.value))};"
-        case Text():
+        case String():
             text = f"static const char * const {name} = {quoted(str(constant.value))};"
         case Primitive() as type_:
             text = _numeric(name, type_, constant)
-    return Line(comment(constant.doc), text)
+    return CommentedLine(comment(constant.doc), text)
 
 
 def _numeric(name: str, type_: Primitive, constant: Constant) -> str:
@@ -174,7 +176,7 @@ def _bounds(message: Message, field: Field) -> Iterator[str]:
     if isinstance(field.type, Sequence) and field.type.bound is not None:
         yield _bound(f"{prefix}__MAX_SIZE", field.type.bound)
     of = element_of(field.type)
-    if isinstance(of, Text) and of.bound is not None:
+    if isinstance(of, String) and of.bound is not None:
         yield _bound(f"{prefix}__MAX_STRING_SIZE", of.bound)
 
 

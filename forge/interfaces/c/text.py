@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.interfaces.cpp.headers import symbol
 from forge.interfaces.cpp.text import literal, nearest_single
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Element, Type, Value
@@ -28,12 +28,12 @@ _INT = range(-(1 << 31), 1 << 31)
 _SIGNED_CHAR = range(-128, 128)
 
 
-def spell(type_: Primitive | Text | Named | Sequence) -> str:
+def spell(type_: Primitive | String | Named | Sequence) -> str:
     """Return the type of a member, or of the elements of an array."""
     match type_:
         case Primitive(name):
             return _ARITHMETIC[name]
-        case Text(wide):
+        case String(wide):
             return "rosidl_runtime_c__U16String" if wide else "rosidl_runtime_c__String"
         case Named(name):
             return symbol(name)

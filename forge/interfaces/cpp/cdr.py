@@ -9,14 +9,24 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.interfaces.cpp.text import qualified
 from forge.interfaces.model import Array, Named
-from forge.interfaces.wire.layout import ANYWHERE, Block, Chars, Count, Loop, Numbers, Run, Shared, Value
+from forge.interfaces.wire.layout import (
+    UNKNOWN,
+    InlineArray,
+    Length,
+    Loop,
+    MessageCall,
+    PrimitiveElements,
+    Run,
+    Scalar,
+    StringData,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from forge.interfaces.model import TypeName
-    from forge.interfaces.wire.flattening import Layouts
-    from forge.interfaces.wire.layout import Layout, Member, Path, Step
+    from forge.interfaces.wire.flattening import LayoutBuilder
+    from forge.interfaces.wire.layout import LayoutStep, Member, MessageLayout, Path
 
 _WIDTH = 100
 _NEVER_COPIED = frozenset({"boolean", "wchar"})
@@ -47,7 +57,7 @@ class _Leaf:
 class _Shape:
     """A message's layout; its size and alignment if it is moved in one piece, else zeros."""
 
-    layout: Layout
+    layout: MessageLayout
     least: int
     size: int
     alignment: int
@@ -57,7 +67,7 @@ class _Shape:
 class MembersViews:
     """The specialisations for the messages of a catalog."""
 
-    layouts: Layouts
+    layouts: LayoutBuilder
     _shapes: dict[TypeName, _Shape] = field(default_factory=dict)
 
     def of(self, name: TypeName) -> MembersView:
@@ -77,25 +87,25 @@ class MembersViews:
 
     def _shape(self, name: TypeName) -> _Shape:
         if name not in self._shapes:
-            layout = self.layouts.of(name, ANYWHERE)
+            layout = self.layouts.of(name, UNKNOWN)
             least = layout.least + sum(map(self._more, layout.steps))
             self._shapes[name] = _Shape(layout, least, *_packed(layout))
         return self._shapes[name]
 
-    def _more(self, step: Step) -> int:
+    def _more(self, step: LayoutStep) -> int:
         """Return how much more a step takes at least than its layout says: a shared message is 1 there.
 
         Memory is asked for in proportion to the least size, so it must not be much less than the truth.
         """
         match step:
-            case Shared(_, name):
+            case MessageCall(_, name):
                 return self._shape(name).least - 1
             case Loop(_, Array(_, count), body):
                 return count * sum(map(self._more, body.steps))
             case _:
                 return 0
 
-    def _wholes(self, layout: Layout) -> dict[Path, TypeName]:
+    def _wholes(self, layout: MessageLayout) -> dict[Path, TypeName]:
         """Return the messages inside that are moved in one piece, none of them inside another."""
         wholes: dict[Path, TypeName] = {}
         for inner in layout.inner:
@@ -103,21 +113,21 @@ class MembersViews:
                 wholes[inner.path] = inner.name
         return wholes
 
-    def _statements(self, step: Step, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
+    def _statements(self, step: LayoutStep, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
         """Yield the statements that move what a step is about."""
         match step:
             case Run(members):
                 for group in _groups(self._leaves(members, wholes)):
                     yield _call("fixed", *(leaf.path for leaf in group))
-            case Chars(path):
+            case StringData(path):
                 yield _call("text", path)
-            case Numbers(path, Array()):
+            case PrimitiveElements(path, Array()):
                 yield _call("fixed", path)
             case Loop(path, Array()):
                 yield _call("array", path)
-            case Numbers(path) | Loop(path):
+            case PrimitiveElements(path) | Loop(path):
                 yield _call("sequence", path)
-            case Shared(path):
+            case MessageCall(path):
                 yield _call("message", path)
 
     def _leaves(self, members: Iterable[Member], wholes: Mapping[Path, TypeName]) -> Iterator[_Leaf]:
@@ -125,14 +135,14 @@ class MembersViews:
         seen: set[Path] = set()
         for member in members:
             whole = _outermost(member.path, wholes)
-            if whole is None and not isinstance(member, Count):
+            if whole is None and not isinstance(member, Length):
                 yield _Leaf(member.path, member.alignment)
             elif whole is not None and whole not in seen:
                 seen.add(whole)
                 yield _Leaf(whole, self._shape(wholes[whole]).alignment)
 
 
-def _packed(layout: Layout) -> tuple[int, int]:
+def _packed(layout: MessageLayout) -> tuple[int, int]:
     """Return the size and the alignment of a message whose bytes on the wire are those in memory, else zeros.
 
     Such messages lie side by side without gaps if the first one is aligned for all its members.
@@ -149,9 +159,9 @@ def _packed(layout: Layout) -> tuple[int, int]:
 def _is_copied(member: Member) -> bool:
     """Return whether the bytes of a member in memory are those on the wire."""
     match member:
-        case Value(_, of) | Block(_, _, of):
+        case Scalar(_, of) | InlineArray(_, _, of):
             return of.name not in _NEVER_COPIED
-        case Count():
+        case Length():
             return False
 
 
@@ -187,9 +197,9 @@ def _call(word: str, *paths: Path) -> str:
     return f"cdr.{word}(\n      {joined[:-1]});"
 
 
-def _needs(step: Step) -> Iterator[TypeName]:
+def _needs(step: LayoutStep) -> Iterator[TypeName]:
     match step:
-        case Shared(_, name):
+        case MessageCall(_, name):
             yield name
         case Loop(_, type_) if isinstance(type_.of, Named):
             yield type_.of.name

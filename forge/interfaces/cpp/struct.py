@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.interfaces.cpp.text import comment, literal, needs_numeric_limits, spell
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -17,7 +17,7 @@ _CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
 _DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
 _ZEROED = "_init == Initialization::ZERO"
 
-_ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", Text: "_alloc", Sequence: "_alloc"}
+_ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", String: "_alloc", Sequence: "_alloc"}
 """What the members that take an allocator are constructed from."""
 
 
@@ -98,7 +98,7 @@ def struct_needs_numeric_limits(message: Message) -> bool:
 
 
 def _constant(constant: Constant) -> ConstantView:
-    storage = "static inline const" if isinstance(constant.type, Text) else "static constexpr"
+    storage = "static inline const" if isinstance(constant.type, String) else "static constexpr"
     value = literal(constant.value, constant.type)
     return ConstantView(storage, spell(constant.type), constant.name, value, comment(constant.doc))
 

@@ -15,7 +15,7 @@ from forge.interfaces.cpp.struct import struct_needs_numeric_limits, struct_view
 from forge.interfaces.cpp.text import qualified
 from forge.interfaces.cpp.traits import type_traits, yaml_view
 from forge.interfaces.model import Action, File, Primitive, Sequence, element_of, messages_of
-from forge.interfaces.wire.flattening import Layouts
+from forge.interfaces.wire.flattening import LayoutBuilder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -37,7 +37,7 @@ _LIKELY_MACROS = frozenset(
 
 
 @frozen
-class Step:
+class BuilderStep:
     """A step of a builder: the class that sets one member and hands the message on."""
 
     name: str
@@ -49,7 +49,7 @@ class Step:
 
 
 @frozen
-class Start:
+class BuilderStart:
     """The first step of build()."""
 
     message: str
@@ -180,7 +180,7 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return a function that yields the headers of one interface of the catalog."""
-    wire = MembersViews(Layouts(catalog.known))
+    wire = MembersViews(LayoutBuilder(catalog.known))
 
     def headers_of(interface: Interface) -> Iterator[File]:
         headers = Headers(interface, wire)
@@ -211,7 +211,7 @@ def _detail(name: TypeName, part: str) -> str:
     return detail_path(name, part, "hpp")
 
 
-def _steps(message: Message) -> Iterable[Step]:
+def _steps(message: Message) -> Iterable[BuilderStep]:
     """Return the steps, last first, as each names the one that follows it."""
     names = [f"Init_{message.name.name}_{field.name}" for field in message.fields]
     steps = []
@@ -220,15 +220,15 @@ def _steps(message: Message) -> Iterable[Step]:
         result = "Message" if last else f"{names[position + 1]}<Message>"
         returned = "std::move(_message)" if last else f"{result}(std::move(_message))"
         steps.append(
-            Step(names[position], qualified(message.name), field.name, position == 0, result, returned)
+            BuilderStep(names[position], qualified(message.name), field.name, position == 0, result, returned)
         )
     return reversed(steps)
 
 
-def _start(message: Message) -> Start:
+def _start(message: Message) -> BuilderStart:
     """Return the first step, or the finished message if it has no fields."""
     spelled = qualified(message.name)
     if not message.fields:
-        return Start(spelled, spelled)
+        return BuilderStart(spelled, spelled)
     namespace = f"::{message.name.package}::{message.name.kind}::builder"
-    return Start(spelled, f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>")
+    return BuilderStart(spelled, f"{namespace}::Init_{message.name.name}_{message.fields[0].name}<{spelled}>")

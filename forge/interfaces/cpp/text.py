@@ -7,8 +7,8 @@ import re
 import struct
 from typing import TYPE_CHECKING
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
-from forge.interfaces.read.comments import TURNING
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.read.comments import BIDI_CONTROLS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence as Items
@@ -29,7 +29,7 @@ _INTEGER_SUFFIXES = {"uint8": "u", "uint16": "u", "uint32": "u", "int64": "ll", 
 _REAL_SUFFIXES = {"float": "f", "double": "", "long double": "l"}
 _LOWEST = {"int32": -(1 << 31), "int64": -(1 << 63)}
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
-_UNPRINTABLE = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]|{TURNING.pattern}")
+_UNPRINTABLE = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]|{BIDI_CONTROLS.pattern}")
 _SURROGATES = range(0xD800, 0xE000)
 _FIRST_UNIVERSAL = 0xA0
 _FIRST_ASTRAL = 0x10000
@@ -50,7 +50,7 @@ def spell(type_: Type) -> str:
     match type_:
         case Primitive(name):
             return _ARITHMETIC[name]
-        case Text(wide):
+        case String(wide):
             return f"::rosidl_runtime_cpp::{'U16String' if wide else 'String'}<ContainerAllocator>"
         case Named(name):
             return message_type(name)
@@ -69,7 +69,7 @@ def literal(value: Value, type_: Type) -> str:
             return f"{{{{{_joined(value, of)}}}}}"
         case Sequence(of):
             return f"{{{_joined(value, of)}}}"
-        case Text():
+        case String():
             return _text(str(value), type_)
         case Primitive(name):
             return _number(value, name)
@@ -135,7 +135,7 @@ def nearest_single(value: float) -> float:
     return value if single else single
 
 
-def _text(value: str, type_: Text) -> str:
+def _text(value: str, type_: String) -> str:
     """Return a literal of the text; one that contains NUL is passed with its length."""
     body = _wide(value) if type_.wide else quoted(value)
     if "\0" not in value:

@@ -15,7 +15,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     Service,
-    Text,
+    String,
     element_of,
     messages_of,
 )
@@ -118,14 +118,14 @@ def _base(trait: str, types: Iterable[Type], *, own: bool) -> str:
 
 
 def _is_fixed(type_: Type) -> bool:
-    return not isinstance(type_, Sequence) and not isinstance(element_of(type_), Text)
+    return not isinstance(type_, Sequence) and not isinstance(element_of(type_), String)
 
 
 def _is_bounded(type_: Type) -> bool:
     if isinstance(type_, Sequence) and type_.bound is None:
         return False
     of = element_of(type_)
-    return not (isinstance(of, Text) and of.bound is None)
+    return not (isinstance(of, String) and of.bound is None)
 
 
 def _statement(field: Field) -> str:

@@ -13,7 +13,7 @@ from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
 from forge.interfaces.idl.structures import StructureReader
 from forge.interfaces.model import Action, Message, Service, TypeName
 from forge.interfaces.read.declarations import check_keyword
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.read.errors import ParseError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -69,7 +69,7 @@ def parse_idl(source: Source) -> Interface:
 
 
 def read_idl(source: Source) -> FileReader:
-    """Return all that a file's text says, with the problems and doubts found in it.
+    """Return all that a file's text says, with the problems and warnings found in it.
 
     Raises InterfaceError with the first mistake of syntax.
     """
@@ -83,7 +83,7 @@ def read_idl(source: Source) -> FileReader:
         raise InterfaceError(reader.problem(_explained(error, text))) from None
     deep = _too_deep(tree)
     if deep is not None:
-        raise InterfaceError(reader.problem(Fault("this nests too deep", offset=deep.start_pos or 0)))
+        raise InterfaceError(reader.problem(ParseError("this nests too deep", offset=deep.start_pos or 0)))
     reader.read(tree)
     return reader
 
@@ -113,21 +113,21 @@ def _too_deep(tree: Tree[Token]) -> Token | None:
     return None
 
 
-def _explained(error: UnexpectedInput, text: str) -> Fault:
+def _explained(error: UnexpectedInput, text: str) -> ParseError:
     """Return what is wrong where the grammar refused to go on."""
     offset = error.pos_in_stream if error.pos_in_stream is not None else len(text)
     token = getattr(error, "token", None)
     if token is not None and token.type == "$END":
-        return Fault("the file ends too early", offset=len(text.rstrip()), hint="is a '};' missing?")
+        return ParseError("the file ends too early", offset=len(text.rstrip()), hint="is a '};' missing?")
     words = re.compile(r"(\w*)\W*\Z").search(text[max(0, offset - 40) : offset])
     before = words[1] if words else ""
     here = re.compile(r"\w+|.", re.DOTALL).match(text, offset)
     word = here[0] if here else ""
     if word in _REFUSED or (word == "<" and before in _REFUSED):
         refused = word if word in _REFUSED else before
-        return Fault(f"ROS has no counterpart of IDL's '{refused}'", offset=offset)
+        return ParseError(f"ROS has no counterpart of IDL's '{refused}'", offset=offset)
     message, hint = _EXPLANATIONS.get(word, (f"'{word}' is not expected here", _expectation(error)))
-    return Fault(message, offset=offset, hint=hint)
+    return ParseError(message, offset=offset, hint=hint)
 
 
 def _expectation(error: UnexpectedInput) -> str | None:
@@ -144,19 +144,19 @@ def _position(problem: Problem) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class FileReader:
-    """Reads the definitions of one file; what is wrong stays in `problems`, what is odd in `doubts`."""
+    """Reads the definitions of one file; what is wrong stays in `problems`, what is odd in `warnings`."""
 
     source: Source
     text: str
     problems: list[Problem] = field(default_factory=list)
-    doubts: list[Problem] = field(default_factory=list)
+    warnings: list[Problem] = field(default_factory=list)
     _messages: list[Message] = field(default_factory=list)
     _starts: list[int] = field(default_factory=list)
     """Where each line begins, once anybody has asked for a place."""
 
     def read(self, tree: Tree[Token]) -> None:
         """Take in every struct, and the constants and types that belong to it."""
-        structures = StructureReader(self.report, self.place, self.doubt)
+        structures = StructureReader(self.report, self.place, self.warn)
         structs: list[tuple[tuple[Token, ...], Tree[Token], list[Tree[Token]]]] = []
         for path, notes, definition in self._definitions(tree.children, ()):
             match definition.data:
@@ -196,17 +196,17 @@ class FileReader:
         line = self.text[start : None if end < 0 else end].rstrip("\r")
         return Place(str(self.source.path), number, offset - start + 1, line)
 
-    def problem(self, fault: Fault) -> Problem:
+    def problem(self, fault: ParseError) -> Problem:
         """Return a fault as a problem of this file."""
         return Problem(fault.message, self.place(fault.offset), fault.hint)
 
-    def report(self, fault: Fault) -> None:
+    def report(self, fault: ParseError) -> None:
         """Remember what is wrong."""
         self.problems.append(self.problem(fault))
 
-    def doubt(self, fault: Fault) -> None:
+    def warn(self, fault: ParseError) -> None:
         """Remember what is legal but odd."""
-        self.doubts.append(self.problem(fault))
+        self.warnings.append(self.problem(fault))
 
     def _definitions(
         self, children: Iterable[object], path: tuple[Token, ...]
@@ -220,7 +220,7 @@ class FileReader:
                 yield path, annotations, definition
             elif len(path) > _DEPTH:
                 offset = cast("Token", definition.children[0]).start_pos or 0
-                self.report(Fault("ROS has no use for a module this deep", offset=offset))
+                self.report(ParseError("ROS has no use for a module this deep", offset=offset))
             else:
                 name = cast("Token", definition.children[0])
                 yield from self._definitions(definition.children[1:], (*path, name))
@@ -230,12 +230,12 @@ class FileReader:
         if len(path) != _DEPTH:
             message = f"a struct stands in {_DEPTH} modules: the package's and, in it, a namespace"
             hint = f"module {self.source.package} {{ module msg {{ struct {name} {{ ... }}; }}; }};"
-            self.report(Fault(message, offset=name.start_pos or 0, hint=hint))
+            self.report(ParseError(message, offset=name.start_pos or 0, hint=hint))
             return TypeName(self.source.package, "msg", str(name))
         package, kind = path
         if package != self.source.package:
             message = f"the module is '{package}', but the package is '{self.source.package}'"
-            self.report(Fault(message, offset=package.start_pos or 0))
+            self.report(ParseError(message, offset=package.start_pos or 0))
         self._check_keyword(kind, "module")
         self._check_keyword(name, "struct")
         return TypeName(self.source.package, str(kind), str(name))
@@ -243,7 +243,7 @@ class FileReader:
     def _check_keyword(self, token: Token, what: str) -> None:
         try:
             check_keyword(str(token), token.start_pos or 0, what)
-        except Fault as fault:
+        except ParseError as fault:
             self.report(fault)
 
     def _check_number(self, structs: list[Tree[Token]]) -> None:
@@ -259,8 +259,8 @@ class FileReader:
         for name, suffix in zip(names, _SECTIONS.get(len(names), ("",)), strict=True):
             if name != stem + suffix:
                 hint = f"by the file's name it is '{stem}{suffix}'"
-                fault = Fault(f"struct '{name}' has another name", offset=name.start_pos or 0, hint=hint)
+                fault = ParseError(f"struct '{name}' has another name", offset=name.start_pos or 0, hint=hint)
                 self.report(fault)
         if len({message.name.kind for message in self._messages}) > 1:
-            fault = Fault("the structs of a file are in one module", offset=names[1].start_pos or 0)
+            fault = ParseError("the structs of a file are in one module", offset=names[1].start_pos or 0)
             self.report(fault)

@@ -19,11 +19,11 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
-    Text,
+    String,
     TypeName,
 )
 from forge.interfaces.read.declarations import check_keyword
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.read.errors import ParseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -53,9 +53,9 @@ Annotations = dict[str, list[dict[str, Expression]]]
 class StructureReader:
     """Knows the typedefs and constants of a file, and makes its structs into messages."""
 
-    report: Callable[[Fault], None]
+    report: Callable[[ParseError], None]
     place: Callable[[int], Place]
-    doubt: Callable[[Fault], None]
+    warn: Callable[[ParseError], None]
     _types: dict[str, Type] = field(default_factory=dict)
     _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(
         default_factory=dict
@@ -67,11 +67,11 @@ class StructureReader:
         name = _token(declarator)
         try:
             type_ = self._declared(self._type(type_tree), declarator)
-        except Fault as fault:
+        except ParseError as fault:
             self.report(fault)
             return
         if self._types.setdefault(str(name), type_) != type_:
-            self.report(Fault(f"'{name}' is already another type", offset=_start(name)))
+            self.report(ParseError(f"'{name}' is already another type", offset=_start(name)))
 
     def add_constant(
         self, path: tuple[Token, ...], tree: Tree[Token], annotations: list[Tree[Token]]
@@ -100,7 +100,7 @@ class StructureReader:
         """Report a fault and go on behind."""
         try:
             yield
-        except Fault as fault:
+        except ParseError as fault:
             self.report(fault)
 
     def _add_constant(
@@ -110,9 +110,9 @@ class StructureReader:
         name = cast("Token", tree.children[1])
         _check_name(name, "constant", constants)
         type_ = self._type(type_tree)
-        if not (isinstance(type_, Primitive) or (isinstance(type_, Text) and type_.bound is None)):
+        if not (isinstance(type_, Primitive) or (isinstance(type_, String) and type_.bound is None)):
             hint = "a constant is a number, a boolean or an unbounded string"
-            raise Fault(f"constant '{name}' cannot be of this type", offset=_start(name), hint=hint)
+            raise ParseError(f"constant '{name}' cannot be of this type", offset=_start(name), hint=hint)
         value = value_of(read_expression(expression), type_)
         doc = _documentation(self._annotations(annotations))
         constants[str(name)] = Constant(str(name), type_, value, doc, self.place(_start(name)))
@@ -128,7 +128,7 @@ class StructureReader:
         base = self._type(parts[split])
         if len({len(declarator.children) for declarator in declarators}) > 1:
             offset = _start(_token(declarators[1]))
-            self.doubt(Fault("rosidl before Rolling takes all of these for arrays", offset=offset))
+            self.warn(ParseError("rosidl before Rolling takes all of these for arrays", offset=offset))
         for declarator in declarators:
             name = _token(declarator)
             with self._reporting():
@@ -147,7 +147,7 @@ class StructureReader:
                 return Primitive(_ALIASES.get(words, words))
             case "text":
                 bound = cast("Tree[Token] | None", tree.children[1])
-                return Text(tree.children[0] == "wstring", read_size(bound) if bound else None)
+                return String(tree.children[0] == "wstring", read_size(bound) if bound else None)
             case "sequence":
                 return self._sequence(*cast("list[Tree[Token]]", tree.children))
             case _:
@@ -158,10 +158,10 @@ class StructureReader:
         offset = next(token.start_pos or 0 for token in _tokens(element))
         if isinstance(of, Array | Sequence):
             hint = "make a struct of the inner one"
-            raise Fault("ROS has no sequences of arrays or sequences", offset=offset, hint=hint)
-        if isinstance(of, Text) and of.wide and of.bound is not None and size is None:
+            raise ParseError("ROS has no sequences of arrays or sequences", offset=offset, hint=hint)
+        if isinstance(of, String) and of.wide and of.bound is not None and size is None:
             message = f"rosidl takes 'sequence<wstring<{of.bound}>>' for one of at most {of.bound} elements"
-            raise Fault(message, offset=offset, hint="give a bound, or use plain wstring")
+            raise ParseError(message, offset=offset, hint="give a bound, or use plain wstring")
         return Sequence(of, read_size(size) if size else None)
 
     def _named(self, names: list[Token]) -> Type:
@@ -172,13 +172,13 @@ class StructureReader:
             return Named(TypeName(*map(str, names)))
         if len(names) > 1:
             hint = "a type of ROS is named 'package::msg::Name'"
-            raise Fault(f"'{written}' does not have three parts", offset=offset, hint=hint)
+            raise ParseError(f"'{written}' does not have three parts", offset=offset, hint=hint)
         if written not in self._types:
             hint = (
                 did_you_mean(written, islice(self._types, _CANDIDATES))
                 or "messages are named in full: 'package::msg::Name'"
             )
-            raise Fault(f"unknown type '{written}'", offset=offset, hint=hint)
+            raise ParseError(f"unknown type '{written}'", offset=offset, hint=hint)
         return self._types[written]
 
     def _declared(self, base: Type, declarator: Tree[Token]) -> Type:
@@ -188,9 +188,13 @@ class StructureReader:
             return base
         offset = _start(cast("Token", name))
         if len(sizes) > 1 or isinstance(base, Array):
-            raise Fault("an array has one dimension", offset=offset, hint="make a struct of its elements")
+            raise ParseError(
+                "an array has one dimension", offset=offset, hint="make a struct of its elements"
+            )
         if isinstance(base, Sequence):
-            raise Fault("ROS has no arrays of sequences", offset=offset, hint="make a struct of the sequence")
+            raise ParseError(
+                "ROS has no arrays of sequences", offset=offset, hint="make a struct of the sequence"
+            )
         return Array(base, read_size(_subtrees(cast("Tree[Token]", sizes[0]))[0]))
 
     def _default(self, annotations: Annotations, type_: Type) -> Value | None:
@@ -199,9 +203,9 @@ class StructureReader:
         for parameters in found:
             if list(parameters) != ["value"]:
                 offset = min((each.offset for each in parameters.values()), default=0)
-                raise Fault("a default is written '@default (value=...)'", offset=offset)
+                raise ParseError("a default is written '@default (value=...)'", offset=offset)
         if len(found) > 1:
-            self.doubt(Fault("rosidl heeds none of several defaults", offset=found[1]["value"].offset))
+            self.warn(ParseError("rosidl heeds none of several defaults", offset=found[1]["value"].offset))
         return value_of(found[0]["value"], type_) if len(found) == 1 else None
 
     def _annotations(self, trees: list[Tree[Token]]) -> Annotations:
@@ -217,7 +221,7 @@ class StructureReader:
                         values[str(key)] = read_expression(cast("Tree[Token]", value))
                     elif parameter is not None:
                         values[""] = read_expression(parameter)
-            except Fault as fault:
+            except ParseError as fault:
                 self.report(fault)
                 continue
             found.setdefault(str(name), []).append(values)
@@ -246,7 +250,7 @@ def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
     """Raise Fault for a name that generated code cannot have, or has already."""
     check_keyword(str(name), _start(name), what)
     if any(str(name) in names for names in taken):
-        raise Fault(f"'{name}' is already declared", offset=_start(name))
+        raise ParseError(f"'{name}' is already declared", offset=_start(name))
 
 
 def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:

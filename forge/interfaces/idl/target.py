@@ -14,11 +14,11 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
-    Text,
+    String,
     element_of,
     sections_of,
 )
-from forge.interfaces.read.comments import TURNING
+from forge.interfaces.read.comments import BIDI_CONTROLS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -130,7 +130,7 @@ def _member(member: Field) -> _Line:
 
 def _comment(lines: tuple[str, ...], indent: int) -> str:
     """Return quoted lines that IDL joins again, the later ones indented."""
-    return (' "\\n"\n' + " " * indent).join(_quoted(TURNING.sub(" ", line)) for line in lines)
+    return (' "\\n"\n' + " " * indent).join(_quoted(BIDI_CONTROLS.sub(" ", line)) for line in lines)
 
 
 def _type(type_: Type) -> str:
@@ -143,7 +143,7 @@ def _type(type_: Type) -> str:
             return f"sequence<{_type(of)}, {bound}>"
         case Named(name):
             return _scoped(name)
-        case Text(wide, bound):
+        case String(wide, bound):
             return ("wstring" if wide else "string") + (f"<{bound}>" if bound else "")
         case Primitive(name):
             return name
@@ -171,7 +171,7 @@ def _scoped(name: TypeName) -> str:
 def _literal(value: Value, type_: Type) -> str:
     if isinstance(value, tuple):
         return _quoted(repr(value))
-    if isinstance(type_, Text):
+    if isinstance(type_, String):
         return _quoted(str(value))
     return str(value).upper() if isinstance(value, bool) else repr(value)
 

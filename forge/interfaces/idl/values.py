@@ -6,8 +6,8 @@ import re
 from typing import TYPE_CHECKING, Literal, cast
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import INTEGER_RANGES, within_bound
 
 if TYPE_CHECKING:
@@ -60,9 +60,9 @@ def read_size(tree: Tree[Token]) -> int:
     """Return a size or bound: a decimal number, at least 1. Raises Fault."""
     size = read_expression(tree)
     if size.kind != "integer":
-        raise Fault("a size is a decimal number", offset=size.offset, hint="constants are not looked up")
+        raise ParseError("a size is a decimal number", offset=size.offset, hint="constants are not looked up")
     if int(size.value) < 1:
-        raise Fault("a size is at least 1", offset=size.offset)
+        raise ParseError("a size is at least 1", offset=size.offset)
     return int(size.value)
 
 
@@ -72,7 +72,7 @@ def value_of(written: Expression, type_: Type) -> Value:
         if not isinstance(type_, Array | Sequence):
             return _single(written, type_)
         return _within_size(_collection(written, type_.of), type_)
-    except Fault as fault:
+    except ParseError as fault:
         raise fault.shifted(written.offset) from None
 
 
@@ -90,17 +90,19 @@ def _signed(sign: str, operand: Expression) -> Expression:
         case "name":
             return Expression("name", f"-{operand.value}", operand.offset)
         case _:
-            raise Fault("only numbers have a sign", offset=operand.offset)
+            raise ParseError("only numbers have a sign", offset=operand.offset)
 
 
 def _number(text: str, offset: int) -> Expression:
     if text.isdigit():
         if text.startswith("0") and text.strip("0"):
-            raise Fault("a number with a leading zero is octal", offset=offset, hint="write it in decimal")
+            raise ParseError(
+                "a number with a leading zero is octal", offset=offset, hint="write it in decimal"
+            )
         try:
             return Expression("integer", int(text), offset)
         except ValueError:
-            raise Fault("a number of that many digits fits nowhere", offset=offset) from None
+            raise ParseError("a number of that many digits fits nowhere", offset=offset) from None
     return Expression("real", float(text.rstrip("dD")), offset)
 
 
@@ -112,7 +114,9 @@ def _unescape(token: Token) -> str:
         return inside
     plain = (_WIDE_ESCAPE if wide else _ESCAPE).sub(_character, inside)
     if _SURROGATES.search(plain):
-        raise Fault("this escape is half a character", offset=token.start_pos or 0, hint="write it itself")
+        raise ParseError(
+            "this escape is half a character", offset=token.start_pos or 0, hint="write it itself"
+        )
     return _DOUBLED.sub(r"\1", plain)
 
 
@@ -125,14 +129,14 @@ def _character(escape: re.Match[str]) -> str:
 
 def _single(written: Expression, type_: Type) -> bool | int | float | str:
     match type_:
-        case Text():
+        case String():
             if written.kind not in {"text", "name"}:
-                raise Fault("a text stands in double quotes")
+                raise ParseError("a text stands in double quotes")
             return within_bound(str(written.value), type_)
         case Primitive("boolean"):
             if written.kind == "truth" or (written.kind == "integer" and written.value in {0, 1}):
                 return bool(written.value)
-            raise Fault(f"'{written.value}' is not a boolean", hint="write TRUE or FALSE")
+            raise ParseError(f"'{written.value}' is not a boolean", hint="write TRUE or FALSE")
         case Primitive("float" | "double" | "long double"):
             return _real(written)
         case Primitive("char" | "wchar" as name):
@@ -140,7 +144,7 @@ def _single(written: Expression, type_: Type) -> bool | int | float | str:
         case Primitive(name):
             return _integer(written, name)
         case _:
-            raise Fault("a member of a struct's type cannot have a default", hint="leave it out")
+            raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")
 
 
 def _real(written: Expression) -> float:
@@ -148,15 +152,15 @@ def _real(written: Expression) -> float:
         written.kind == "name" and _NOT_FINITE.fullmatch(str(written.value))
     ):
         return float(str(written.value))  # by way of text: a long integer is infinite, not an error
-    raise Fault(f"'{written.value}' is not a number")
+    raise ParseError(f"'{written.value}' is not a number")
 
 
 def _integer(written: Expression, name: str) -> int:
     if written.kind != "integer":
-        raise Fault(f"'{written.value}' is not an integer")
+        raise ParseError(f"'{written.value}' is not an integer")
     low, high = INTEGER_RANGES[name]
     if not low <= int(written.value) <= high:
-        raise Fault(f"'{written.value}' is out of range for {name}", hint=f"it holds {low} to {high}")
+        raise ParseError(f"'{written.value}' is out of range for {name}", hint=f"it holds {low} to {high}")
     return int(written.value)
 
 
@@ -167,7 +171,7 @@ def _one_character(written: Expression, name: str) -> str:
         return chr(int(written.value))
     if written.kind == "text" and len(str(written.value)) == 1 and ord(str(written.value)) <= limit:
         return str(written.value)
-    raise Fault(f"'{written.value}' is not one {name}", hint=f"write it as a number up to {limit}")
+    raise ParseError(f"'{written.value}' is not one {name}", hint=f"write it as a number up to {limit}")
 
 
 def _collection(written: Expression, of: Element) -> tuple[bool | int | float | str, ...]:
@@ -175,15 +179,15 @@ def _collection(written: Expression, of: Element) -> tuple[bool | int | float | 
     import ast  # noqa: PLC0415  (only defaults of arrays come here)
 
     if isinstance(of, Named):
-        raise Fault("a member of a struct's type cannot have a default", hint="leave it out")
+        raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")
     if written.kind != "text":
-        raise Fault("the value of an array is a text", hint=_TUPLE_HINT)
+        raise ParseError("the value of an array is a text", hint=_TUPLE_HINT)
     try:
         body = ast.parse(str(written.value).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise Fault("the text holds no tuple", hint=_TUPLE_HINT) from None
+        raise ParseError("the text holds no tuple", hint=_TUPLE_HINT) from None
     if not isinstance(body, ast.Tuple | ast.List):
-        raise Fault("the text holds no tuple", hint='one element is "(1,)"')
+        raise ParseError("the text holds no tuple", hint='one element is "(1,)"')
     return tuple(_single(_element(node), of) for node in body.elts)
 
 
@@ -191,9 +195,9 @@ def _within_size(values: tuple[bool | int | float | str, ...], type_: Array | Se
     """Return the elements, unless they are too many or, for an array, too few."""
     match type_:
         case Array(_, size) if len(values) != size:
-            raise Fault(f"an array of {size} cannot hold {len(values)}")
+            raise ParseError(f"an array of {size} cannot hold {len(values)}")
         case Sequence(_, int(bound)) if len(values) > bound:
-            raise Fault(f"a sequence of at most {bound} cannot hold {len(values)}")
+            raise ParseError(f"a sequence of at most {bound} cannot hold {len(values)}")
         case _:
             return values
 
@@ -216,4 +220,4 @@ def _element(node: ast.expr) -> Expression:
         case ast.Name(name):
             return Expression("name", name, 0)
         case _:
-            raise Fault("an element is a number, a text, True or False", hint=_TUPLE_HINT)
+            raise ParseError("an element is a number, a text, True or False", hint=_TUPLE_HINT)

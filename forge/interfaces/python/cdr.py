@@ -15,12 +15,11 @@ from forge.base.frozen import frozen
 from forge.base.names import snake_case
 from forge.base.templating import render
 from forge.interfaces.model import File, messages_of
-from forge.interfaces.python.cdr_read import Others, read_part, read_whole
-from forge.interfaces.python.cdr_text import Names
-from forge.interfaces.python.cdr_text import Text as Lines
-from forge.interfaces.python.cdr_write import write_part, write_whole
-from forge.interfaces.wire.flattening import Layouts
-from forge.interfaces.wire.layout import ANYWHERE, START, Layout, Shared
+from forge.interfaces.python.cdr_read import References, emit_part_reader, emit_reader
+from forge.interfaces.python.cdr_text import FunctionSource, Names
+from forge.interfaces.python.cdr_write import emit_part_writer, emit_writer
+from forge.interfaces.wire.flattening import LayoutBuilder
+from forge.interfaces.wire.layout import START, UNKNOWN, MessageCall, MessageLayout
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -48,7 +47,7 @@ class _Function:
 class _Module:
     """What one generated module refers to."""
 
-    layouts: Layouts
+    layouts: LayoutBuilder
     own: frozenset[TypeName]
     all_classes: frozenset[str]
     """The names of all classes of the catalog, one set for all modules."""
@@ -72,8 +71,8 @@ class _Module:
 
 
 def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the module of serializers for one interface; for `root`, see python.py."""
-    layouts = Layouts(catalog.known)
+    """Return what yields the module of serializers for one interface; for `root`, see modules.py."""
+    layouts = LayoutBuilder(catalog.known)
     all_classes = frozenset(name.name for name in catalog.known)
 
     def module(interface: Interface) -> Iterator[File]:
@@ -87,7 +86,7 @@ def _module(name: TypeName) -> str:
     return f"{name.package}.{name.kind}._{snake_case(name.name)}"
 
 
-def _serializers(interface: Interface, layouts: Layouts, all_classes: frozenset[str], root: str) -> str:
+def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: frozenset[str], root: str) -> str:
     """Return the module of one interface file."""
     own = [message.name for message in messages_of(interface)]
     module = _Module(layouts, frozenset(own), all_classes)
@@ -134,34 +133,34 @@ def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
     """Yield the functions for one message."""
     large = module.layouts.is_large(name)
     if large:
-        layout = module.layouts.of(name, ANYWHERE)
+        layout = module.layouts.of(name, UNKNOWN)
         yield _writing(f"part_writer_{name.name}", "write(message, append, o)", layout, module)
         yield _reading(f"part_reader_{name.name}", "read(buffer, view, o, limit)", name, layout, module)
-        whole = Layout((Shared((), name, START),), (), START, ANYWHERE)
+        whole = MessageLayout((MessageCall((), name, START),), (), START, UNKNOWN)
     else:
         whole = module.layouts.of(name)
     yield _writing(f"writer_{name.name}", "write(message)", whole, module)
     yield _reading(f"reader_{name.name}", "read(buffer, limit)", name, whole, module)
 
 
-def _writing(name: str, inner: str, layout: Layout, module: _Module) -> _Function:
-    lines = Lines(_names(module))
+def _writing(name: str, inner: str, layout: MessageLayout, module: _Module) -> _Function:
+    lines = FunctionSource(_names(module))
 
     def shared(other: TypeName) -> str:
         return lines.table(f"write_{snake_case(other.name)}", module.maker("part_writer", other))
 
-    (write_part if layout.start == ANYWHERE else write_whole)(lines, layout, shared)
+    (emit_part_writer if layout.start == UNKNOWN else emit_writer)(lines, layout, shared)
     return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
 
 
-def _reading(name: str, inner: str, message: TypeName, layout: Layout, module: _Module) -> _Function:
-    lines = Lines(_names(module))
+def _reading(name: str, inner: str, message: TypeName, layout: MessageLayout, module: _Module) -> _Function:
+    lines = FunctionSource(_names(module))
 
     def shared(other: TypeName) -> str:
         return lines.table(f"read_{snake_case(other.name)}", module.maker("part_reader", other))
 
-    others = Others(module.class_of, shared)
-    (read_part if layout.start == ANYWHERE else read_whole)(lines, message, layout, others)
+    others = References(module.class_of, shared)
+    (emit_part_reader if layout.start == UNKNOWN else emit_reader)(lines, message, layout, others)
     return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
 
 

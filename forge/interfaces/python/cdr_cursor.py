@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from forge.interfaces.python.cdr_text import HEADER_SIZE
 
 if TYPE_CHECKING:
-    from forge.interfaces.python.cdr_text import Text
+    from forge.interfaces.python.cdr_text import FunctionSource
 
 
 @dataclass(slots=True)
 class Cursor:
     """The offset of what is read next; it counts the header's bytes, alignment does not."""
 
-    lines: Text
+    lines: FunctionSource
     known: bool = True
     """Whether the offset is `number`; else it is that much more than `o`."""
     number: int = 0

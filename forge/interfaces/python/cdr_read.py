@@ -14,34 +14,51 @@ from forge.base.frozen import frozen
 from forge.interfaces.model import Array
 from forge.interfaces.python.cdr_cursor import Cursor
 from forge.interfaces.python.cdr_slots import CONVERSIONS, Slots
-from forge.interfaces.python.cdr_text import HEADER_SIZE, Packed, codes, singular, units, unpacked
+from forge.interfaces.python.cdr_text import (
+    HEADER_SIZE,
+    PackedGroup,
+    assignment,
+    group_steps,
+    singular,
+    struct_format,
+)
 from forge.interfaces.python.types import TYPE_CODES
-from forge.interfaces.wire.layout import SIZES, Block, Chars, Loop, Numbers, Phase, Run, Shared, Value
+from forge.interfaces.wire.layout import (
+    SIZES,
+    InlineArray,
+    Loop,
+    MessageCall,
+    Phase,
+    PrimitiveElements,
+    Run,
+    Scalar,
+    StringData,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from forge.interfaces.model import TypeName
-    from forge.interfaces.python.cdr_text import Text, Unit
-    from forge.interfaces.wire.layout import Layout
+    from forge.interfaces.python.cdr_text import FunctionSource, Group
+    from forge.interfaces.wire.layout import MessageLayout
 
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")
 
 
 @frozen
-class Others:
+class References:
     """What a reader calls messages by: their classes, and the functions that read large ones."""
 
     class_of: Callable[[TypeName], str]
     shared: Callable[[TypeName], str]
 
 
-def read_whole(lines: Text, name: TypeName, layout: Layout, others: Others) -> None:
+def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, others: References) -> None:
     """Add the lines of a function that returns the message in some data."""
     reader = _Reader(lines, others, Slots(lines, "message"), Cursor(lines, number=HEADER_SIZE))
-    if not any(isinstance(step, Shared) and not step.path for step in layout.steps):
+    if not any(isinstance(step, MessageCall) and not step.path for step in layout.steps):
         lines.add(f"message = _new({others.class_of(name)})")
-    if _looks_at_size(units(layout.steps)):
+    if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(buffer)", "view = memoryview(buffer)")
     first = layout.steps[0]
     if isinstance(first, Run) and first.pieces[0].alignment == 1:
@@ -53,32 +70,34 @@ def read_whole(lines: Text, name: TypeName, layout: Layout, others: Others) -> N
     lines.add("return message")
 
 
-def read_part(lines: Text, name: TypeName, layout: Layout, others: Others) -> None:
+def emit_part_reader(
+    lines: FunctionSource, name: TypeName, layout: MessageLayout, others: References
+) -> None:
     """Add the lines of a function that returns the message at an offset, and the offset behind it."""
     lines.add(f"message = _new({others.class_of(name)})")
-    if _looks_at_size(units(layout.steps)):
+    if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(view)")
     reader = _Reader(lines, others, Slots(lines, "message"), Cursor(lines, known=False))
     reader.read(layout, tail=True)
     lines.add("return message, o")
 
 
-def _looks_at_size(gathered: Sequence[Unit]) -> bool:
-    return any(not isinstance(unit, Packed) for unit in gathered)
+def _looks_at_size(gathered: Sequence[Group]) -> bool:
+    return any(not isinstance(unit, PackedGroup) for unit in gathered)
 
 
 @dataclass(slots=True)
 class _Reader:
     """The lines that read one message, or one element of a loop."""
 
-    lines: Text
-    others: Others
+    lines: FunctionSource
+    others: References
     slots: Slots
     cursor: Cursor
     header: bool = False
     """Whether the first run comes right after the header, which is read with it."""
 
-    def read(self, layout: Layout, *, tail: bool, made: bool = False) -> None:
+    def read(self, layout: MessageLayout, *, tail: bool, made: bool = False) -> None:
         """Add the lines for a layout; `tail` says that `o` must be right behind it.
 
         `made` says that the messages in it are there already.
@@ -88,26 +107,26 @@ class _Reader:
                 f"{self.slots.slot(inner.path)} = {self.slots.hold(inner.path)} "
                 f"= _new({self.others.class_of(inner.name)})"
             )
-        gathered = units(layout.steps)
+        gathered = group_steps(layout.steps)
         for index, unit in enumerate(gathered):
             self._unit(unit, last=not tail and index == len(gathered) - 1)
         if tail:
             self.cursor.settle()
 
-    def _unit(self, unit: Unit, *, last: bool) -> None:
+    def _unit(self, unit: Group, *, last: bool) -> None:
         match unit:
-            case Packed(before, chars, after):
+            case PackedGroup(before, chars, after):
                 if before:
                     self._run(before)
                 if chars:
                     self._text(chars, after, last=last)
-            case Chars():
+            case StringData():
                 self._wide(unit, last=last)
-            case Numbers():
+            case PrimitiveElements():
                 self._numbers(unit, last=last)
             case Loop():
                 self._loop(unit, last=last)
-            case Shared(path, name):
+            case MessageCall(path, name):
                 self.cursor.settle()
                 read = self.others.shared(name)
                 self.lines.add(f"{self.slots.slot(path)}, o = {read}(buffer, view, o, limit)")
@@ -118,7 +137,7 @@ class _Reader:
             if piece.alignment > 1:
                 self.cursor.align(piece.alignment)
                 start = Phase(piece.alignment, 0)
-            letters = codes(Run(piece.members, start))
+            letters = struct_format(Run(piece.members, start))
             targets = self.slots.targets(piece.members)
             table = f"_pieces.fixed({letters!r}, {start.remainder}).unpack_from"
             if self.header:
@@ -130,18 +149,20 @@ class _Reader:
             self.cursor.number += piece.size + (HEADER_SIZE if self.header else 0)
             self.header = False
 
-    def _text(self, chars: Chars, after: Run | None, *, last: bool) -> None:
+    def _text(self, chars: StringData, after: Run | None, *, last: bool) -> None:
         """Add the lines for a string and the run behind it, which one Struct unpacks."""
         text = self.slots.local(chars.path)
         values = self.slots.targets(after.members) if after else []
         later = self.slots.later[:]
         self.slots.later.clear()
         if after is None or after.is_fixed(Phase(chars.start.modulus, 0)):
-            made = f"_pieces.read_texts({codes(after)!r}, {chars.start.remainder})"
+            made = f"_pieces.read_texts({struct_format(after)!r}, {chars.start.remainder})"
             struct = self.lines.table("texts", made)
         else:
             self.cursor.settle()
-            struct = f"{self.lines.table('texts', f'_pieces.phased_read_texts({codes(after)!r})')}[o & 7]"
+            struct = (
+                f"{self.lines.table('texts', f'_pieces.phased_read_texts({struct_format(after)!r})')}[o & 7]"
+            )
         struct = f"{struct}[{self.slots.count(chars.path)}]"
         if not last:
             self.lines.add(f"struct = {struct}")
@@ -152,16 +173,16 @@ class _Reader:
         self.lines.add("if nul:", f"    {text} = _pieces.unterminated({text}, nul)")
         self.lines.add(f"{self.slots.slot(chars.path)} = {text}.decode()", *later)
 
-    def _wide(self, unit: Chars, *, last: bool) -> None:
+    def _wide(self, unit: StringData, *, last: bool) -> None:
         end = self.cursor.ensure(f"4 * {self.slots.count(unit.path)}")
         self.lines.add(f"{self.slots.slot(unit.path)} = _pieces.from_wide(view[o:{end}])")
         self.cursor.go_on(end, last=last)
 
-    def _numbers(self, unit: Numbers, *, last: bool) -> None:
+    def _numbers(self, unit: PrimitiveElements, *, last: bool) -> None:
         size = SIZES[unit.of.name]
         slot = self.slots.slot(unit.path)
         if isinstance(unit.type, Array):
-            block = Block(unit.path, unit.type, unit.of)
+            block = InlineArray(unit.path, unit.type, unit.of)
             self.cursor.pad(unit.padding, size, None)
             end = self.cursor.ensure(str(block.size))
             self.lines.add(f"{slot} = {self.slots.array(block, f'view[o:{end}]')}")
@@ -175,7 +196,7 @@ class _Reader:
                 self._sequence(unit, end)
         self.cursor.go_on(end, last=last)
 
-    def _sequence(self, unit: Numbers, end: str) -> None:
+    def _sequence(self, unit: PrimitiveElements, end: str) -> None:
         """Add the lines that copy numbers into an array, or leave them for later where they are many."""
         code = TYPE_CODES[unit.of.name]
         empty = self.lines.table(f"no_{unit.of.name}", f"_array({code!r})")
@@ -207,7 +228,7 @@ class _Reader:
     def _batched(self, unit: Loop, run: Run, number: str, *, last: bool) -> None:
         """Add the loop over elements of one size, which are all unpacked in one go."""
         end = self.cursor.ensure(f"{sum(piece.size for piece in run.pieces)} * {number}")
-        unpack = self.lines.table("iterate", f"_pieces.fixed({codes(run)!r}, 0).iter_unpack")
+        unpack = self.lines.table("iterate", f"_pieces.fixed({struct_format(run)!r}, 0).iter_unpack")
         element = self._element(unit)
         self._for_all(unit, number, element, (run, f"{unpack}(view[o:{end}])"))
         if len(unit.body.inner) == 1:
@@ -258,7 +279,7 @@ class _Reader:
         if len(sources) == 1:
             self.lines.add(f"for {targets[0]} in {name}:")
         else:
-            self.lines.add(*unpacked("for ", targets, " in zip("))
+            self.lines.add(*assignment("for ", targets, " in zip("))
             self.lines.add(*(f"    {source}," for source in sources), "):")
         self.lines.deeper()
         self.lines.add(*stores)
@@ -272,6 +293,6 @@ def _batch(unit: Loop) -> Run | None:
     first = steps[0].members[0]
     run = Run(steps[0].members, Phase(first.alignment, 0))
     plain = all(
-        isinstance(m, Value) and not m.hidden and m.type.name not in {"char", "wchar"} for m in run.members
+        isinstance(m, Scalar) and not m.hidden and m.type.name not in {"char", "wchar"} for m in run.members
     )
     return run if plain and first.alignment == run.alignment and not run.end(run.start).remainder else None

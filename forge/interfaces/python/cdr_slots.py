@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from forge.interfaces.model import Sequence
-from forge.interfaces.python.cdr_text import unpacked
+from forge.interfaces.python.cdr_text import assignment
 from forge.interfaces.python.types import DTYPES
-from forge.interfaces.wire.layout import Block, Count, Value
+from forge.interfaces.wire.layout import InlineArray, Length, Scalar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from forge.interfaces.python.cdr_text import Text
+    from forge.interfaces.python.cdr_text import FunctionSource
     from forge.interfaces.wire.layout import Member, Path
 
 CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_chars", "wchar": "from_wchars"}
@@ -24,7 +24,7 @@ CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_ch
 class Slots:
     """The messages being read, and the counts of elements to read."""
 
-    lines: Text
+    lines: FunctionSource
     root: str
     """The local name of the message, or of the loop's element."""
     later: list[str] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Slots:
         if len(targets) == 1:
             self.lines.add(f"({targets[0]},) = {call}")
         else:
-            self.lines.add(*(unpacked("", targets, f" = {call}") if targets else [call]))
+            self.lines.add(*(assignment("", targets, f" = {call}") if targets else [call]))
         self.lines.add(*self.later)
         self.later.clear()
 
@@ -68,25 +68,25 @@ class Slots:
 
     def _target(self, member: Member) -> str | None:
         match member:
-            case Value(hidden=True):
+            case Scalar(hidden=True):
                 return None
-            case Value(path, type_) if type_.name in {"char", "wchar"}:
+            case Scalar(path, type_) if type_.name in {"char", "wchar"}:
                 name = self.local(path)
                 self.later.append(f"{self.slot(path)} = _pieces.{type_.name}({name})")
                 return name
-            case Value(path):
+            case Scalar(path):
                 return self.slot(path)
-            case Block(path):
+            case InlineArray(path):
                 name = self.local(path)
                 self.later.append(f"{self.slot(path)} = {self.array(member, name)}")
                 return name
-            case Count(path, type_):
+            case Length(path, type_):
                 name = self._counts[path] = self.lines.names.new(f"{'_'.join(path) or self.root}_size")
                 if isinstance(type_, Sequence) and type_.bound is not None:
                     self.later += [f"if {name} > {type_.bound}:", "    raise _pieces.Refused"]
                 return name
 
-    def array(self, block: Block, raw: str) -> str:
+    def array(self, block: InlineArray, raw: str) -> str:
         """Return the expression that makes an array of its bytes."""
         if block.of.name in CONVERSIONS:
             return f"_pieces.{CONVERSIONS[block.of.name]}({raw})"

@@ -9,12 +9,22 @@ from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
 from forge.interfaces.python.types import TYPE_CODES
-from forge.interfaces.wire.layout import Block, Chars, Count, Loop, Numbers, Phase, Run, Shared, Value
+from forge.interfaces.wire.layout import (
+    InlineArray,
+    Length,
+    Loop,
+    MessageCall,
+    Phase,
+    PrimitiveElements,
+    Run,
+    Scalar,
+    StringData,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from forge.interfaces.wire.layout import Member, Path, Step
+    from forge.interfaces.wire.layout import LayoutStep, Member, Path
 
 WIDTH: Final = 100
 HEADER_SIZE: Final = 4
@@ -32,14 +42,14 @@ _RESERVED: Final = frozenset(
 
 
 @frozen
-class Packed:
+class PackedGroup:
     """What one Struct moves: a run, or a string with the run before it and the one behind it.
 
     The run before is missing where the last Packed has moved it already, together with the string's length.
     """
 
     before: Run | None
-    chars: Chars | None
+    chars: StringData | None
     after: Run | None
     start: Phase
 
@@ -52,51 +62,51 @@ class Packed:
         return known and (self.after is None or self.after.is_fixed(Phase(end.modulus, 0)))
 
 
-Unit = Packed | Chars | Numbers | Loop | Shared
+Group = PackedGroup | StringData | PrimitiveElements | Loop | MessageCall
 """A step, with runs and narrow strings gathered; the Chars that are left are wide."""
 
 
-def units(steps: Sequence[Step]) -> tuple[Unit, ...]:
+def group_steps(steps: Sequence[LayoutStep]) -> tuple[Group, ...]:
     """Gather the steps of a layout into what single statements can move."""
-    gathered: list[Unit] = []
+    gathered: list[Group] = []
     position = 0
     while position < len(steps):
         step = steps[position]
         before = step if isinstance(step, Run) else None
         position += before is not None
         chars = steps[position] if position < len(steps) else None
-        if isinstance(chars, Chars) and not chars.type.wide:
+        if isinstance(chars, StringData) and not chars.type.wide:
             position += 1
             after = steps[position] if position < len(steps) else None
             after = after if isinstance(after, Run) else None
             position += after is not None
-            gathered.append(Packed(before, chars, after, step.start))
+            gathered.append(PackedGroup(before, chars, after, step.start))
         elif before:
-            gathered.append(Packed(before, None, None, before.start))
+            gathered.append(PackedGroup(before, None, None, before.start))
         elif not isinstance(step, Run):
             gathered.append(step)
             position += 1
     return tuple(gathered)
 
 
-def codes(run: Run | None) -> str:
+def struct_format(run: Run | None) -> str:
     """Return a run as the run time spells it: a letter per value, '9d' for a block, 'x' for a hidden byte."""
     return " ".join(map(_code, run.members)) if run else ""
 
 
 def _code(member: Member) -> str:
     match member:
-        case Value(hidden=True):
+        case Scalar(hidden=True):
             return "x"
-        case Value(_, type_):
+        case Scalar(_, type_):
             return CODES[type_.name]
-        case Block(_, type_, of):
+        case InlineArray(_, type_, of):
             return f"{type_.size}{CODES[of.name]}"
-        case Count():
+        case Length():
             return "I"
 
 
-def wrapped(start: str, items: Sequence[str], end: str) -> list[str]:
+def wrap_arguments(start: str, items: Sequence[str], end: str) -> list[str]:
     """Return 'start item, item end' on one line, or with a line for each item if it is too long."""
     line = f"{start}{', '.join(items)}{end}"
     if len(line) <= WIDTH:
@@ -104,10 +114,10 @@ def wrapped(start: str, items: Sequence[str], end: str) -> list[str]:
     return [start, *(f"    {item}," for item in items), end]
 
 
-def unpacked(start: str, targets: Sequence[str], end: str) -> list[str]:
+def assignment(start: str, targets: Sequence[str], end: str) -> list[str]:
     """Return the same for the targets of an assignment, which need parentheses on several lines."""
     line = f"{start}{', '.join(targets)}{end}"
-    return [line] if len(line) <= WIDTH else wrapped(f"{start}(", targets, f"){end}")
+    return [line] if len(line) <= WIDTH else wrap_arguments(f"{start}(", targets, f"){end}")
 
 
 @dataclass(slots=True)
@@ -133,7 +143,7 @@ class Names:
 
 
 @dataclass(slots=True)
-class Text:
+class FunctionSource:
     """A function in the making: the tables it looks up, made beforehand, and its lines."""
 
     names: Names

@@ -10,29 +10,36 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from forge.interfaces.model import Array, Primitive, Sequence, Text
-from forge.interfaces.python.cdr_text import HEADER_SIZE, Packed, codes, singular, units, wrapped
-from forge.interfaces.python.cdr_text import Text as Lines
+from forge.interfaces.model import Array, Primitive, Sequence, String
+from forge.interfaces.python.cdr_text import (
+    HEADER_SIZE,
+    FunctionSource,
+    PackedGroup,
+    group_steps,
+    singular,
+    struct_format,
+    wrap_arguments,
+)
 from forge.interfaces.wire.layout import (
+    MAX_ALIGNMENT,
     SIZES,
-    WIDEST,
-    Block,
-    Chars,
-    Count,
+    InlineArray,
+    Length,
     Loop,
-    Numbers,
+    MessageCall,
     Phase,
+    PrimitiveElements,
     Run,
-    Shared,
-    Value,
+    Scalar,
+    StringData,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from forge.interfaces.model import TypeName
-    from forge.interfaces.python.cdr_text import Unit
-    from forge.interfaces.wire.layout import Layout, Member, Path
+    from forge.interfaces.python.cdr_text import Group
+    from forge.interfaces.wire.layout import Member, MessageLayout, Path
 
 _READABLE = 60
 """Longer calls get a line of their own."""
@@ -40,46 +47,46 @@ _READABLE = 60
 _CONVERSIONS = {"boolean": "to_flags", "octet": "to_octets", "char": "to_chars", "wchar": "to_wchars"}
 
 
-def write_whole(lines: Lines, layout: Layout, shared: Callable[[TypeName], str]) -> None:
+def emit_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[TypeName], str]) -> None:
     """Add the lines of a function that returns a message's bytes; `shared` names the writers of others."""
-    gathered = units(layout.steps)
+    gathered = group_steps(layout.steps)
     writer = _Writer(lines, "message", shared)
-    if not (isinstance(gathered[0], Packed) and gathered[0].before):
+    if not (isinstance(gathered[0], PackedGroup) and gathered[0].before):
         writer.pieces.append("_HEADER_BYTES")
     writer.sole = not writer.pieces and len(gathered) == 1
     writer.write(gathered, layout.end, tail=False)
     writer.finish()
 
 
-def write_part(lines: Lines, layout: Layout, shared: Callable[[TypeName], str]) -> None:
+def emit_part_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[TypeName], str]) -> None:
     """Add the lines of a function that appends a message's pieces and returns the offset behind it."""
     writer = _Writer(lines, "message", shared, appending=True)
-    writer.write(units(layout.steps), Phase(1, 0), tail=True)
+    writer.write(group_steps(layout.steps), Phase(1, 0), tail=True)
     lines.add("return o")
 
 
-def _needs(gathered: tuple[Unit, ...], end: Phase, *, tail: bool) -> list[bool]:
+def _needs(gathered: tuple[Group, ...], end: Phase, *, tail: bool) -> list[bool]:
     """Tell for each unit, and for what follows the last, if `o` must be right where it begins."""
     needs = [tail]
     after = end
     for unit in reversed(gathered):
-        needs.append(_is_dynamic(unit) or (needs[-1] and after.modulus < WIDEST))
+        needs.append(_is_dynamic(unit) or (needs[-1] and after.modulus < MAX_ALIGNMENT))
         after = unit.start
     return needs[::-1]
 
 
-def _is_dynamic(unit: Unit) -> bool:
+def _is_dynamic(unit: Group) -> bool:
     """Tell if a unit's padding depends on the message."""
     match unit:
-        case Packed():
+        case PackedGroup():
             return not unit.fixed
-        case Numbers():
+        case PrimitiveElements():
             return unit.padding is None
         case Loop():
-            return _needs(units(unit.body.steps), unit.body.end, tail=False)[0]
-        case Shared():
+            return _needs(group_steps(unit.body.steps), unit.body.end, tail=False)[0]
+        case MessageCall():
             return True
-        case Chars():
+        case StringData():
             return False
 
 
@@ -87,7 +94,7 @@ def _is_dynamic(unit: Unit) -> bool:
 class _Writer:
     """The lines that write one message, or one element of a loop."""
 
-    lines: Lines
+    lines: FunctionSource
     root: str
     """The local name of that message or element."""
     shared: Callable[[TypeName], str]
@@ -100,7 +107,7 @@ class _Writer:
     _found: dict[Path, tuple[str, str]] = field(default_factory=dict)
     """The local names of a collection, or of a string's bytes, and of their number."""
 
-    def write(self, gathered: tuple[Unit, ...], end: Phase, *, tail: bool) -> None:
+    def write(self, gathered: tuple[Group, ...], end: Phase, *, tail: bool) -> None:
         """Add the lines for all units; `tail` says that `o` matters behind the last."""
         needs = _needs(gathered, end, tail=tail)
         if needs[0] and self.pieces:
@@ -108,7 +115,7 @@ class _Writer:
         for index, unit in enumerate(gathered):
             behind = gathered[index + 1].start if index + 1 < len(gathered) else end
             needed = needs[index + 1]
-            known = behind.modulus == WIDEST
+            known = behind.modulus == MAX_ALIGNMENT
             self._unit(unit, counting=needed and not known)
             if needed and known:
                 self._set_offset(behind)
@@ -118,22 +125,22 @@ class _Writer:
         if self.appending:
             self.lines.add('return b"".join(parts)')
         elif self.pieces:
-            self.lines.add(*wrapped('return b"".join((', self.pieces, "))"))
+            self.lines.add(*wrap_arguments('return b"".join((', self.pieces, "))"))
 
     def _set_offset(self, phase: Phase) -> None:
-        self.lines.add(f"o = {(phase.remainder + HEADER_SIZE) % WIDEST}")
+        self.lines.add(f"o = {(phase.remainder + HEADER_SIZE) % MAX_ALIGNMENT}")
 
-    def _unit(self, unit: Unit, *, counting: bool) -> None:
+    def _unit(self, unit: Group, *, counting: bool) -> None:
         match unit:
-            case Packed():
+            case PackedGroup():
                 self._packed(unit, counting=counting)
-            case Chars(path):
+            case StringData(path):
                 self._piece(self._found[path][0], counting=counting)
-            case Numbers():
+            case PrimitiveElements():
                 self._numbers(unit, counting=counting)
             case Loop():
                 self._loop(unit, counting=counting)
-            case Shared(path, name):
+            case MessageCall(path, name):
                 self._append_from_now_on()
                 self.lines.add(f"o = {self.shared(name)}({self._owner(path)}, append, o)")
 
@@ -150,10 +157,10 @@ class _Writer:
         if counting:
             self.lines.add(f"o {'' if first else '+'}= len({expression})")
 
-    def _packed(self, unit: Packed, *, counting: bool) -> None:
+    def _packed(self, unit: PackedGroup, *, counting: bool) -> None:
         with_header = not self.appending and not self.pieces
         start = -HEADER_SIZE if with_header else unit.start.remainder
-        before = f"{'I ' if with_header else ''}{codes(unit.before)}"
+        before = f"{'I ' if with_header else ''}{struct_format(unit.before)}"
         values = ["_HEADER"] if with_header else []
         values += self._values(unit.before)
         if unit.chars:
@@ -161,10 +168,10 @@ class _Writer:
             values.append(text)
         values += self._values(unit.after)
         if unit.chars and unit.fixed:
-            arguments = f"{before!r}, {codes(unit.after)!r}, {start}"
+            arguments = f"{before!r}, {struct_format(unit.after)!r}, {start}"
             made = f"{self.lines.table('texts', f'_pieces.texts({arguments})')}[{length}].pack"
         elif unit.chars:
-            table = f"_pieces.phased_texts({before!r}, {codes(unit.after)!r})"
+            table = f"_pieces.phased_texts({before!r}, {struct_format(unit.after)!r})"
             made = f"{self.lines.table('texts', table)}[o & 7][{length}].pack"
         elif unit.fixed:
             made = self.lines.table("pack", f"_pieces.fixed({before!r}, {start}).pack")
@@ -172,12 +179,12 @@ class _Writer:
             made = f"{self.lines.table('structs', f'_pieces.phased({before!r})')}[o & 7].pack"
         if counting or not unit.fixed:
             name = self.lines.names.new("piece")
-            self.lines.add(*wrapped(f"{name} = {made}(", values, ")"))
+            self.lines.add(*wrap_arguments(f"{name} = {made}(", values, ")"))
             self._piece(name, counting=counting, first=with_header)
         elif self.appending:
-            self.lines.add(*wrapped(f"append({made}(", values, "))"))
+            self.lines.add(*wrap_arguments(f"append({made}(", values, "))"))
         elif self.sole:
-            self.lines.add(*wrapped(f"return {made}(", values, ")"))
+            self.lines.add(*wrap_arguments(f"return {made}(", values, ")"))
         else:
             self.pieces.append(self._named(made, values))
 
@@ -187,7 +194,7 @@ class _Writer:
         if len(call) <= _READABLE:
             return call
         name = self.lines.names.new("piece")
-        self.lines.add(*wrapped(f"{name} = {function}(", values, ")"))
+        self.lines.add(*wrap_arguments(f"{name} = {function}(", values, ")"))
         return name
 
     def _values(self, run: Run | None) -> list[str]:
@@ -196,17 +203,17 @@ class _Writer:
 
     def _value(self, member: Member) -> Iterator[str]:
         match member:
-            case Value(hidden=True):
+            case Scalar(hidden=True):
                 return
-            case Value(path, type_):
+            case Scalar(path, type_):
                 word = self._attribute(path)
                 yield f"_pieces.to_{type_.name}({word})" if type_.name in {"char", "wchar"} else word
-            case Block():
+            case InlineArray():
                 yield self._block(member)
-            case Count(path, type_):
+            case Length(path, type_):
                 yield self._count(path, type_)
 
-    def _block(self, block: Block) -> str:
+    def _block(self, block: InlineArray) -> str:
         """Add the line that makes bytes of a small array, and the check of their number."""
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
@@ -215,13 +222,13 @@ class _Writer:
         self.lines.add(f"{name} = {made}", f"if len({name}) != {block.size}:", "    raise _pieces.Refused")
         return name
 
-    def _count(self, path: Path, type_: Text | Sequence) -> str:
+    def _count(self, path: Path, type_: String | Sequence) -> str:
         """Add the lines that find a string's bytes or a sequence; return the number that is written."""
         word = self._attribute(path)
         name = self.lines.names.of(path, self.root) if path else self.lines.names.new("text")
         number = self.lines.names.new(f"{name}_size")
         made, length = word, f"len({name})"
-        if isinstance(type_, Text):
+        if isinstance(type_, String):
             made = f"_pieces.to_wide({word})" if type_.wide else f"{word}.encode()"
             length = f"len({name}) >> 2" if type_.wide else length
         elif isinstance(type_.of, Primitive) and type_.of.name in _CONVERSIONS:
@@ -231,12 +238,12 @@ class _Writer:
         if isinstance(type_, Sequence) and type_.bound is not None:
             self.lines.add(f"if {number} > {type_.bound}:", "    raise _pieces.Refused")
         self._found[path] = (name, number)
-        return f"{number} + 1" if isinstance(type_, Text) and not type_.wide else number
+        return f"{number} + 1" if isinstance(type_, String) and not type_.wide else number
 
-    def _numbers(self, unit: Numbers, *, counting: bool) -> None:
+    def _numbers(self, unit: PrimitiveElements, *, counting: bool) -> None:
         size = SIZES[unit.of.name]
         if isinstance(unit.type, Array):
-            block = Block(unit.path, unit.type, unit.of)
+            block = InlineArray(unit.path, unit.type, unit.of)
             name, empty, length = self._large_array(block), "", str(block.size)
         else:
             name, number = self._found[unit.path]
@@ -253,7 +260,7 @@ class _Writer:
         if counting:
             self.lines.add(f"o += {length}")
 
-    def _large_array(self, block: Block) -> str:
+    def _large_array(self, block: InlineArray) -> str:
         """Add the line that finds a large array, and the check of its size."""
         if block.of.name in _CONVERSIONS:
             return self._block(block)
@@ -274,7 +281,7 @@ class _Writer:
             self.lines.add(f"{name} = {self._attribute(unit.path)}")
         if isinstance(unit.type, Array):
             self.lines.add(f"if len({name}) != {unit.type.size}:", "    raise _pieces.Refused")
-        gathered = units(unit.body.steps)
+        gathered = group_steps(unit.body.steps)
         element = self.lines.names.new(singular(unit.path[-1]))
         self.lines.add(f"for {element} in {name}:")
         self.lines.deeper()
@@ -286,7 +293,7 @@ class _Writer:
     def _append_from_now_on(self) -> None:
         """Turn the pieces so far into a list that grows."""
         if not self.appending:
-            self.lines.add(*wrapped("parts = [", self.pieces, "]"), "append = parts.append")
+            self.lines.add(*wrap_arguments("parts = [", self.pieces, "]"), "append = parts.append")
             self.appending = True
 
     def _attribute(self, path: Path) -> str:

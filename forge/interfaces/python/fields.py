@@ -6,7 +6,7 @@ from math import isinf
 from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
 from forge.interfaces.python.types import (
     DTYPES,
     INTEGERS,
@@ -184,7 +184,7 @@ def _tests(type_: Type, word: str) -> list[str]:
         case Primitive(name) if name in INTEGERS:
             low, high = INTEGERS[name]
             python, limits = "int", [f"{low} <= {word} <= {high}"]
-        case Text(_, bound):
+        case String(_, bound):
             python, limits = "str", [] if bound is None else [f"len({word}) <= {bound}"]
         case _:
             python = "float"
@@ -201,9 +201,9 @@ def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
             return f"_checks.character{start}, {HIGHEST[name]})"
         case Primitive(name):
             return f"_checks.number{start}, {name!r})"
-        case Text(_, None):
+        case String(_, None):
             return f"_checks.text{start})"
-        case Text(_, bound):
+        case String(_, bound):
             return f"_checks.bounded_text{start}, {bound})"
         case Named(name):
             return f"_checks.message{start}, {classes[name]})"
@@ -222,9 +222,9 @@ def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
     match element_of(type_):
         case Named(name):
             call, what = "collection", classes[name]
-        case Text(_, None):
+        case String(_, None):
             call, what = "collection", "str"
-        case Text(_, bound):
+        case String(_, bound):
             call, what = "texts", str(bound)
         case Primitive("char" | "wchar" as name):
             call, what = "characters", str(HIGHEST[name])

@@ -14,7 +14,7 @@ from forge.base.names import snake_case
 from forge.base.templating import render
 from forge.interfaces.model import Action, File, Named, Service, TypeName, element_of, messages_of
 from forge.interfaces.python.fields import BUILTINS, FieldView, Scope, view_field
-from forge.interfaces.python.stubs import Language, hidden_words, stub_imports, view_stub
+from forge.interfaces.python.stubs import StubNames, shadowed_builtins, stub_imports, view_stub
 from forge.interfaces.python.types import literal
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _interface(interface: Interface, root: str = "") -> Iterator[File]:
     views = [_message(message, classes) for message in messages]
     text = render("python/interface.py.j2", **shared, messages=views, imports=_imports(views, messages))
     yield File(f"{path}.py", text)
-    language = Language(classes, hidden_words(messages))
+    language = StubNames(classes, shadowed_builtins(messages))
     stubs = [view_stub(message, language) for message in messages]
     lines = stub_imports(messages, language.hidden, aliases=bool(_services(interface)))
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
 from forge.interfaces.python.types import DTYPES, INTEGERS, numeric
 
 if TYPE_CHECKING:
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
     from forge.interfaces.model import Constant, Element, Field, Message, Type, TypeName
 
-WORDS: Final = frozenset({"bool", "bytearray", "bytes", "float", "int", "list", "property", "str"})
+BUILTINS: Final = frozenset({"bool", "bytearray", "bytes", "float", "int", "list", "property", "str"})
 """Builtins that stubs speak of; a field of such a name hides it inside its class."""
 
 
 @frozen
-class Language:
+class StubNames:
     """How a module's stub names classes and builtins."""
 
     classes: Mapping[TypeName, str]
@@ -34,7 +34,7 @@ class Language:
         match element:
             case Named(name):
                 return self.classes[name]
-            case Text() | Primitive("char" | "wchar"):
+            case String() | Primitive("char" | "wchar"):
                 return self.word("str")
             case Primitive("boolean"):
                 return self.word("bool")
@@ -92,7 +92,7 @@ class MessageStub:
     fields: tuple[MemberStub, ...]
 
 
-def view_stub(message: Message, language: Language) -> MessageStub:
+def view_stub(message: Message, language: StubNames) -> MessageStub:
     """Return the texts of a message's stub."""
     names = {field.name for field in message.fields}
     return MessageStub(
@@ -104,9 +104,9 @@ def view_stub(message: Message, language: Language) -> MessageStub:
     )
 
 
-def hidden_words(messages: Iterable[Message]) -> frozenset[str]:
+def shadowed_builtins(messages: Iterable[Message]) -> frozenset[str]:
     """Return the builtins that the fields of a module's messages hide."""
-    return WORDS & {field.name for message in messages for field in message.fields}
+    return BUILTINS & {field.name for message in messages for field in message.fields}
 
 
 def stub_imports(messages: Collection[Message], hidden: Iterable[str], *, aliases: bool) -> list[str]:
@@ -157,12 +157,12 @@ def _safe(line: str) -> str:
     )
 
 
-def _constant(constant: Constant, language: Language) -> MemberStub:
+def _constant(constant: Constant, language: StubNames) -> MemberStub:
     held = language.held(constant.type)
     return MemberStub(constant.name, held, held, docstring(constant.doc), None)
 
 
-def _field(field: Field, language: Language) -> MemberStub:
+def _field(field: Field, language: StubNames) -> MemberStub:
     unit = (f"[{field.unit}]",) if field.unit else ()
     return MemberStub(
         name=field.name,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, isnan
 from typing import TYPE_CHECKING, Final
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, element_of
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Element, Type, Value
@@ -34,7 +34,7 @@ def type_text(type_: Type) -> str:
     match type_:
         case Primitive(name):
             return name
-        case Text(wide, bound):
+        case String(wide, bound):
             word = "wstring" if wide else "string"
             return word if bound is None else f"{word}<{bound}>"
         case Named(name):
@@ -88,7 +88,7 @@ def slot_type(type_: Type) -> str:
     match type_:
         case Primitive(name):
             inner = f"BasicType({name!r})"
-        case Text(wide, bound):
+        case String(wide, bound):
             word = "WString" if wide else "String"
             inner = f"Unbounded{word}()" if bound is None else f"Bounded{word}({bound})"
         case Named(name):

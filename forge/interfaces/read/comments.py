@@ -13,7 +13,7 @@ _BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
 """From a '[' to its end; it is a unit only if it ends with ']'."""
 
 
-TURNING = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+BIDI_CONTROLS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 """Bidirectional control characters, which make code look different from what it is (CVE-2021-42574)."""
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, cast
 
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
+from forge.interfaces.read.errors import ParseError
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -122,33 +122,35 @@ def _check_outline(text: str, written: str, rest: str) -> None:
     """Reject a line that is not of the form 'TYPE name'."""
     if not written:
         start = len(text) - len(text.lstrip())
-        raise Fault(
+        raise ParseError(
             "a declaration starts in the first column", offset=start, hint="remove the blanks before it"
         )
     if written.startswith("---"):
-        raise Fault("a separator is exactly '---', and belongs into .srv and .action files")
+        raise ParseError("a separator is exactly '---', and belongs into .srv and .action files")
     if not rest.strip():
         if "=" in written:
-            raise Fault("a constant needs a blank after its type", hint="write 'TYPE NAME=VALUE'")
-        raise Fault(f"'{written}' is not followed by a name", offset=len(written), hint="write 'TYPE name'")
+            raise ParseError("a constant needs a blank after its type", hint="write 'TYPE NAME=VALUE'")
+        raise ParseError(
+            f"'{written}' is not followed by a name", offset=len(written), hint="write 'TYPE name'"
+        )
 
 
-def _explained(written: str, offset: int) -> Fault:
+def _explained(written: str, offset: int) -> ParseError:
     """Return the fault of a type that the grammar rejected at `offset`."""
     if offset == len(written) and written.count("[") > written.count("]"):
-        return Fault("a type has no blanks inside", offset=offset)
+        return ParseError("a type has no blanks inside", offset=offset)
     if written.count("/") > 1:
-        return Fault(
+        return ParseError(
             f"type '{written}' has more than two parts",
             offset=written.index("/", written.index("/") + 1),
             hint="a message of another package is 'package/Name'",
         )
     brackets = re.search(r"\[(<=)?([^\]]*)\]", written)
     if brackets and offset >= brackets.end():
-        return Fault("an array has one dimension", offset=offset, hint="make a message of its elements")
+        return ParseError("an array has one dimension", offset=offset, hint="make a message of its elements")
     if brackets:
         return _no_size(brackets[2], brackets.start(2))
-    return Fault(f"'{written}' is not a type", offset=offset)
+    return ParseError(f"'{written}' is not a type", offset=offset)
 
 
 def _type(tree: Tree[Token], package: str) -> Type:
@@ -165,8 +167,8 @@ def _type(tree: Tree[Token], package: str) -> Type:
 
 def _unbounded(of: Element) -> Sequence:
     """Return a sequence, unless rosidl generators and parsers interpret it differently."""
-    if isinstance(of, Text) and of.wide and of.bound is not None:
-        raise Fault(
+    if isinstance(of, String) and of.wide and of.bound is not None:
+        raise ParseError(
             f"rosidl takes 'wstring<={of.bound}[]' for 'wstring<={of.bound}[<={of.bound}]'",
             hint="write that, or 'wstring[]'",
         )
@@ -182,15 +184,15 @@ def _element(tree: Tree[Token], package: str) -> Element:
     match tree.data:
         case "bounded_text":
             if words[0] not in {"string", "wstring"}:
-                raise Fault(
+                raise ParseError(
                     f"only string and wstring take a bound, not '{words[0]}'",
                     offset=len(words[0]),
                     hint="a bounded sequence is 'TYPE[<=N]'",
                 )
-            return Text(words[0] == "wstring", _size(tree.children[1]))
+            return String(words[0] == "wstring", _size(tree.children[1]))
         case "other":
             if not LOWER_NAME.fullmatch(words[0]):
-                raise Fault(f"'{words[0]}' is not the name of a package")
+                raise ParseError(f"'{words[0]}' is not the name of a package")
             return Named(TypeName(words[0], "msg", _message_name(words[1], len(words[0]) + 1)))
         case _:
             return _single(words[0], package)
@@ -200,17 +202,19 @@ def _single(word: str, package: str) -> Element:
     if word in PRIMITIVES:
         return Primitive(PRIMITIVES[word])
     if word in {"string", "wstring"}:
-        return Text(word == "wstring")
+        return String(word == "wstring")
     if word in _ELSEWHERE:
-        raise Fault(f"there is no type '{word}'", hint=f"use '{_ELSEWHERE[word]}'")
+        raise ParseError(f"there is no type '{word}'", hint=f"use '{_ELSEWHERE[word]}'")
     if word[0].isupper():
         return Named(TypeName(package, "msg", _message_name(word, 0)))
-    raise Fault(f"there is no type '{word}'", hint=did_you_mean(word, [*PRIMITIVES, "string", "wstring"]))
+    raise ParseError(
+        f"there is no type '{word}'", hint=did_you_mean(word, [*PRIMITIVES, "string", "wstring"])
+    )
 
 
 def _message_name(name: str, offset: int) -> str:
     if not _SECTION_NAME.fullmatch(name):
-        raise Fault(
+        raise ParseError(
             f"'{name}' is not the name of a message",
             offset=offset,
             hint="such a name is CamelCase: letters and digits",
@@ -226,12 +230,12 @@ def _size(token: object) -> int:
     except ValueError:
         raise _no_size(str(token), offset) from None
     if size < 1:
-        raise Fault("a size is at least 1", offset=offset)
+        raise ParseError("a size is at least 1", offset=offset)
     return size
 
 
-def _no_size(text: str, offset: int) -> Fault:
-    return Fault(f"'{text}' is not a size", offset=offset, hint="write a decimal number")
+def _no_size(text: str, offset: int) -> ParseError:
+    return ParseError(f"'{text}' is not a size", offset=offset, hint="write a decimal number")
 
 
 def _check_field(name: str, offset: int, _: Type) -> None:
@@ -239,7 +243,7 @@ def _check_field(name: str, offset: int, _: Type) -> None:
         better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
         hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
         rule = "it takes lower-case letters, digits and single underscores"
-        raise Fault(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
+        raise ParseError(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
     check_keyword(name, offset, "field")
 
 
@@ -247,7 +251,7 @@ def check_keyword(name: str, offset: int, what: str) -> None:
     """Raise Fault when generated code could not contain the name of this `what`."""
     tongues = [tongue for tongue, words in _KEYWORDS.items() if name in words]
     if tongues:
-        raise Fault(
+        raise ParseError(
             f"a {what} cannot be called '{name}', a keyword of {' and '.join(tongues)}",
             offset=offset,
             hint=f"name it '{name}_value', or say what it holds",
@@ -258,7 +262,7 @@ def _check_constant(name: str, offset: int, type_: Type) -> None:
     first, blank, rest = name.partition(" ")
     if blank or not first:
         offset += len(name) - len(rest.lstrip(" "))
-        raise Fault(
+        raise ParseError(
             "a constant is 'TYPE NAME = VALUE'",
             offset=offset,
             hint="a line with '=' declares a constant, even where '=' is meant as text",
@@ -267,6 +271,6 @@ def _check_constant(name: str, offset: int, type_: Type) -> None:
         better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
         hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None
         rule = "it takes upper-case letters, digits and single underscores"
-        raise Fault(f"'{name}' cannot be the name of a constant", offset=offset, hint=hint or rule)
-    if not isinstance(type_, Primitive) and type_ not in {Text(), Text(wide=True)}:
-        raise Fault("a constant is a number, a bool or an unbounded string")
+        raise ParseError(f"'{name}' cannot be the name of a constant", offset=offset, hint=hint or rule)
+    if not isinstance(type_, Primitive) and type_ not in {String(), String(wide=True)}:
+        raise ParseError("a constant is a number, a bool or an unbounded string")

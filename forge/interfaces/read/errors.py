@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Fault(Exception):  # noqa: N818  (it never leaves the parser: there it becomes a Problem)
+class ParseError(Exception):
     """An error message, its offset in the parsed text, and a hint."""
 
     def __init__(self, message: str, *, offset: int = 0, hint: str | None = None) -> None:
@@ -13,6 +13,6 @@ class Fault(Exception):  # noqa: N818  (it never leaves the parser: there it bec
         self.offset = offset
         self.hint = hint
 
-    def shifted(self, by: int) -> Fault:
+    def shifted(self, by: int) -> ParseError:
         """Return the same fault with its offset increased by `by`."""
-        return Fault(self.message, offset=self.offset + by, hint=self.hint)
+        return ParseError(self.message, offset=self.offset + by, hint=self.hint)

@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Place, Problem
-from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, Text, element_of, sections_of
+from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, String, element_of, sections_of
 from forge.interfaces.read.literals import QUOTES
 
 if TYPE_CHECKING:
@@ -44,14 +44,14 @@ _MISREAD = re.compile(r"\\(?:\\|[nr]|u|U|N|x(?![0-9a-fA-F]{2}))")
 _SIDE_BY_SIDE = re.compile(r"""["']\s+["']""")
 
 
-def doubts(parsed: Iterable[Parsed]) -> list[Problem]:
+def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     """Return the problems in some files, in the order of files and lines."""
     found = []
     for each in parsed:
         if each.source.relative.endswith(".idl"):
             from forge.interfaces.idl.parsing import read_idl  # noqa: PLC0415  (few packages have such files)
 
-            problems = read_idl(each.source).doubts
+            problems = read_idl(each.source).warnings
         else:
             problems = [*_comments(each.source), *_lines(each)]
         for message in sections_of(each.interface):
@@ -107,7 +107,7 @@ def _value(declared: Field | Constant) -> Iterator[Problem]:
     _, rest = code.strip().split(maxsplit=1)
     text = rest.removeprefix(declared.name).strip().removeprefix("=").strip()
     element = element_of(declared.type)
-    if isinstance(element, Text):
+    if isinstance(element, String):
         yield from _quotes(declared, text, mark)
         yield from _characters(declared, text)
     elif isinstance(element, Primitive):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.read.errors import ParseError
 
 if TYPE_CHECKING:
     from forge.interfaces.model import Element, Type, Value
@@ -45,38 +45,38 @@ def read_value(text: str, type_: Type) -> Value:
         case Array(of, size):
             values = _collection(text, of)
             if len(values) != size:
-                raise Fault(f"an array of {_elements(size)} cannot hold {len(values)}")
+                raise ParseError(f"an array of {_elements(size)} cannot hold {len(values)}")
             return values
         case Sequence(of, bound):
             values = _collection(text, of)
             if bound is not None and len(values) > bound:
-                raise Fault(f"a sequence of at most {_elements(bound)} cannot hold {len(values)}")
+                raise ParseError(f"a sequence of at most {_elements(bound)} cannot hold {len(values)}")
             return values
-        case Text():
+        case String():
             return within_bound(_unescape(_unquote(text)), type_)
         case Primitive(name):
             return _number(text, name)
         case Named():
-            raise Fault("a field of a message type cannot have a default", hint="leave the value out")
+            raise ParseError("a field of a message type cannot have a default", hint="leave the value out")
 
 
 def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
     """Return the elements between brackets."""
     if isinstance(of, Named):
-        raise Fault("a field of a message type cannot have a default", hint="leave the value out")
+        raise ParseError("a field of a message type cannot have a default", hint="leave the value out")
     if not (text.startswith("[") and text.endswith("]") and len(text) > 1):
-        raise Fault("the value of an array stands in brackets", hint="write it like [1, 2, 3]")
+        raise ParseError("the value of an array stands in brackets", hint="write it like [1, 2, 3]")
     inside = text[1:-1]
     if not inside:
         return ()
-    if isinstance(of, Text):
+    if isinstance(of, String):
         return tuple(within_bound(value, of) for value in _texts(inside))
     values = []
     offset = 1
     for part in inside.split(","):
         try:
             values.append(_number(part.strip(), of.name))
-        except Fault as fault:
+        except ParseError as fault:
             raise fault.shifted(offset + len(part) - len(part.lstrip())) from None
         offset += len(part) + 1
     return tuple(values)
@@ -112,15 +112,15 @@ def _integer(text: str, name: str) -> int:
     low, high = INTEGER_RANGES[name]
     if not low <= value <= high:
         kind = "byte" if name == "octet" else name
-        raise Fault(f"'{text}' is out of range for {kind}", hint=f"it holds {low} to {high}")
+        raise ParseError(f"'{text}' is out of range for {kind}", hint=f"it holds {low} to {high}")
     return value
 
 
-def _unreadable(text: str, kind: str, hint: str | None = None) -> Fault:
+def _unreadable(text: str, kind: str, hint: str | None = None) -> ParseError:
     if not text:
-        return Fault(f"{kind} is missing", hint=hint)
+        return ParseError(f"{kind} is missing", hint=hint)
     shown = text if text[0] in QUOTES else f"'{text}'"
-    return Fault(f"{shown} is not {kind}", hint=hint)
+    return ParseError(f"{shown} is not {kind}", hint=hint)
 
 
 def _unquote(text: str) -> str:
@@ -130,7 +130,7 @@ def _unquote(text: str) -> str:
             inside = text[1:-1]
             stray = re.match(rf"(?:[^\\{quote}]|\\.)*{quote}", inside)
             if stray:
-                raise Fault(
+                raise ParseError(
                     f"a quote inside quotes needs a backslash: \\{quote}",
                     offset=stray.end(),
                     hint="or put the text between the other kind of quotes",
@@ -146,7 +146,9 @@ def _unescape(text: str) -> str:
     plain = _ESCAPE.sub(_character, text)
     lone = _SURROGATES.search(plain)
     if lone:
-        raise Fault(f"'\\u{ord(lone.group()):04x}' is half a character", hint="write the character itself")
+        raise ParseError(
+            f"'\\u{ord(lone.group()):04x}' is half a character", hint="write the character itself"
+        )
     return plain
 
 
@@ -164,7 +166,7 @@ def _texts(inside: str) -> list[str]:
     while offset < len(inside):
         element = _TEXT_ELEMENT.match(inside, offset)
         if not element:
-            raise Fault("an element is missing here, or its quotes do not close", offset=offset + 1)
+            raise ParseError("an element is missing here, or its quotes do not close", offset=offset + 1)
         match element.groups():
             case str(double), _, _:
                 values.append(double.replace('\\"', '"'))
@@ -178,10 +180,10 @@ def _texts(inside: str) -> list[str]:
     return values
 
 
-def within_bound(text: str, type_: Text) -> str:
+def within_bound(text: str, type_: String) -> str:
     """Return the text; raises Fault when it has more characters than its type allows."""
     if type_.bound is not None and len(text) > type_.bound:
-        raise Fault(f"a text of {len(text)} characters does not fit into {type_.bound}")
+        raise ParseError(f"a text of {len(text)} characters does not fit into {type_.bound}")
     return text
 
 

@@ -17,12 +17,12 @@ from forge.interfaces.model import (
     Primitive,
     Service,
     Source,
-    Text,
+    String,
     TypeName,
 )
 from forge.interfaces.read.comments import read_comments
 from forge.interfaces.read.declarations import TYPE_NAME, Declaration, read_declaration
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import read_value
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ class _SectionReader:
     def _declaration(self, line: _Line, code: str) -> Declaration | None:
         try:
             return read_declaration(code, self.name.package)
-        except Fault as fault:
+        except ParseError as fault:
             self._report(line, fault)
             return None
 
@@ -215,19 +215,19 @@ class _SectionReader:
             kind = "constant" if declaration.constant else "field"
             column = line.text.index(declaration.name, line.text.index(" "))
             message = f"{kind} '{declaration.name}' is already declared in line {first}"
-            self._report(line, Fault(message, offset=column))
+            self._report(line, ParseError(message, offset=column))
             return
         try:
             value = None if declaration.value is None else read_value(declaration.value, declaration.type)
-        except Fault as fault:
+        except ParseError as fault:
             self._report(line, fault.shifted(declaration.value_offset))
             return
         doc, unit = read_comments(entry.comments)
         place = line.place(self.source.path)
         if not declaration.constant:
             fields[declaration.name] = Field(declaration.name, declaration.type, value, doc, unit, place)
-        elif value is not None and isinstance(declaration.type, Primitive | Text):
+        elif value is not None and isinstance(declaration.type, Primitive | String):
             constants[declaration.name] = Constant(declaration.name, declaration.type, value, doc, place)
 
-    def _report(self, line: _Line, fault: Fault) -> None:
+    def _report(self, line: _Line, fault: ParseError) -> None:
         self.problems.append(Problem(fault.message, line.place(self.source.path, fault.offset), fault.hint))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Field, Interface, Source
     from forge.interfaces.read.parsing import Parsed
 
-ACTION_PARTS = (
+ACTION_DEPENDENCIES = (
     TypeName("action_msgs", "srv", "CancelGoal"),
     TypeName("action_msgs", "msg", "GoalInfo"),
     TypeName("action_msgs", "msg", "GoalStatusArray"),
@@ -26,14 +26,14 @@ ACTION_PARTS = (
 """The interfaces that the code of an action refers to in addition to the members of its messages."""
 
 
-DEEPEST = 100
+MAX_NESTING = 100
 """The maximum nesting of messages: importing one imports all nested ones."""
 
 _MANY = 20
 """The maximum number of problems of one kind that are reported, or explained, for a package."""
 
 
-class Known(Protocol):
+class DefinitionLookup(Protocol):
     """The interfaces of other packages, parsed on demand."""
 
     def find(self, name: TypeName) -> Parsed | None:
@@ -44,16 +44,16 @@ class Known(Protocol):
 
 
 def resolve(
-    package: str, parsed: Iterable[Parsed], known: Known, forgotten: Mapping[str, str] | None = None
+    package: str, parsed: Iterable[Parsed], known: DefinitionLookup, unlisted: Mapping[str, str] | None = None
 ) -> Catalog:
     """Return the catalog of a package's parsed files; `known` is asked only for what they refer to.
 
-    `forgotten` are types of the package that have a file which is not among these, with that file, for hints.
+    `unlisted` are types of the package that have a file which is not among these, with that file, for hints.
     Raises InterfaceError: unknown types, cycles, two files for one name or for one generated file.
     """
     unique, problems = _unique(parsed)
     own = {message.name: message for p in unique.values() for message in messages_of(p.interface)}
-    search = _Search(package, own, known, set(unique), forgotten or {})
+    search = _Search(package, own, known, set(unique), unlisted or {})
     for message in own.values():
         search.follow(message)
     messages = {**own, **search.found}
@@ -65,7 +65,7 @@ def resolve(
     return Catalog(package, interfaces, messages, sources)
 
 
-def undeclared(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
+def undeclared_dependencies(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
     """Return a problem for each field of a type from a package that is none of `declared`.
 
     Such a type is found, but code that refers to it need not compile: its package may not be built.
@@ -84,7 +84,9 @@ def undeclared(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
     ]
 
 
-def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> tuple[Catalog, ...]:
+def dependency_catalogs(
+    catalog: Catalog, known: DefinitionLookup, also: Iterable[TypeName] = ()
+) -> tuple[Catalog, ...]:
     """Return what generated code of a catalog needs of other packages, as a part of each one's catalog.
 
     `also` names further interfaces to include. Raises InterfaceError when one is not there.
@@ -92,17 +94,17 @@ def referred(catalog: Catalog, known: Known, also: Iterable[TypeName] = ()) -> t
     waiting = [name for name in catalog.known if name.package != catalog.package]
     waiting += [name for name in also if name.package != catalog.package]
     if any(isinstance(interface, Action) for interface in catalog.interfaces.values()):
-        waiting += [name for name in ACTION_PARTS if name.package != catalog.package]
+        waiting += [name for name in ACTION_DEPENDENCIES if name.package != catalog.package]
     found: dict[TypeName, Parsed] = {}
     while waiting:
         name = waiting.pop()
         if name not in found:
-            found[name] = demand(name, known)
+            found[name] = require(name, known)
             waiting += [reference for _, reference in _references(found[name].interface)]
     return _partial_catalogs(found)
 
 
-def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
+def nested_messages(parsed: Parsed, known: DefinitionLookup) -> dict[TypeName, Message]:
     """Return every message that one installed interface refers to, however deep.
 
     Raises InterfaceError when one is not there or contains itself.
@@ -116,7 +118,7 @@ def messages_below(parsed: Parsed, known: Known) -> dict[TypeName, Message]:
     return messages
 
 
-def too_deep(messages: Mapping[TypeName, Message]) -> list[Problem]:
+def nesting_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
     """Return a problem if messages are nested too deeply for code that includes other code."""
     below = {
         name: {e.name for member in message.fields if isinstance(e := element_of(member.type), Named)}
@@ -125,15 +127,15 @@ def too_deep(messages: Mapping[TypeName, Message]) -> list[Problem]:
     depth: dict[TypeName, int] = {}
     for name in TopologicalSorter(below).static_order():
         depth[name] = 1 + max((depth[inner] for inner in below.get(name, ())), default=0)
-        if depth[name] > DEEPEST:
-            message = f"in '{name}' more than {DEEPEST} messages stand inside each other"
+        if depth[name] > MAX_NESTING:
+            message = f"in '{name}' more than {MAX_NESTING} messages stand inside each other"
             place = next((member.place for member in messages[name].fields), None)
             hint = "Python could not import it, nor C++ include it; keep parts of it in messages of their own"
             return [Problem(message, place, hint)]
     return []
 
 
-def demand(name: TypeName, known: Known) -> Parsed:
+def require(name: TypeName, known: DefinitionLookup) -> Parsed:
     """Return an interface; raises InterfaceError if it does not exist."""
     parsed = known.find(name)
     if not parsed:
@@ -197,9 +199,9 @@ class _Search:
 
     package: str
     own: Mapping[TypeName, Message]
-    known: Known
+    known: DefinitionLookup
     interfaces: set[TypeName]
-    forgotten: Mapping[str, str] = field(default_factory=dict)
+    unlisted: Mapping[str, str] = field(default_factory=dict)
     found: dict[TypeName, Message] = field(default_factory=dict)
     sources: dict[TypeName, Source] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
@@ -243,8 +245,8 @@ class _Search:
             message = f"the action '{action}' needs '{name}', which is not there"
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
-        if name.package == self.package and name.name in self.forgotten:
-            hint = f'add "{self.forgotten[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
+        if name.package == self.package and name.name in self.unlisted:
+            hint = f'add "{self.unlisted[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
             return Problem(f"unknown type '{written}'", member.place, hint)
         if len(self.problems) >= _MANY:
             return Problem(f"unknown type '{written}'", member.place)

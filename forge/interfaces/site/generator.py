@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @frozen
-class About:
+class PackageInfo:
     """What is known of a package beside its interfaces; `origin` says in a few words where it is from."""
 
     version: str = ""
@@ -34,7 +34,7 @@ class About:
 
 
 @frozen
-class Entry:
+class InterfaceEntry:
     """An interface in a list: `words` are what else it can be found by."""
 
     name: TypeName
@@ -45,35 +45,35 @@ class Entry:
 
 
 @frozen
-class Group:
+class InterfaceGroup:
     """The interfaces of a package that are of one kind."""
 
     title: str
-    entries: tuple[Entry, ...]
+    entries: tuple[InterfaceEntry, ...]
 
 
 @frozen
-class Chapter:
+class PackageEntry:
     """A package, with what a list of packages says of it."""
 
     name: str
-    about: About
+    about: PackageInfo
     paragraphs: tuple[Paragraph, ...]
     counts: str
-    groups: tuple[Group, ...]
+    groups: tuple[InterfaceGroup, ...]
 
 
-def site(catalogs: Iterable[Catalog], abouts: Mapping[str, About], title: str) -> Iterator[File]:
+def site(catalogs: Iterable[Catalog], infos: Mapping[str, PackageInfo], title: str) -> Iterator[File]:
     """Yield the files of a site about catalogs, which may each have a part of a package.
 
     Links lead to interfaces of the catalogs only.
     """
     title = visible(title)
-    catalog = _together(catalogs)
+    catalog = _merged(catalogs)
     names = defaultdict(list)
     for name in catalog.interfaces:
         names[name.package].append(name)
-    chapters = [_chapter(package, names[package], catalog, abouts) for package in sorted(names)]
+    chapters = [_package_entry(package, names[package], catalog, infos) for package in sorted(names)]
     pages = Pages(catalog)
     for name in catalog.interfaces:
         page = pages.page(name)
@@ -90,7 +90,7 @@ def site(catalogs: Iterable[Catalog], abouts: Mapping[str, About], title: str) -
     yield File("index.html", text)
 
 
-def _together(catalogs: Iterable[Catalog]) -> Catalog:
+def _merged(catalogs: Iterable[Catalog]) -> Catalog:
     """Return one catalog of all, in the order of the names."""
     interfaces: dict[TypeName, Interface] = {}
     known: dict[TypeName, Message] = {}
@@ -102,27 +102,27 @@ def _together(catalogs: Iterable[Catalog]) -> Catalog:
     return Catalog("", dict(sorted(interfaces.items())), known, sources)
 
 
-def _chapter(
-    package: str, names: Iterable[TypeName], catalog: Catalog, abouts: Mapping[str, About]
-) -> Chapter:
-    kinds: dict[str, list[Entry]] = {}
+def _package_entry(
+    package: str, names: Iterable[TypeName], catalog: Catalog, infos: Mapping[str, PackageInfo]
+) -> PackageEntry:
+    kinds: dict[str, list[InterfaceEntry]] = {}
     for name in names:
         kinds.setdefault(name.kind, []).append(_entry(name, catalog.interfaces[name]))
     order = [*(kind for kind in KINDS if kind in kinds), *sorted(kinds.keys() - KINDS.keys())]
-    groups = tuple(Group(_title(kind), tuple(kinds[kind])) for kind in order)
+    groups = tuple(InterfaceGroup(_title(kind), tuple(kinds[kind])) for kind in order)
     counts = ", ".join(_plural(len(kinds[kind]), *KINDS.get(kind, (f"in '{kind}'",) * 2)) for kind in order)
-    said = abouts.get(package, About())
-    about = About(visible(said.version), visible(said.description), visible(said.origin))
+    said = infos.get(package, PackageInfo())
+    about = PackageInfo(visible(said.version), visible(said.description), visible(said.origin))
     description = paragraphs((" ".join(said.description.split()),))
-    return Chapter(package, about, description, counts, groups)
+    return PackageEntry(package, about, description, counts, groups)
 
 
-def _entry(name: TypeName, interface: Interface) -> Entry:
+def _entry(name: TypeName, interface: Interface) -> InterfaceEntry:
     sections = sections_of(interface)
     fields = [member.name for message in sections for member in message.fields]
     words = dict.fromkeys([*fields, *(each.name for message in sections for each in message.constants)])
     said = next((text for message in sections if (text := summary(message.doc))), "")
-    return Entry(name, kind_of(name), path_of(name), said, visible(" ".join(words)))
+    return InterfaceEntry(name, kind_of(name), path_of(name), said, visible(" ".join(words)))
 
 
 def _title(kind: str) -> str:

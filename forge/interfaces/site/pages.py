@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.interfaces.hashing import Hasher, structures_of
 from forge.interfaces.model import Action, Named, element_of, sections_of
-from forge.interfaces.resolve.resolution import ACTION_PARTS
+from forge.interfaces.resolve.resolution import ACTION_DEPENDENCIES
 from forge.interfaces.site.snippets import Snippets, snippets
-from forge.interfaces.site.text import Paragraph, kind_of, paragraphs, shown, spell, visible
-from forge.interfaces.wire.sizes import Extents
+from forge.interfaces.site.text import Paragraph, kind_of, paragraphs, type_text, value_text, visible
+from forge.interfaces.wire.sizes import SizeCalculator
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Message, Source, Type, TypeName
-    from forge.interfaces.wire.sizes import Extent, Span
+    from forge.interfaces.wire.sizes import MemberSize, MessageSize
 
 _TITLES = {1: ("",), 2: ("Request", "Response"), 3: ("Goal", "Result", "Feedback")}
 
@@ -43,7 +43,7 @@ class Row:
 
 
 @frozen
-class Bytes:
+class MemberBytes:
     """The offset of a member, as text."""
 
     name: str
@@ -61,7 +61,7 @@ class Section:
     fields: tuple[Row, ...]
     constants: tuple[Row, ...]
     size: str
-    bytes: tuple[Bytes, ...]
+    bytes: tuple[MemberBytes, ...]
 
 
 @frozen
@@ -97,9 +97,9 @@ class Pages:
     def __init__(self, catalog: Catalog) -> None:
         """Index all interfaces and their users."""
         self._catalog = catalog
-        self._extents = Extents(catalog.known)
+        self._extents = SizeCalculator(catalog.known)
         self._hasher = Hasher(catalog)
-        self._users = users_of(catalog.interfaces)
+        self._users = used_by(catalog.interfaces)
 
     def page(self, name: TypeName) -> Page:
         """Return the page of an interface."""
@@ -120,7 +120,7 @@ class Pages:
             tuple(_lines(source)) if source else (),
             snippets(interface, self._catalog.known),
             words.links(self._users.get(name, ())),
-            words.links(ACTION_PARTS if isinstance(interface, Action) else ()),
+            words.links(ACTION_DEPENDENCIES if isinstance(interface, Action) else ()),
             self._hasher.hash(name),
             tuple(Derived(str(each), self._hasher.hash(each)) for each in derived),
         )
@@ -131,8 +131,10 @@ class Pages:
         return Section(
             title,
             paragraphs(message.doc),
-            tuple(words.row(prefix, each, shown(each.default), each.unit or "") for each in message.fields),
-            tuple(words.row(prefix, each, shown(each.value)) for each in message.constants),
+            tuple(
+                words.row(prefix, each, value_text(each.default), each.unit or "") for each in message.fields
+            ),
+            tuple(words.row(prefix, each, value_text(each.value)) for each in message.constants),
             _size_of(extent),
             tuple(
                 _bytes(member.name, span)
@@ -158,7 +160,7 @@ class _Words:
 
     def type(self, type_: Type) -> Link:
         """Return a type, with a link to the message that it is or consists of."""
-        spelled = spell(type_, self.package)
+        spelled = type_text(type_, self.package)
         if spelled.name is None or spelled.name not in self.interfaces:
             return Link(spelled.word, "", spelled.suffix)
         return Link(spelled.word, f"{self.root}{path_of(spelled.name)}", spelled.suffix)
@@ -174,7 +176,7 @@ def path_of(name: TypeName) -> str:
     return f"{name.package}/{name.kind}/{name.name}.html"
 
 
-def users_of(interfaces: Mapping[TypeName, Interface]) -> dict[TypeName, set[TypeName]]:
+def used_by(interfaces: Mapping[TypeName, Interface]) -> dict[TypeName, set[TypeName]]:
     """Return, for each message, the interfaces with a member of it in their own definition."""
     found: dict[TypeName, set[TypeName]] = {}
     for name, interface in interfaces.items():
@@ -198,7 +200,7 @@ def _lines(source: Source) -> list[tuple[str, str]]:
     return lines
 
 
-def _size_of(extent: Extent) -> str:
+def _size_of(extent: MessageSize) -> str:
     """Return how many bytes a message takes, in words."""
     if extent.most is None:
         return f"{_count(extent.least)} or more"
@@ -207,13 +209,13 @@ def _size_of(extent: Extent) -> str:
     return f"{extent.least:,} to {_count(extent.most)}"
 
 
-def _bytes(name: str, span: Span) -> Bytes:
+def _bytes(name: str, span: MemberSize) -> MemberBytes:
     offset = f"{span.offset:,}" if span.fixed else f"{span.offset:,} or later"
     if span.most is None:
         size = f"{span.least:,} or more"
     else:
         size = f"{span.least:,}" if span.least == span.most else f"{span.least:,} to {span.most:,}"
-    return Bytes(name, offset, span.alignment, size)
+    return MemberBytes(name, offset, span.alignment, size)
 
 
 def _count(count: int) -> str:

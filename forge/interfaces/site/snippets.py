@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.names import snake_case
-from forge.interfaces.model import Action, Array, Message, Named, Primitive, Sequence, Service, Text
+from forge.interfaces.model import Action, Array, Message, Named, Primitive, Sequence, Service, String
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -78,7 +78,7 @@ def _leaf(path: str, type_: Type, known: Mapping[TypeName, Message], depth: int)
     match type_:
         case Primitive(name) if name != "wchar":
             return _Leaf(path, _PYTHON.get(name, "1"), _CPP.get(name, "1"))
-        case Text(wide, bound):
+        case String(wide, bound):
             word = _WORD[:bound]
             return _Leaf(path, f'"{word}"', f'{"u" if wide else ""}"{word}"')
         case Named(name) if depth:

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -31,7 +31,7 @@ _PICTURES = {
 
 
 @frozen
-class Spelled:
+class TypeText:
     """A type as definitions have it: a word, perhaps with the interface that it names, and what follows."""
 
     word: str
@@ -52,7 +52,7 @@ def kind_of(name: TypeName) -> str:
     return KINDS.get(name.kind, KINDS["msg"])[0]
 
 
-def spell(type_: Type, package: str) -> Spelled:
+def type_text(type_: Type, package: str) -> TypeText:
     """Return a type as a definition of `package` has it."""
     match type_:
         case Array(of, size):
@@ -63,7 +63,7 @@ def spell(type_: Type, package: str) -> Spelled:
             return _spell(type_, package, "")
 
 
-def shown(value: Value | None) -> str:
+def value_text(value: Value | None) -> str:
     """Return a value much as definitions have it; nothing for none."""
     return "" if value is None else visible(json.dumps(value, ensure_ascii=False))
 
@@ -98,13 +98,13 @@ def _first_block(doc: Iterable[str]) -> Iterator[str]:
             return
 
 
-def _spell(of: Element, package: str, suffix: str) -> Spelled:
+def _spell(of: Element, package: str, suffix: str) -> TypeText:
     match of:
         case Primitive(name):
-            return Spelled(_IN_FILES.get(name, name), None, suffix)
-        case Text(wide, bound):
+            return TypeText(_IN_FILES.get(name, name), None, suffix)
+        case String(wide, bound):
             limit = "" if bound is None else f"<={bound}"
-            return Spelled(("wstring" if wide else "string") + limit, None, suffix)
+            return TypeText(("wstring" if wide else "string") + limit, None, suffix)
         case Named(name):
             word = name.name if name.package == package else f"{name.package}/{name.name}"
-            return Spelled(word, name, suffix)
+            return TypeText(word, name, suffix)

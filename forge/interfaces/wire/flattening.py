@@ -6,59 +6,59 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
 from forge.interfaces.wire.layout import (
-    ANYWHERE,
     SIZES,
     START,
-    Block,
-    Chars,
-    Count,
-    Inner,
-    Layout,
+    UNKNOWN,
+    InlineArray,
+    InlinedMessage,
+    Length,
     Loop,
-    Numbers,
+    MessageCall,
+    MessageLayout,
     Phase,
+    PrimitiveElements,
     Run,
-    Shared,
-    Value,
+    Scalar,
+    StringData,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from forge.interfaces.model import Element, Message, Type, TypeName
-    from forge.interfaces.wire.layout import Member, Path, Step
+    from forge.interfaces.wire.layout import LayoutStep, Member, Path
 
-BULKY: Final = 512
+RUN_ARRAY_LIMIT: Final = 512
 """An array of more bytes than this is moved on its own: beside it, a copy saved on a run is nothing."""
 
-LARGE: Final = 64
+INLINE_LIMIT: Final = 64
 """A message of more steps and members than this is not unfolded inside others."""
 
 
 @frozen
-class Layouts:
+class LayoutBuilder:
     """The layouts of all messages of a catalog, by the definitions in `known`."""
 
     known: Mapping[TypeName, Message]
     _weights: dict[TypeName, int] = field(default_factory=dict)
 
-    def of(self, name: TypeName, start: Phase = START) -> Layout:
+    def of(self, name: TypeName, start: Phase = START) -> MessageLayout:
         """Return the layout of a message, itself unfolded however large."""
-        flat = _Flat(self, start)
+        flat = _Flattening(self, start)
         flat.add_members((), name)
         return flat.layout()
 
-    def of_element(self, type_: Type, start: Phase) -> Layout:
+    def of_element(self, type_: Type, start: Phase) -> MessageLayout:
         """Return the layout of a collection's element, or of a member alone; its path is ()."""
-        flat = _Flat(self, start)
+        flat = _Flattening(self, start)
         flat.add((), type_)
         return flat.layout()
 
     def is_large(self, name: TypeName) -> bool:
         """Tell if other messages refer to this one's layout instead of unfolding it."""
-        return self._weight(name) > LARGE
+        return self._weight(name) > INLINE_LIMIT
 
     def _weight(self, name: TypeName) -> int:
         if name not in self._weights:
@@ -77,24 +77,24 @@ class Layouts:
 
 
 @dataclass(slots=True)
-class _Flat:
+class _Flattening:
     """A layout in the making."""
 
-    layouts: Layouts
+    layouts: LayoutBuilder
     start: Phase
-    steps: list[Step] = field(default_factory=list)
-    inner: list[Inner] = field(default_factory=list)
+    steps: list[LayoutStep] = field(default_factory=list)
+    inner: list[InlinedMessage] = field(default_factory=list)
     run: list[Member] = field(default_factory=list)
-    phase: Phase = ANYWHERE
+    phase: Phase = UNKNOWN
     """What is known where the run being gathered begins."""
 
     def __post_init__(self) -> None:
         self.phase = self.start
 
-    def layout(self) -> Layout:
+    def layout(self) -> MessageLayout:
         """Return what has been gathered."""
         self._close()
-        return Layout(tuple(self.steps), tuple(self.inner), self.start, self.phase)
+        return MessageLayout(tuple(self.steps), tuple(self.inner), self.start, self.phase)
 
     def add_members(self, path: Path, name: TypeName) -> None:
         """Add all members of a message."""
@@ -104,52 +104,56 @@ class _Flat:
             if message.fields:
                 self.add(inside, member.type)
             else:
-                self.run.append(Value(inside, Primitive("uint8"), hidden=True))
+                self.run.append(Scalar(inside, Primitive("uint8"), hidden=True))
 
     def add(self, path: Path, type_: Type) -> None:
         """Add one member."""
         match type_:
             case Primitive():
-                self.run.append(Value(path, type_))
-            case Text():
-                self.run.append(Count(path, type_))
+                self.run.append(Scalar(path, type_))
+            case String():
+                self.run.append(Length(path, type_))
                 self._close()
-                self._step(Chars(path, type_, self.phase), Phase(4, 0) if type_.wide else ANYWHERE)
+                self._step(StringData(path, type_, self.phase), Phase(4, 0) if type_.wide else UNKNOWN)
             case Named(name) if self.layouts.is_large(name):
                 self._close()
-                self._step(Shared(path, name, self.phase), ANYWHERE)
+                self._step(MessageCall(path, name, self.phase), UNKNOWN)
             case Named(name):
-                self.inner.append(Inner(path, name))
+                self.inner.append(InlinedMessage(path, name))
                 self.add_members(path, name)
             case Array() | Sequence():
                 self._add_collection(path, type_)
 
     def _add_collection(self, path: Path, type_: Array | Sequence) -> None:
         of = type_.of
-        if isinstance(type_, Array) and isinstance(of, Primitive) and type_.size * SIZES[of.name] <= BULKY:
-            self.run.append(Block(path, type_, of))
+        if (
+            isinstance(type_, Array)
+            and isinstance(of, Primitive)
+            and type_.size * SIZES[of.name] <= RUN_ARRAY_LIMIT
+        ):
+            self.run.append(InlineArray(path, type_, of))
             return
         if isinstance(type_, Sequence):
-            self.run.append(Count(path, type_))
+            self.run.append(Length(path, type_))
         self._close()
         start = self.phase
         if isinstance(of, Primitive):
-            end = _behind(start.aligned(SIZES[of.name]), SIZES[of.name], type_)
-            step: Step = Numbers(path, type_, of, start)
+            end = _phase_after(start.aligned(SIZES[of.name]), SIZES[of.name], type_)
+            step: LayoutStep = PrimitiveElements(path, type_, of, start)
         else:
             body = self._body(of)
             end = body.end
             step = Loop(path, type_, body, start)
         self._step(step, start.either(end) if isinstance(type_, Sequence) else end)
 
-    def _body(self, of: Element) -> Layout:
+    def _body(self, of: Element) -> MessageLayout:
         """Return the layout that holds for the first element as well as for those behind others."""
         body = self.layouts.of_element(of, self.phase)
         while (start := body.start.either(body.end)) != body.start:
             body = self.layouts.of_element(of, start)
         return body
 
-    def _step(self, step: Step, end: Phase) -> None:
+    def _step(self, step: LayoutStep, end: Phase) -> None:
         self.steps.append(step)
         self.phase = end
 
@@ -161,7 +165,7 @@ class _Flat:
             self.run.clear()
 
 
-def _behind(first: Phase, size: int, type_: Array | Sequence) -> Phase:
+def _phase_after(first: Phase, size: int, type_: Array | Sequence) -> Phase:
     """Return the phase behind values of a size, the first of which lies at a known phase."""
     if isinstance(type_, Array):
         return first.after(type_.size * size)

@@ -20,7 +20,7 @@ from math import gcd
 from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Primitive, Sequence, Text
+from forge.interfaces.model import Array, Primitive, Sequence, String
 
 if TYPE_CHECKING:
     from forge.interfaces.model import TypeName
@@ -33,7 +33,7 @@ SIZES: Final = {
 }
 """The bytes of each primitive type, which are also its alignment."""
 
-WIDEST: Final = 8
+MAX_ALIGNMENT: Final = 8
 """No type is aligned to more."""
 
 Path = tuple[str, ...]
@@ -66,12 +66,12 @@ class Phase:
         return Phase(modulus, self.remainder % modulus)
 
 
-START: Final = Phase(WIDEST, 0)
-ANYWHERE: Final = Phase(1, 0)
+START: Final = Phase(MAX_ALIGNMENT, 0)
+UNKNOWN: Final = Phase(1, 0)
 
 
 @frozen
-class Value:
+class Scalar:
     """One primitive. A hidden one stands for an empty message: written as 0, read past."""
 
     path: Path
@@ -90,7 +90,7 @@ class Value:
 
 
 @frozen
-class Block:
+class InlineArray:
     """A small array of primitives."""
 
     path: Path
@@ -109,7 +109,7 @@ class Block:
 
 
 @frozen
-class Count:
+class Length:
     """The uint32 before what has no fixed size.
 
     For a string these are the bytes, the NUL at the end included; for a wstring its UTF-16 code
@@ -117,7 +117,7 @@ class Count:
     """
 
     path: Path
-    type: Text | Sequence
+    type: String | Sequence
 
     @property
     def size(self) -> int:
@@ -130,11 +130,11 @@ class Count:
         return 4
 
 
-Member = Value | Block | Count
+Member = Scalar | InlineArray | Length
 
 
 @frozen
-class Piece:
+class Segment:
     """A part of a run whose inner padding is known: `paddings[i]` bytes come before `members[i]`.
 
     Where `alignment` is more than 1, the offset has first to be rounded up to a multiple of it.
@@ -163,13 +163,13 @@ class Run:
         return max(member.alignment for member in self.members)
 
     @property
-    def count(self) -> Count | None:
+    def count(self) -> Length | None:
         """The count at the run's end, if it has one: only what follows the run tells what it counts."""
         last = self.members[-1]
-        return last if isinstance(last, Count) else None
+        return last if isinstance(last, Length) else None
 
     @property
-    def pieces(self) -> tuple[Piece, ...]:
+    def pieces(self) -> tuple[Segment, ...]:
         """The run, cut where padding depends on what comes before: one piece if none does."""
         pieces: list[tuple[int, list[Member], list[int]]] = []
         phase = self.start
@@ -181,7 +181,7 @@ class Run:
             pieces[-1][2].append(padding or 0)
             phase = phase.aligned(member.alignment).after(member.size)
         return tuple(
-            Piece(alignment, tuple(members), tuple(paddings)) for alignment, members, paddings in pieces
+            Segment(alignment, tuple(members), tuple(paddings)) for alignment, members, paddings in pieces
         )
 
     def end(self, start: Phase) -> Phase:
@@ -200,16 +200,16 @@ class Run:
 
 
 @frozen
-class Chars:
+class StringData:
     """The characters of a string with a NUL at their end, or the code units of a wstring, 4 bytes each."""
 
     path: Path
-    type: Text
+    type: String
     start: Phase
 
 
 @frozen
-class Numbers:
+class PrimitiveElements:
     """Primitives side by side. Where there are none, there is no padding either."""
 
     path: Path
@@ -229,12 +229,12 @@ class Loop:
 
     path: Path
     type: Array | Sequence
-    body: Layout
+    body: MessageLayout
     start: Phase
 
 
 @frozen
-class Shared:
+class MessageCall:
     """A whole message whose layout stands elsewhere and begins with any phase."""
 
     path: Path
@@ -242,11 +242,11 @@ class Shared:
     start: Phase
 
 
-Step = Run | Chars | Numbers | Loop | Shared
+LayoutStep = Run | StringData | PrimitiveElements | Loop | MessageCall
 
 
 @frozen
-class Inner:
+class InlinedMessage:
     """A message unfolded into a layout: languages that build objects need to know."""
 
     path: Path
@@ -254,11 +254,11 @@ class Inner:
 
 
 @frozen
-class Layout:
+class MessageLayout:
     """The steps of a message that begins with the phase `start`, and the phase behind it."""
 
-    steps: tuple[Step, ...]
-    inner: tuple[Inner, ...]
+    steps: tuple[LayoutStep, ...]
+    inner: tuple[InlinedMessage, ...]
     start: Phase
     end: Phase
 
@@ -268,15 +268,15 @@ class Layout:
         return sum(_least(step) for step in self.steps)
 
 
-def _least(step: Step) -> int:
+def _least(step: LayoutStep) -> int:
     match step:
         case Run(members):
             return sum(member.size for member in members)
-        case Numbers(_, Array(_, count), of):
+        case PrimitiveElements(_, Array(_, count), of):
             return count * SIZES[of.name]
         case Loop(_, Array(_, count), body):
             return count * body.least
-        case Shared():
+        case MessageCall():
             return 1
         case _:
             return 0

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text
-from forge.interfaces.wire.flattening import Layouts
-from forge.interfaces.wire.layout import SIZES, START, WIDEST, Phase
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String
+from forge.interfaces.wire.flattening import LayoutBuilder
+from forge.interfaces.wire.layout import MAX_ALIGNMENT, SIZES, START, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,7 +23,7 @@ _CODE_UNIT = SIZES["wchar"]
 
 
 @frozen
-class Span:
+class MemberSize:
     """The bytes of one member: the least offset, whether it is the only one, and how many there are."""
 
     offset: int
@@ -35,25 +35,25 @@ class Span:
 
 
 @frozen
-class Extent:
+class MessageSize:
     """The bytes of a message: those of its members in their order, and how many there are in all."""
 
-    spans: tuple[Span, ...]
+    spans: tuple[MemberSize, ...]
     least: int
     most: int | None
 
 
-class Extents:
+class SizeCalculator:
     """The extents of messages that refer to each other; `known` has them all."""
 
     def __init__(self, known: Mapping[TypeName, Message]) -> None:
         """Know the messages."""
         self._known = known
-        self._layouts = Layouts(known)
+        self._layouts = LayoutBuilder(known)
         self._growths: dict[tuple[TypeName, int, bool], int | None] = {}
         self._behind: dict[tuple[Type, Phase], Phase] = {}
 
-    def of(self, message: Message) -> Extent:
+    def of(self, message: Message) -> MessageSize:
         """Return the extent of a message."""
         spans = []
         least, phase = 0, START
@@ -63,16 +63,16 @@ class Extents:
             least, phase = _rounded(least, alignment), phase.aligned(alignment)
             most = None if most is None else _rounded(most, alignment)
             fewest, widest = self._bytes(member.type, phase)
-            spans.append(Span(least, least == most, alignment, fewest, widest))
+            spans.append(MemberSize(least, least == most, alignment, fewest, widest))
             phase = self._phase_behind(member.type, phase)
-            more = None if most is None else self._growth(member.type, most % WIDEST, full=True)
+            more = None if most is None else self._growth(member.type, most % MAX_ALIGNMENT, full=True)
             most = None if most is None or more is None else most + more
-            least += self._growth(member.type, least % WIDEST, full=False) or 0
-        return Extent(tuple(spans), least, most)
+            least += self._growth(member.type, least % MAX_ALIGNMENT, full=False) or 0
+        return MessageSize(tuple(spans), least, most)
 
     def _bytes(self, type_: Type, phase: Phase) -> tuple[int, int | None]:
         """Return the fewest and the most bytes of a member, wherever such a phase lets it begin."""
-        starts = range(phase.remainder, WIDEST, phase.modulus)
+        starts = range(phase.remainder, MAX_ALIGNMENT, phase.modulus)
         fewest = min(self._growth(type_, start, full=False) or 0 for start in starts)
         widest = [self._growth(type_, start, full=True) for start in starts]
         return fewest, None if None in widest else max(size for size in widest if size is not None)
@@ -92,7 +92,7 @@ class Extents:
                 return self._alignment(of)
             case Named(name):
                 return self._alignment(self._known[name].members[0].type)
-            case Text() | Sequence():
+            case String() | Sequence():
                 return _LENGTH
 
     def _growth(self, type_: Type, at: int, *, full: bool) -> int | None:
@@ -104,15 +104,15 @@ class Extents:
                 return self._growth_of_message(name, at, full=full)
             case Array(of, size):
                 return self._growth_of_several(of, size, at, full=full)
-            case Text() | Sequence():
+            case String() | Sequence():
                 return self._growth_of_counted(type_, at, full=full)
 
-    def _growth_of_counted(self, type_: Text | Sequence, at: int, *, full: bool) -> int | None:
+    def _growth_of_counted(self, type_: String | Sequence, at: int, *, full: bool) -> int | None:
         """Return what a length adds, and what it is the length of."""
         start = _rounded(at, _LENGTH) + _LENGTH - at
         more: int | None
         match type_:
-            case Text(wide, bound):
+            case String(wide, bound):
                 count = bound if full else 0
                 more = None if count is None else count * _CODE_UNIT if wide else count + 1
             case Sequence(of, bound):
@@ -121,7 +121,7 @@ class Extents:
         return None if more is None else start + more
 
     def _growth_of_message(self, name: TypeName, at: int, *, full: bool) -> int | None:
-        key = (name, at % WIDEST, full)
+        key = (name, at % MAX_ALIGNMENT, full)
         if key not in self._growths:
             end: int | None = at
             for member in self._known[name].members:
@@ -135,15 +135,15 @@ class Extents:
         end, left = at, count
         seen: dict[int, tuple[int, int]] = {}
         while left:
-            if end % WIDEST in seen:
-                before, behind = seen[end % WIDEST]
+            if end % MAX_ALIGNMENT in seen:
+                before, behind = seen[end % MAX_ALIGNMENT]
                 period, gain = before - left, end - behind
                 end += left // period * gain
                 left %= period
                 seen.clear()
                 if not left:
                     break
-            seen[end % WIDEST] = (left, end)
+            seen[end % MAX_ALIGNMENT] = (left, end)
             more = self._growth(of, end, full=full)
             if more is None:
                 return None

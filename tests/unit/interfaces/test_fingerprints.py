@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from forge.interfaces.fingerprints import fingerprint_of_all, fingerprints
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.resolution import referred, resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +25,7 @@ FILES = {
 def digests(folder: Path, generator: str = "") -> dict[str, str]:
     library = Library()
     catalog = resolve("tour", parse_all(read_folder("tour", folder)), library)
-    found = fingerprints((catalog, *referred(catalog, library)), generator)
+    found = fingerprints((catalog, *dependency_catalogs(catalog, library)), generator)
     assert fingerprint_of_all(catalog, found) not in found.values()
     return {str(name): digest for name, digest in found.items()}
 

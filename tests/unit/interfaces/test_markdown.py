@@ -9,7 +9,7 @@ import pytest
 
 from forge.base.errors import ForgeError
 from forge.interfaces import markdown
-from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Text, TypeName
+from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, String, TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.rendering import TARGETS, render
@@ -42,7 +42,7 @@ def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
 def test_comments_and_values_cannot_become_markup() -> None:
     """What Markdown would understand is escaped, so that a table stays a table."""
     doc = ("# not | a *heading*", "", "<b>nor</b> [a](link)")
-    fields = (Field("text", Text(), "a | `b`", doc),)
+    fields = (Field("text", String(), "a | `b`", doc),)
     text = page(Message(NAME, fields, (Constant("A_B", Primitive("int8"), -1, doc),), doc))
     plain = re.sub(r"\\.", "", text)
     assert "\\# not \\| a \\*heading\\*\n\n\\<b\\>nor\\</b\\> \\[a\\](link)\n" in text

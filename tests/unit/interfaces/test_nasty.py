@@ -19,7 +19,17 @@ from forge.base.errors import InterfaceError
 from forge.base.names import snake_case
 from forge.interfaces import load
 from forge.interfaces.hashing import hashes
-from forge.interfaces.model import Array, Message, Named, Primitive, Sequence, Service, Source, Text, TypeName
+from forge.interfaces.model import (
+    Array,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Source,
+    String,
+    TypeName,
+)
 from forge.interfaces.read.parsing import parse, parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
@@ -211,8 +221,8 @@ string<=5[] e
     a, b, c, d, e = message(text).fields
     assert a.default == ("H\"el'lo", "Wo'r\"ld")
     assert b.default == ("Hel,lo", ",World", "abcd", "!,")
-    assert [c.type, d.type] == [Array(Text(bound=5), 3), Sequence(Text(bound=5), 10)]
-    assert e.type == Sequence(Text(bound=5))
+    assert [c.type, d.type] == [Array(String(bound=5), 3), Sequence(String(bound=5), 10)]
+    assert e.type == Sequence(String(bound=5))
 
 
 def test_08_wide_texts_beyond_ascii() -> None:
@@ -319,9 +329,9 @@ def test_20_a_sequence_of_bounded_wide_texts_is_refused_for_rosidl_bounds_it() -
         read("wstring<=4[] a")
     with pytest.raises(InterfaceError, match="rosidl takes 'sequence<wstring<4>>' for"):
         read("module tour { module msg { struct A { sequence<wstring<4>> a; }; }; };", "msg/A.idl")
-    wide = Text(wide=True, bound=4)
+    wide = String(wide=True, bound=4)
     fields = message("wstring<=4[2] a\nwstring<=4[<=3] b\nstring<=4[] c").fields
-    assert [field.type for field in fields] == [Array(wide, 2), Sequence(wide, 3), Sequence(Text(bound=4))]
+    assert [field.type for field in fields] == [Array(wide, 2), Sequence(wide, 3), Sequence(String(bound=4))]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library
-from forge.interfaces.resolve.resolution import demand, resolve
+from forge.interfaces.resolve.resolution import require, resolve
 from forge.interfaces.schema import parse_name, read_schema, schema_text
 
 if TYPE_CHECKING:
@@ -70,15 +70,15 @@ def test_a_schema_of_what_is_not_there_is_an_error(forge: Forge, tree: Tree) -> 
 def test_a_schema_read_again_is_the_same_type(encoding: str) -> None:
     """The law, over what forge brings along: what comes back has the type's hash."""
     for name in NAMES[:: 1 if encoding == "ros2msg" else 3]:
-        text = schema_text(demand(name, LIBRARY), lambda each: demand(each, LIBRARY), encoding)
+        text = schema_text(require(name, LIBRARY), lambda each: require(each, LIBRARY), encoding)
         sources = read_schema(text, name)
         assert (sources[0].package, sources[0].path.stem) == (name.package, name.name)
         parsed = {each.interface.name: each for each in parse_all(sources)}
-        expected = demand(name, LIBRARY).interface
+        expected = require(name, LIBRARY).interface
         assert parsed[name].interface == expected
         own = [each for each in parsed.values() if each.interface.name.package == name.package]
         found = hashes(resolve(name.package, own, LIBRARY))[name]
-        reference = [demand(each, LIBRARY) for each in parsed if each.package == name.package]
+        reference = [require(each, LIBRARY) for each in parsed if each.package == name.package]
         assert found == hashes(resolve(name.package, reference, LIBRARY))[name]
 
 

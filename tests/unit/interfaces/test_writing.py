@@ -8,7 +8,7 @@ import pytest
 
 from forge.base.errors import EnvironmentFault
 from forge.interfaces.model import File, TypeName
-from forge.interfaces.output_state import Record, read_records
+from forge.interfaces.output_state import OutputState, read_states
 from forge.interfaces.rendering import Part
 from forge.interfaces.writing import write, write_depfile, write_stamp
 
@@ -87,8 +87,8 @@ def test_a_file_of_the_users_is_never_removed(tmp_path: Path) -> None:
 def test_a_record_says_what_was_made_and_needed(tmp_path: Path) -> None:
     header = TypeName("std_msgs", "msg", "Header")
     folders = {"std_msgs": tmp_path / "std_msgs"}
-    write([part("x", "1", a="a")], tmp_path, "p", Record(needs=(header,), folders=folders))
-    record = read_records(tmp_path)["p"]
+    write([part("x", "1", a="a")], tmp_path, "p", OutputState(needs=(header,), folders=folders))
+    record = read_states(tmp_path)["p"]
     assert (list(record.files), record.needs, record.folders) == (["x/a.txt"], (header,), folders)
     assert record.parts["x a"].digest == "1"
 
@@ -99,7 +99,7 @@ def test_a_record_says_what_was_made_and_needed(tmp_path: Path) -> None:
 def test_a_broken_record_counts_as_none(tmp_path: Path, text: str) -> None:
     write([part("x", a="a")], tmp_path, "p")
     (tmp_path / ".forge/p.json").write_text(text)
-    assert read_records(tmp_path) == {"p": Record()}
+    assert read_states(tmp_path) == {"p": OutputState()}
 
 
 def test_a_folder_that_cannot_be_written_is_the_machines_fault(tmp_path: Path) -> None:

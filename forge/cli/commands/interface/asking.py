@@ -125,7 +125,7 @@ def _show(options: argparse.Namespace) -> int:
 
 def _proto(options: argparse.Namespace) -> int:
     from forge.interfaces.prototype import to_yaml  # noqa: PLC0415  (as above)
-    from forge.interfaces.resolve.resolution import messages_below  # noqa: PLC0415
+    from forge.interfaces.resolve.resolution import nested_messages  # noqa: PLC0415
     from forge.interfaces.show import parse_type_name  # noqa: PLC0415
 
     library = _library()
@@ -134,7 +134,7 @@ def _proto(options: argparse.Namespace) -> int:
     parsed = library.find(name)
     if not parsed:
         raise InterfaceError(Problem(f"'{path}' does not define the interface '{name}'"))
-    text = to_yaml(parsed.interface, messages_below(parsed, library))
+    text = to_yaml(parsed.interface, nested_messages(parsed, library))
     print(text if options.no_quotes else f'"{text}"')
     return 0
 

@@ -12,10 +12,10 @@ from forge.base.errors import InterfaceError, Problem, raise_if_any
 from forge.base.templating import keep_compiled
 from forge.cli.commands.interface.inputs import add_inputs, catalog_of, library_of
 from forge.interfaces.fingerprints import fingerprints
-from forge.interfaces.output_state import RECORDS, Record, generator_digest, read_records
+from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
 from forge.interfaces.read.sources import EMBEDDED, Library, read_runtime
 from forge.interfaces.rendering import Part, parts
-from forge.interfaces.resolve.resolution import referred, undeclared
+from forge.interfaces.resolve.resolution import dependency_catalogs, undeclared_dependencies
 from forge.interfaces.writing import write, write_depfile, write_stamp
 
 if TYPE_CHECKING:
@@ -74,13 +74,13 @@ def _generate(options: argparse.Namespace) -> int:
     library = library_of(options)
     catalog = catalog_of(options, options.source, library)
     if options.no_runtime:
-        raise_if_any(undeclared(catalog, dict(options.includes)), InterfaceError)
-    needed = () if options.no_runtime else referred(catalog, library)
+        raise_if_any(undeclared_dependencies(catalog, dict(options.includes)), InterfaceError)
+    needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options)
-    record = Record(
+    record = OutputState(
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
-    keep_compiled(*compiled_templates(os.environ, options.output / RECORDS / "templates"))
+    keep_compiled(*compiled_templates(os.environ, options.output / STATE_FOLDER / "templates"))
     written = write(_parts((catalog, *others), options), options.output, catalog.package, record)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
@@ -110,7 +110,7 @@ def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...
     Several packages may share the output folder: one run must not remove files that another package needs.
     Packages that are generated as a whole into the folder are left out.
     """
-    records = read_records(options.output)
+    records = read_states(options.output)
     records.pop(catalog.package, None)
     whole = {catalog.package, *records}
     library = library_of(
@@ -124,7 +124,9 @@ def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...
             hint = f"generate '{package}' again, or remove '{options.output}'"
             raise InterfaceError(Problem(message, hint=hint))
         needs += partial
-    return tuple(other for other in referred(catalog, library, needs) if other.package not in whole)
+    return tuple(
+        other for other in dependency_catalogs(catalog, library, needs) if other.package not in whole
+    )
 
 
 def _folders(others: Iterable[Catalog], library: Library) -> dict[str, Path]:

@@ -10,7 +10,7 @@ from forge.base.names import did_you_mean
 from forge.cli.commands.interface.inputs import add_includes, add_inputs, catalog_of, library_of
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.resolve.resolution import demand, messages_below
+from forge.interfaces.resolve.resolution import nested_messages, require
 from forge.interfaces.schema import ENCODINGS, schema_text
 from forge.interfaces.show import parse_type_name
 
@@ -78,8 +78,8 @@ def _schema(options: argparse.Namespace) -> int:
     library = library_of(options)
     name = parse_type_name(options.type)
     parsed = library.find(name) or _missing(name, library)
-    messages_below(parsed, library)
-    print(schema_text(parsed, lambda below: demand(below, library), options.encoding), end="")
+    nested_messages(parsed, library)
+    print(schema_text(parsed, lambda below: require(below, library), options.encoding), end="")
     return 0
 
 
@@ -89,7 +89,7 @@ def _hash_of(name: TypeName, library: Library) -> str:
     for base in dict.fromkeys((name, TypeName(name.package, name.kind, name.name.partition("_")[0]))):
         parsed = library.find(base)
         if parsed:
-            below = messages_below(parsed, library)
+            below = nested_messages(parsed, library)
             catalog = Catalog(base.package, {base: parsed.interface}, below, {base: parsed.source})
             found = hashes(catalog).get(name)
             if found:

@@ -79,13 +79,13 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         raise ForgeError(Problem("no interface definitions found", hint=hint))
     parsed = parse_all(sources)
     if options.strict:
-        from forge.interfaces.read.lint import doubts  # noqa: PLC0415  (only needed with --strict)
+        from forge.interfaces.read.lint import lint  # noqa: PLC0415  (only needed with --strict)
 
-        raise_if_any(doubts(parsed), InterfaceError)
-    return resolve(package, parsed, library, _forgotten(options))
+        raise_if_any(lint(parsed), InterfaceError)
+    return resolve(package, parsed, library, _unlisted(options))
 
 
-def _forgotten(options: argparse.Namespace) -> dict[str, str]:
+def _unlisted(options: argparse.Namespace) -> dict[str, str]:
     """Return messages next to the named files that were not named themselves, for hints."""
     named = {relative for _, relative in options.files}
     beside = (path for base in {base for base, _ in options.files} for path in Path(base).glob("msg/*.msg"))

@@ -14,8 +14,8 @@ from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, names_in, read_folder
-from forge.interfaces.resolve.resolution import referred, resolve
-from forge.interfaces.site.generator import About, site
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.site.generator import PackageInfo, site
 from forge.interfaces.writing import write_site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest
@@ -117,7 +117,7 @@ def _catalogs(folders: Mapping[str, Path], library: Library) -> tuple[Catalog, .
     catalogs = [result for result in results if isinstance(result, Catalog)]
     others: dict[str, list[Catalog]] = {}
     for catalog in catalogs:
-        for other in referred(catalog, library):
+        for other in dependency_catalogs(catalog, library):
             others.setdefault(other.package, []).append(other)
     return (*catalogs, *_partial(others, folders))
 
@@ -136,7 +136,7 @@ def _partial(others: Mapping[str, list[Catalog]], whole: Iterable[str]) -> Itera
         yield from others[package]
 
 
-def _about(name: str, library: Library, packages: Mapping[str, Package], *, whole: bool) -> About:
+def _about(name: str, library: Library, packages: Mapping[str, Package], *, whole: bool) -> PackageInfo:
     """Return the metadata of a package from its manifest, and its origin."""
     folder = library.folder(name) or Path()
     if name in library.includes:
@@ -146,8 +146,8 @@ def _about(name: str, library: Library, packages: Mapping[str, Package], *, whol
     manifest = packages[name].manifest if name in packages else _manifest(folder / "package.xml")
     limits = "" if whole else ", only referenced types"
     if manifest is None:
-        return About(origin=origin + limits)
-    return About(manifest.version, manifest.description, origin + limits)
+        return PackageInfo(origin=origin + limits)
+    return PackageInfo(manifest.version, manifest.description, origin + limits)
 
 
 def _manifest(path: Path) -> Manifest | None:

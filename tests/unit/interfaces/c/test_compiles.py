@@ -21,7 +21,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     Source,
-    Text,
+    String,
     TypeName,
 )
 from forge.interfaces.read.parsing import parse_all
@@ -67,7 +67,7 @@ string[] words [x, y]
 def constants() -> Message:
     """Return a message of nothing but constants, some of them hard to write in C."""
     doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
-    values: dict[str, tuple[Primitive | Text, bool | float | str]] = {
+    values: dict[str, tuple[Primitive | String, bool | float | str]] = {
         "LOWEST": (Primitive("int64"), -(2**63)),
         "HIGHEST": (Primitive("uint64"), 2**64 - 1),
         "LOW": (Primitive("int32"), -(2**31)),
@@ -80,9 +80,9 @@ def constants() -> Message:
         "HUGE": (Primitive("float"), 1e60),
         "LEAST": (Primitive("double"), 5e-324),
         "ERROR": (Primitive("int8"), 1),
-        "QUOTED": (Text(), 'a "b" \\ c\n\tend??/'),
-        "NAME": (Text(), "café 日"),
-        "WIDE": (Text(wide=True), "café 日 😀"),
+        "QUOTED": (String(), 'a "b" \\ c\n\tend??/'),
+        "NAME": (String(), "café 日"),
+        "WIDE": (String(wide=True), "café 日 😀"),
     }
     name = TypeName("probe", "msg", "Constants")
     return Message(name, (), tuple(Constant(n, t, v, doc) for n, (t, v) in values.items()), doc)
@@ -99,9 +99,9 @@ def wide() -> Message:
         Field("signs", Array(Primitive("char"), 2)),
         Field("sign", Primitive("char"), 200),
         Field("tiny", Array(Primitive("float"), 2), (1e-60, float("nan"))),
-        Field("inside", Text(), "a\0b"),
-        Field("half", Text(wide=True), "\ud800'\\"),
-        Field("texts", Sequence(Text(wide=True)), ("one", "", "two")),
+        Field("inside", String(), "a\0b"),
+        Field("half", String(wide=True), "\ud800'\\"),
+        Field("texts", Sequence(String(wide=True)), ("one", "", "two")),
     )
     return Message(TypeName("probe", "msg", "Wide"), fields)
 

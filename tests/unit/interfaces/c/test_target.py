@@ -24,7 +24,7 @@ from forge.interfaces.model import (
     Primitive,
     Sequence,
     Source,
-    Text,
+    String,
     Type,
     TypeName,
     Value,
@@ -95,8 +95,8 @@ def test_headers_include_what_members_need_once() -> None:
     fields = [
         Field("a", POINT),
         Field("b", Array(POINT, 2)),
-        Field("c", Sequence(Text(), 2)),
-        Field("d", Text(wide=True)),
+        Field("c", Sequence(String(), 2)),
+        Field("d", String(wide=True)),
         Field("e", Sequence(Primitive("double"))),
         Field("f", Array(Primitive("double"), 2)),
     ]
@@ -139,14 +139,14 @@ def test_parts_live_in_the_header_of_the_whole(name: TypeName, path: str) -> Non
         (Primitive("char"), "signed char x"),
         (Primitive("wchar"), "uint16_t x"),
         (Primitive("long double"), "long double x"),
-        (Text(bound=5), "rosidl_runtime_c__String x"),
-        (Text(wide=True), "rosidl_runtime_c__U16String x"),
+        (String(bound=5), "rosidl_runtime_c__String x"),
+        (String(wide=True), "rosidl_runtime_c__U16String x"),
         (POINT, "geometry_msgs__msg__Point x"),
         (Array(Primitive("float"), 3), "float x[3]"),
         (Array(POINT, 3), "geometry_msgs__msg__Point x[3]"),
         (Sequence(Primitive("long double")), "rosidl_runtime_c__long_double__Sequence x"),
         (Sequence(Primitive("boolean"), 4), "rosidl_runtime_c__boolean__Sequence x"),
-        (Sequence(Text(bound=2)), "rosidl_runtime_c__String__Sequence x"),
+        (Sequence(String(bound=2)), "rosidl_runtime_c__String__Sequence x"),
         (Sequence(POINT, 8), "geometry_msgs__msg__Point__Sequence x"),
     ],
 )
@@ -165,12 +165,12 @@ def test_a_member_is_declared_as_the_specification_says(type_: Type, text: str) 
         (Primitive("int64"), 2**40, "static const int64_t demo__msg__Thing__X = 1099511627776ll;"),
         (Primitive("boolean"), True, "static const bool demo__msg__Thing__X = true;"),
         (Primitive("float"), 1, "static const float demo__msg__Thing__X = 1.0f;"),
-        (Text(), 'a"b', 'static const char * const demo__msg__Thing__X = "a\\"b";'),
-        (Text(wide=True), "hé", "static const uint_least16_t demo__msg__Thing__X[] = {'h', 0x00e9, 0};"),
+        (String(), 'a"b', 'static const char * const demo__msg__Thing__X = "a\\"b";'),
+        (String(wide=True), "hé", "static const uint_least16_t demo__msg__Thing__X[] = {'h', 0x00e9, 0};"),
     ],
 )
 def test_a_constant_is_an_enumerator_if_it_can_be_one(
-    type_: Primitive | Text, value: Value, text: str
+    type_: Primitive | String, value: Value, text: str
 ) -> None:
     """An int of C99 has no more than 32 bits; wstring constants, which rosidl leaves out, are there."""
     assert f"\n{text}\n" in struct(constants=(Constant("X", type_, value),))
@@ -179,10 +179,10 @@ def test_a_constant_is_an_enumerator_if_it_can_be_one(
 def test_bounds_are_enumerators() -> None:
     """A sequence of texts has two; what does not fit an int is a size_t."""
     header = struct(
-        Field("words", Sequence(Text(bound=3), 2)),
-        Field("names", Array(Text(bound=4), 2)),
-        Field("free", Sequence(Text())),
-        Field("far", Text(bound=2**32)),
+        Field("words", Sequence(String(bound=3), 2)),
+        Field("names", Array(String(bound=4), 2)),
+        Field("free", Sequence(String())),
+        Field("far", String(bound=2**32)),
     )
     assert re.findall(r"^(?:enum|static).*$", header, re.MULTILINE) == [
         "enum { demo__msg__Thing__words__MAX_SIZE = 2 };",
@@ -234,11 +234,11 @@ def test_a_flag_is_declared_only_where_a_member_needs_it() -> None:
     )
     assert "bool done" not in plain
     assert "bool equal = lhs->done == rhs->done;\n" in plain
-    array = functions(Field("words", Array(Text(), 2)))
+    array = functions(Field("words", Array(String(), 2)))
     assert array.count("bool done = true;\n") == 2
     assert "bool equal = true;\n" in array
     assert "bool done = rosidl_runtime_c__String__copy(&input->x, &output->x);" in functions(
-        Field("x", Text())
+        Field("x", String())
     )
 
 

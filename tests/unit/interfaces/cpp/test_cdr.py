@@ -17,8 +17,8 @@ from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.cdr import MembersView, MembersViews
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.sources import EMBEDDED, Library
-from forge.interfaces.resolve.resolution import referred
-from forge.interfaces.wire.flattening import LARGE, Layouts
+from forge.interfaces.resolve.resolution import dependency_catalogs
+from forge.interfaces.wire.flattening import INLINE_LIMIT, LayoutBuilder
 from tests.generated import catalog_of, embedded_catalog
 
 if TYPE_CHECKING:
@@ -32,7 +32,9 @@ WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werr
 SANITIZED = ("-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 MUTATIONS = os.environ.get("FORGE_CDR_MUTATIONS", "500")
 PACKAGES = ("example_interfaces", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs")
-MANY = "\n".join(f"string s{number}\nint8 n{number}\nfloat64[] d{number}" for number in range(LARGE // 2))
+MANY = "\n".join(
+    f"string s{number}\nint8 n{number}\nfloat64[] d{number}" for number in range(INLINE_LIMIT // 2)
+)
 DEFINITIONS = {
     "Around": "int8 a\nLarge[] many\nLarge[2] two\nLarge one\nfloat64 b\nFirst[] first",
     "Arr": "uint8 a\nfloat64[1] b\nuint8[3] c\nuint32[2] d",
@@ -74,7 +76,7 @@ def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Generate the headers that the programs use."""
     folder = tmp_path_factory.mktemp("include")
     own = [wire_catalog(), *map(embedded_catalog, PACKAGES)]
-    for catalog in (*own, *(other for each in own for other in referred(each, Library()))):
+    for catalog in (*own, *(other for each in own for other in dependency_catalogs(each, Library()))):
         for file in cpp.files(catalog):
             write_if_changed(folder / file.path, file.text)
     return folder
@@ -111,7 +113,7 @@ def test_bytes_are_right_and_wrong_ones_refused(
 def view(text: str, **others: str) -> MembersView:
     """Return what is said about a message of this definition."""
     catalog = catalog_of("demo", {f"msg/{name}.msg": each for name, each in {**others, "X": text}.items()})
-    return MembersViews(Layouts(catalog.known)).of(TypeName("demo", "msg", "X"))
+    return MembersViews(LayoutBuilder(catalog.known)).of(TypeName("demo", "msg", "X"))
 
 
 def statements(text: str, **others: str) -> list[str]:
@@ -179,8 +181,8 @@ def test_only_messages_without_padding_are_packed(text: str, size: int, alignmen
         ("string a\nint8 b", 5),
         ("float64[2] a\nint8[] b", 20),
         ("Inner[3] a\nInner[] b", 16),
-        ("Large a\nint8 b", LARGE // 2 * 9 + 1),
-        ("Large[2] a\nLarge[] b", LARGE // 2 * 18 + 4),
+        ("Large a\nint8 b", INLINE_LIMIT // 2 * 9 + 1),
+        ("Large[2] a\nLarge[] b", INLINE_LIMIT // 2 * 18 + 4),
         ("", 1),
     ],
 )

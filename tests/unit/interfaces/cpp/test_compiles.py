@@ -21,7 +21,7 @@ from forge.interfaces.model import (
     Sequence,
     Service,
     Source,
-    Text,
+    String,
     TypeName,
     messages_of,
 )
@@ -132,7 +132,7 @@ INT64 = Primitive("int64")
 def constants() -> Message:
     """Return a message of nothing but constants, some of them hard to write in C++."""
     doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
-    values: dict[str, tuple[Primitive | Text, bool | float | str]] = {
+    values: dict[str, tuple[Primitive | String, bool | float | str]] = {
         "LOWEST": (INT64, -(2**63)),
         "HIGHEST": (Primitive("uint64"), 2**64 - 1),
         "LOW": (Primitive("int32"), -(2**31)),
@@ -147,11 +147,11 @@ def constants() -> Message:
         "ERROR": (Primitive("int8"), 1),
         "DELETE": (Primitive("int8"), 2),
         "NO_ERROR": (Primitive("int8"), 3),
-        "QUOTED": (Text(), 'a "b" \\ c\n\tend??/'),
-        "NAME": (Text(), "café 日"),
-        "WIDE": (Text(wide=True), "café 日 😀"),
-        "ZERO_INSIDE": (Text(), "a\x001"),
-        "HALF": (Text(wide=True), "\ud800f\0"),
+        "QUOTED": (String(), 'a "b" \\ c\n\tend??/'),
+        "NAME": (String(), "café 日"),
+        "WIDE": (String(wide=True), "café 日 😀"),
+        "ZERO_INSIDE": (String(), "a\x001"),
+        "HALF": (String(wide=True), "\ud800f\0"),
     }
     name = TypeName("probe", "msg", "Constants")
     return Message(name, (), tuple(Constant(n, t, v, doc) for n, (t, v) in values.items()), doc)
@@ -162,7 +162,7 @@ def wide() -> Message:
     fields = (
         Field("letter", Primitive("wchar")),
         Field("letters", Sequence(Primitive("wchar"))),
-        Field("text", Text(wide=True)),
+        Field("text", String(wide=True)),
         Field("signs", Array(Primitive("char"), 2)),
     )
     return Message(TypeName("probe", "msg", "Wide"), fields)

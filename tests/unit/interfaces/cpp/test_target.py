@@ -22,7 +22,7 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
-    Text,
+    String,
     Type,
     TypeName,
     Value,
@@ -135,8 +135,8 @@ def test_a_constant_may_be_called_like_a_macro(name: str) -> None:
         (Primitive("wchar"), "char16_t"),
         (Primitive("long double"), "long double"),
         (Primitive("uint16"), "std::uint16_t"),
-        (Text(bound=5), "::rosidl_runtime_cpp::String<ContainerAllocator>"),
-        (Text(wide=True), "::rosidl_runtime_cpp::U16String<ContainerAllocator>"),
+        (String(bound=5), "::rosidl_runtime_cpp::String<ContainerAllocator>"),
+        (String(wide=True), "::rosidl_runtime_cpp::U16String<ContainerAllocator>"),
         (Array(POINT, 3), "std::array<::geometry_msgs::msg::Point_<ContainerAllocator>, 3>"),
         (Sequence(Primitive("boolean")), "::rosidl_runtime_cpp::Sequence<bool, ContainerAllocator>"),
         (
@@ -167,11 +167,11 @@ def test_a_type_is_spelled_as_the_specification_says(type_: Type, text: str) -> 
         (math.nan, Primitive("float"), "std::numeric_limits<float>::quiet_NaN()"),
         (0.5, Primitive("long double"), "0.5l"),
         ((1, 2), Array(Primitive("uint8"), 2), "{{1u, 2u}}"),
-        (("a", "b"), Sequence(Text()), '{"a", "b"}'),
-        ("é??/\\x", Text(), '"\\303\\251\\?\\?/\\\\x"'),
-        ("é日😀\x85", Text(wide=True), 'u"\\u00e9\\u65e5\\U0001f600\\205"'),
-        ("a\0", Text(), '::rosidl_runtime_cpp::String<ContainerAllocator>("a\\000", 2)'),
-        ("\ud800a", Text(wide=True), 'u"\\xd800" u"a"'),
+        (("a", "b"), Sequence(String()), '{"a", "b"}'),
+        ("é??/\\x", String(), '"\\303\\251\\?\\?/\\\\x"'),
+        ("é日😀\x85", String(wide=True), 'u"\\u00e9\\u65e5\\U0001f600\\205"'),
+        ("a\0", String(), '::rosidl_runtime_cpp::String<ContainerAllocator>("a\\000", 2)'),
+        ("\ud800a", String(wide=True), 'u"\\xd800" u"a"'),
     ],
 )
 def test_a_literal_has_exactly_the_value(value: Value, type_: Type, text: str) -> None:
@@ -189,7 +189,7 @@ def test_what_has_no_literal_is_our_mistake(type_: Type) -> None:
 @given(st.text(st.characters(exclude_characters="\0"), max_size=20), st.booleans())
 def test_a_text_is_understood_as_it_was_meant(value: str, wide: bool) -> None:  # noqa: FBT001  (hypothesis)
     """A literal is printable ASCII without trigraphs, and C++ reads the value back from it."""
-    text = literal(value, Text(wide=wide))
+    text = literal(value, String(wide=wide))
     assert text.isascii()
     assert text.isprintable()
     assert "??" not in text
@@ -249,5 +249,5 @@ def test_a_hidden_member_has_no_setter_and_no_text() -> None:
 
 def test_generating_twice_gives_the_same() -> None:
     """Nothing depends on the order of a set."""
-    thing = message(Field("a", POINT), Field("b", Text()))
+    thing = message(Field("a", POINT), Field("b", String()))
     assert texts(thing) == texts(thing)

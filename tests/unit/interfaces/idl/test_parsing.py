@@ -23,7 +23,7 @@ from forge.interfaces.model import (
     Sequence,
     Service,
     Source,
-    Text,
+    String,
     Type,
     TypeName,
     Value,
@@ -91,14 +91,14 @@ def error(members: str, before: str = "") -> str:
         ("wchar", Primitive("wchar")),
         ("boolean", Primitive("boolean")),
         ("octet", Primitive("octet")),
-        ("string", Text()),
-        ("wstring", Text(wide=True)),
-        ("string<5>", Text(bound=5)),
-        ("wstring<5>", Text(wide=True, bound=5)),
+        ("string", String()),
+        ("wstring", String(wide=True)),
+        ("string<5>", String(bound=5)),
+        ("wstring<5>", String(wide=True, bound=5)),
         ("sequence<int8>", Sequence(INT8)),
         ("sequence<unsigned long, 3>", Sequence(Primitive("uint32"), 3)),
-        ("sequence<string<5>>", Sequence(Text(bound=5))),
-        ("sequence<wstring<5>, 2>", Sequence(Text(wide=True, bound=5), 2)),
+        ("sequence<string<5>>", Sequence(String(bound=5))),
+        ("sequence<wstring<5>, 2>", Sequence(String(wide=True, bound=5), 2)),
         ("sequence<q::msg::B, 3>", Sequence(Named(TypeName("q", "msg", "B")), 3)),
         ("q::msg::B", Named(TypeName("q", "msg", "B"))),
         ("::q::idl::B", Named(TypeName("q", "idl", "B"))),
@@ -128,7 +128,7 @@ def test_typedefs_are_resolved_to_the_end() -> None:
     fields = message("q__msg__B__3 a; Words b; Other c; Number d[2]; sequence<Other> e;", before).fields
     assert [field.type for field in fields] == [
         Array(Named(TypeName("q", "msg", "B")), 3),
-        Sequence(Text(bound=4), 2),
+        Sequence(String(bound=4), 2),
         Primitive("int32"),
         Array(Primitive("int32"), 2),
         Sequence(Primitive("int32")),
@@ -222,7 +222,7 @@ def test_constants_belong_to_the_struct_that_their_module_names() -> None:
     assert error("int8 a;", before) == "constant 'NEVER' cannot be of this type"
     (one, text) = message("int8 a;", before.replace("const wstring<3>", "//")).constants
     assert one == Constant("ONE", Primitive("int32"), -1, ("What it means", "is this"))
-    assert text == Constant("TEXT", Text(), "t")
+    assert text == Constant("TEXT", String(), "t")
 
 
 def test_annotations_that_mean_nothing_are_read_over() -> None:
@@ -390,10 +390,10 @@ def test_mistakes_have_their_place_and_all_are_told() -> None:
     assert errors("module p {\n") == ["1:11 the file ends too early"]
 
 
-def test_oddities_are_doubts_and_no_errors() -> None:
+def test_oddities_are_warnings_not_errors() -> None:
     text = in_modules("struct A { int8 a[3], b; @default(value=1) @default(value=2) int8 c; };")
     reader = read_idl(Source("p", "msg/A.idl", Path("A.idl"), text))
-    assert [doubt.message for doubt in reader.doubts] == [
+    assert [warning.message for warning in reader.warnings] == [
         "rosidl before Rolling takes all of these for arrays",
         "rosidl heeds none of several defaults",
     ]
@@ -411,9 +411,9 @@ def test_any_text_comes_through_idl_as_it_was(value: str, escapes: str, parts: l
     """Defaults, elements of lists, units and comments, backslashes and quotes among them."""
     name = TypeName("p", "msg", "A")
     fields = (
-        Field("a", Text(), value, doc=("first", f"{escapes}."), unit=f"{escapes}."),
-        Field("b", Text(wide=True), escapes),
-        Field("c", Sequence(Text()), tuple(parts)),
+        Field("a", String(), value, doc=("first", f"{escapes}."), unit=f"{escapes}."),
+        Field("b", String(wide=True), escapes),
+        Field("c", Sequence(String()), tuple(parts)),
     )
     written = Message(name, fields, doc=(f".{value}.",) if value.isprintable() else ())
     assert read(idl_text(written, "origin")) == written

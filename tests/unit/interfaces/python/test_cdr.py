@@ -23,7 +23,7 @@ from forge.interfaces.loading import load
 from forge.interfaces.model import Catalog
 from forge.interfaces.python import cdr as serializers
 from forge.interfaces.python import target
-from forge.interfaces.wire.flattening import LARGE
+from forge.interfaces.wire.flattening import INLINE_LIMIT
 from tests.conftest import GOLDEN, Golden
 from tests.generated import catalog_of, generate_embedded, importable, probe_catalog, run_python
 from tests.messages import messages
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LARGE_TEXT = "\n".join(
-    f"string s{number}\nint8 n{number}\nfloat64[] d{number}" for number in range(LARGE // 2)
+    f"string s{number}\nint8 n{number}\nfloat64[] d{number}" for number in range(INLINE_LIMIT // 2)
 )
 DEFINITIONS = {
     "msg/Seq.msg": "float64[] e\nuint8 b\nfloat64[] f",

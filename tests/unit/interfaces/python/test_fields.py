@@ -21,7 +21,7 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
-    Text,
+    String,
     TypeName,
 )
 from forge.interfaces.python import modules as python
@@ -203,11 +203,11 @@ def test_no_text_breaks_out_of_its_quotes(text: str) -> None:
     message = Message(
         name,
         (
-            Field("a", Text(), text, (text,)),
-            Field("b", Sequence(Text(), 3), (text, text)),
-            Field("c", Array(Text(wide=True, bound=9), 1), (text,)),
+            Field("a", String(), text, (text,)),
+            Field("b", Sequence(String(), 3), (text, text)),
+            Field("c", Array(String(wide=True, bound=9), 1), (text,)),
         ),
-        (Constant("A", Text(), text, (text,)),),
+        (Constant("A", String(), text, (text,)),),
         (text,),
     )
     made = classes_of(message)["Text"]()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.interfaces.model import Source
-from forge.interfaces.read.lint import doubts
+from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def told(text: str, relative: str = "msg/A.msg") -> list[str]:
     """Return the messages about a file, each with line and column."""
-    found = doubts(parse_all([Source("p", relative, Path(relative), text)]))
+    found = lint(parse_all([Source("p", relative, Path(relative), text)]))
     return [f"{p.place.line}:{p.place.column} {p.message}" for p in found if p.place]
 
 
@@ -134,4 +134,4 @@ def test_the_switch_makes_them_errors(forge: Forge, tree: Tree) -> None:
 
 @pytest.mark.parametrize("package", sorted(Library().packages()))
 def test_what_forge_brings_along_is_strict(package: str) -> None:
-    assert doubts(parse_all(read_folder(package, Library().packages()[package]))) == []
+    assert lint(parse_all(read_folder(package, Library().packages()[package]))) == []

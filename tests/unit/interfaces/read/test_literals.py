@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
-from forge.interfaces.read.errors import Fault
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
+from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.literals import INTEGER_RANGES, read_value
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ INT8 = Primitive("int8")
 INT32 = Primitive("int32")
 BOOL = Primitive("boolean")
 DOUBLE = Primitive("double")
-TEXT = Text()
+TEXT = String()
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_an_integer_is_accepted_exactly_within_its_range(name: str, number: int)
     if low <= number <= high:
         assert read_value(str(number), Primitive(name)) == number
     else:
-        with pytest.raises(Fault, match="out of range"):
+        with pytest.raises(ParseError, match="out of range"):
             read_value(str(number), Primitive(name))
 
 
@@ -94,7 +94,7 @@ def test_reals_have_no_range() -> None:
         ('["a" "b"]', Sequence(TEXT), ("a", "b")),
         ('["a\\tb"]', Sequence(TEXT), ("a\\tb",)),
         ('["\\"a\\" \\"b\\"", "é"]', Sequence(TEXT), ('"a" "b"', "é")),
-        ('["abc"]', Sequence(Text(bound=3), 1), ("abc",)),
+        ('["abc"]', Sequence(String(bound=3), 1), ("abc",)),
     ],
 )
 def test_collections(text: str, type_: Type, value: Value) -> None:
@@ -125,13 +125,13 @@ def test_collections(text: str, type_: Type, value: Value) -> None:
 )
 def test_text_loses_its_quotes_and_its_escapes_once(text: str, value: str) -> None:
     assert read_value(text, TEXT) == value
-    assert read_value(text, Text(wide=True)) == value
+    assert read_value(text, String(wide=True)) == value
 
 
 def test_a_bound_counts_the_text_that_is_meant() -> None:
-    assert read_value("'it\\'s'", Text(bound=4)) == "it's"
-    with pytest.raises(Fault, match="5 characters does not fit into 4"):
-        read_value('"it\'ss"', Text(bound=4))
+    assert read_value("'it\\'s'", String(bound=4)) == "it's"
+    with pytest.raises(ParseError, match="5 characters does not fit into 4"):
+        read_value('"it\'ss"', String(bound=4))
 
 
 @given(st.text(st.characters(exclude_categories=["Cs"])))
@@ -144,11 +144,11 @@ def test_any_text_can_be_written_between_quotes(text: str) -> None:
     "type_", [Named(TypeName("a", "msg", "B")), Sequence(Named(TypeName("a", "msg", "B")))]
 )
 def test_messages_have_no_literals(type_: Type) -> None:
-    with pytest.raises(Fault, match="message type"):
+    with pytest.raises(ParseError, match="message type"):
         read_value("[]", type_)
 
 
 def test_a_fault_points_at_the_element() -> None:
-    with pytest.raises(Fault) as caught:
+    with pytest.raises(ParseError) as caught:
         read_value("[1, 2,  x]", Sequence(INT8))
     assert caught.value.offset == 8

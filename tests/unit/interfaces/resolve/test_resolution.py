@@ -11,7 +11,7 @@ import pytest
 from forge.base.errors import InterfaceError
 from forge.interfaces.model import Source, TypeName
 from forge.interfaces.read.parsing import Parsed, parse, parse_all, type_name
-from forge.interfaces.resolve.resolution import messages_below, referred, resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, nested_messages, resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -157,12 +157,12 @@ def test_a_chain_of_thousands_of_messages_resolves() -> None:
 
 def test_what_generated_code_needs_of_others_comes_by_package() -> None:
     shelf = Shelf(ROS)
-    others = referred(catalog({"msg/A.msg": "std_msgs/Header a"}, shelf), shelf)
+    others = dependency_catalogs(catalog({"msg/A.msg": "std_msgs/Header a"}, shelf), shelf)
     assert {each.package: list(map(str, each.interfaces)) for each in others} == {
         "builtin_interfaces": ["builtin_interfaces/msg/Time"],
         "std_msgs": ["std_msgs/msg/Header"],
     }
-    others = referred(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
+    others = dependency_catalogs(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
     assert [each.package for each in others] == [
         "action_msgs",
         "builtin_interfaces",
@@ -179,12 +179,12 @@ def test_what_generated_code_needs_of_others_comes_by_package() -> None:
 def test_what_generated_code_needs_and_nobody_has_is_an_error() -> None:
     shelf = Shelf({path: text for path, text in ROS.items() if "CancelGoal" not in path})
     with pytest.raises(InterfaceError, match="'action_msgs/srv/CancelGoal', which generated code needs"):
-        referred(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
+        dependency_catalogs(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
 
 
 def test_messages_below_an_installed_interface_include_its_own_packages() -> None:
     parsed = Shelf(ROS).find(TypeName("action_msgs", "srv", "CancelGoal"))
     assert parsed
-    below = messages_below(parsed, Shelf(ROS))
+    below = nested_messages(parsed, Shelf(ROS))
     assert TypeName("action_msgs", "msg", "GoalInfo") in below
     assert type_name(parsed.source) not in below

@@ -9,7 +9,7 @@ import pytest
 
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
-from forge.interfaces.resolve.resolution import referred, resolve
+from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.site.generator import site
 from forge.interfaces.writing import write_site
 from tests.browser import Keys
@@ -28,7 +28,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     library = Library()
     catalog = resolve("nav_msgs", parse_all(read_folder("nav_msgs", EMBEDDED / "nav_msgs")), library)
     out = tmp_path_factory.mktemp("site")
-    write_site(site([catalog, *referred(catalog, library)], {}, "Interfaces"), out, "index.html")
+    write_site(site([catalog, *dependency_catalogs(catalog, library)], {}, "Interfaces"), out, "index.html")
     return out
 
 

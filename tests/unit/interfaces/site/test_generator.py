@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, Text, TypeName
+from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
-from forge.interfaces.site.generator import About, site
+from forge.interfaces.site.generator import PackageInfo, site
 from forge.interfaces.site.text import Paragraph, paragraphs, summary
 from tests.conftest import GOLDEN, Forge, Golden, Tree
 from tests.generated import catalog_of, generate_embedded, run_python
@@ -41,7 +41,7 @@ def page_of(message: Message, **about: str) -> dict[str, str]:
         name.package, f"msg/{name.name}.msg", EMBEDDED / "x", f"# {HOSTILE}\nint8 a # {HOSTILE}\n"
     )
     catalog = Catalog(name.package, {name: message}, {name: message}, {name: source})
-    files = site([catalog], {name.package: About(**about)}, HOSTILE)
+    files = site([catalog], {name.package: PackageInfo(**about)}, HOSTILE)
     return {file.path: file.text for file in files}
 
 
@@ -66,18 +66,18 @@ def test_a_page_reads_as_if_written_by_hand(golden: Golden) -> None:
     case = GOLDEN / "interfaces" / "html" / "robot"
     folder = GOLDEN / "interfaces" / "docs" / "robot"
     catalog = resolve("robot", parse_all(read_folder("robot", folder)), Library())
-    files = site([catalog], {"robot": About("1.0.0", "Robots.", "from the workspace")}, "Interfaces")
+    files = site([catalog], {"robot": PackageInfo("1.0.0", "Robots.", "from the workspace")}, "Interfaces")
     golden(case, {file.path: file.text for file in files if file.path.endswith(".html")})
 
 
 def test_nothing_that_is_told_becomes_markup() -> None:
     doc = (HOSTILE, "", f"  {HOSTILE}")
-    fields = (Field("text", Text(), HOSTILE, doc, HOSTILE), Field("a", Primitive("int8")))
-    message = Message(TypeName("demo", "msg", "Thing"), fields, (Constant("A", Text(), HOSTILE, doc),), doc)
+    fields = (Field("text", String(), HOSTILE, doc, HOSTILE), Field("a", Primitive("int8")))
+    message = Message(TypeName("demo", "msg", "Thing"), fields, (Constant("A", String(), HOSTILE, doc),), doc)
     plain = Message(
         TypeName("demo", "msg", "Thing"),
         fields,
-        (Constant("A", Text(), "", ("a", "", "  b")),),
+        (Constant("A", String(), "", ("a", "", "  b")),),
         ("a", "", " b"),
     )
     for path, text in page_of(message, version=HOSTILE, description=HOSTILE, origin=HOSTILE).items():
@@ -267,7 +267,7 @@ def test_a_manifest_that_cannot_be_read_is_warned_of(forge: Forge, tree: Tree) -
 @given(text=st.text(st.characters(exclude_categories=["Cs"])))
 def test_any_comment_makes_a_page_that_is_whole(text: str) -> None:
     doc = tuple(text.splitlines())
-    fields = (Field("a", Text(), text, doc, text),)
+    fields = (Field("a", String(), text, doc, text),)
     page = page_of(Message(TypeName("demo", "msg", "Thing"), fields, (), doc), description=text)
     for path in ("demo/msg/Thing.html", "demo/index.html", "index.html"):
         assert read_page(page[path]).faults == []

@@ -8,28 +8,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.interfaces.model import Array, Named, Primitive, Sequence, Text, TypeName
-from forge.interfaces.wire.flattening import BULKY, LARGE, Layouts
+from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
+from forge.interfaces.wire.flattening import INLINE_LIMIT, RUN_ARRAY_LIMIT, LayoutBuilder
 from forge.interfaces.wire.layout import (
-    ANYWHERE,
     SIZES,
     START,
-    Block,
-    Chars,
-    Count,
+    UNKNOWN,
+    InlineArray,
+    Length,
     Loop,
-    Numbers,
+    MessageCall,
     Phase,
+    PrimitiveElements,
     Run,
-    Shared,
-    Value,
+    Scalar,
+    StringData,
 )
 from tests.generated import catalog_of, embedded_catalog
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from forge.interfaces.wire.layout import Layout, Step
+    from forge.interfaces.wire.layout import LayoutStep, MessageLayout
 
 PHASES = st.builds(
     lambda modulus, remainder: Phase(modulus, remainder % modulus),
@@ -40,13 +40,13 @@ ALIGNMENTS = st.sampled_from([1, 2, 4, 8])
 OFFSETS = st.integers(0, 1000)
 
 
-def layout_of(definitions: Mapping[str, str], name: str = "X", start: Phase = START) -> Layout:
+def layout_of(definitions: Mapping[str, str], name: str = "X", start: Phase = START) -> MessageLayout:
     """Return the layout of a message of the package 'p'."""
     files = {f"msg/{stem}.msg": text for stem, text in definitions.items()}
-    return Layouts(catalog_of("p", files).known).of(TypeName("p", "msg", name), start)
+    return LayoutBuilder(catalog_of("p", files).known).of(TypeName("p", "msg", name), start)
 
 
-def steps_of(text: str) -> tuple[Step, ...]:
+def steps_of(text: str) -> tuple[LayoutStep, ...]:
     return layout_of({"X": text}).steps
 
 
@@ -89,20 +89,20 @@ def test_nested_messages_are_unfolded_into_the_run_around_them() -> None:
 
 def test_lengths_belong_to_the_run_before() -> None:
     assert steps_of("int8 a\nstring s\nint8 b") == (
-        Run((Value(("a",), Primitive("int8")), Count(("s",), Text())), START),
-        Chars(("s",), Text(), START),
-        Run((Value(("b",), Primitive("int8")),), ANYWHERE),
+        Run((Scalar(("a",), Primitive("int8")), Length(("s",), String())), START),
+        StringData(("s",), String(), START),
+        Run((Scalar(("b",), Primitive("int8")),), UNKNOWN),
     )
 
 
 def test_after_a_string_nothing_is_known_and_after_a_wstring_the_alignment_of_a_unit() -> None:
-    assert layout_of({"X": "string s"}).end == ANYWHERE
+    assert layout_of({"X": "string s"}).end == UNKNOWN
     assert layout_of({"X": "wstring s"}).end == Phase(4, 0)
 
 
 @pytest.mark.parametrize(
     ("type_", "end"),
-    [("uint8[]", ANYWHERE), ("int16[]", Phase(2, 0)), ("float32[]", Phase(4, 0)), ("float64[]", Phase(4, 0))],
+    [("uint8[]", UNKNOWN), ("int16[]", Phase(2, 0)), ("float32[]", Phase(4, 0)), ("float64[]", Phase(4, 0))],
 )
 def test_a_sequence_may_be_empty_and_then_has_no_padding(type_: str, end: Phase) -> None:
     assert layout_of({"X": f"{type_} a"}).end == end
@@ -116,15 +116,19 @@ def test_a_run_is_cut_where_its_padding_depends_on_the_message() -> None:
         (4, [("b",), ("c",)], (0, 0)),
         (8, [("d",)], (0,)),
     ]
-    assert not run.is_fixed(ANYWHERE)
+    assert not run.is_fixed(UNKNOWN)
     assert run.is_fixed(START)
 
 
 def test_small_arrays_are_part_of_a_run_and_large_ones_stand_alone() -> None:
-    (small,) = steps_of(f"uint8[{BULKY}] a")
-    assert small == Run((Block(("a",), Array(Primitive("uint8"), BULKY), Primitive("uint8")),), START)
-    (large,) = steps_of(f"uint8[{BULKY + 1}] a")
-    assert large == Numbers(("a",), Array(Primitive("uint8"), BULKY + 1), Primitive("uint8"), START)
+    (small,) = steps_of(f"uint8[{RUN_ARRAY_LIMIT}] a")
+    assert small == Run(
+        (InlineArray(("a",), Array(Primitive("uint8"), RUN_ARRAY_LIMIT), Primitive("uint8")),), START
+    )
+    (large,) = steps_of(f"uint8[{RUN_ARRAY_LIMIT + 1}] a")
+    assert large == PrimitiveElements(
+        ("a",), Array(Primitive("uint8"), RUN_ARRAY_LIMIT + 1), Primitive("uint8"), START
+    )
 
 
 def test_a_loop_starts_with_what_holds_for_its_first_element_and_all_others() -> None:
@@ -138,29 +142,29 @@ def test_a_loop_starts_with_what_holds_for_its_first_element_and_all_others() ->
 def test_strings_of_a_collection_are_a_loop_over_nameless_texts() -> None:
     (loop,) = steps_of("string[2] s")
     assert isinstance(loop, Loop)
-    assert loop.body.steps == (Run((Count((), Text()),), ANYWHERE), Chars((), Text(), Phase(4, 0)))
+    assert loop.body.steps == (Run((Length((), String()),), UNKNOWN), StringData((), String(), Phase(4, 0)))
 
 
 def test_an_empty_message_is_one_hidden_byte_but_a_field_of_that_name_is_a_field() -> None:
     (run,) = layout_of({"X": "Nothing n", "Nothing": ""}).steps
     assert isinstance(run, Run)
     (value,) = run.members
-    assert value == Value(("n", "structure_needs_at_least_one_member"), Primitive("uint8"), hidden=True)
+    assert value == Scalar(("n", "structure_needs_at_least_one_member"), Primitive("uint8"), hidden=True)
 
 
 def test_a_large_message_is_shared_by_those_around_it_and_unfolded_by_itself() -> None:
-    large = "\n".join(f"string s{number}\nint8 n{number}" for number in range(LARGE))
+    large = "\n".join(f"string s{number}\nint8 n{number}" for number in range(INLINE_LIMIT))
     definitions = {"X": "int8 a\nLarge large\nint8 b", "Large": large}
     name = TypeName("p", "msg", "Large")
-    assert layout_of(definitions).steps[1] == Shared(("large",), name, Phase(8, 1))
-    assert len(layout_of(definitions, "Large").steps) > LARGE
+    assert layout_of(definitions).steps[1] == MessageCall(("large",), name, Phase(8, 1))
+    assert len(layout_of(definitions, "Large").steps) > INLINE_LIMIT
 
 
 def test_a_message_of_many_large_ones_is_not_large_itself() -> None:
-    large = "\n".join(f"string s{number}" for number in range(LARGE + 1))
+    large = "\n".join(f"string s{number}" for number in range(INLINE_LIMIT + 1))
     known = catalog_of("p", {"msg/Large.msg": large, "msg/X.msg": "Large a\nLarge b"}).known
-    assert Layouts(known).is_large(TypeName("p", "msg", "Large"))
-    assert not Layouts(known).is_large(TypeName("p", "msg", "X"))
+    assert LayoutBuilder(known).is_large(TypeName("p", "msg", "Large"))
+    assert not LayoutBuilder(known).is_large(TypeName("p", "msg", "X"))
 
 
 @pytest.mark.parametrize(
@@ -180,7 +184,7 @@ def test_least_is_what_no_message_is_smaller_than(text: str, least: int) -> None
 
 def test_every_embedded_message_has_a_layout_with_all_its_members_in_order() -> None:
     catalog = embedded_catalog("visualization_msgs")
-    layouts = Layouts(catalog.known)
+    layouts = LayoutBuilder(catalog.known)
     for name, message in catalog.known.items():
         seen: dict[str, None] = {}
         for step in layouts.of(name).steps:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forge.interfaces.model import Message, Primitive, TypeName
-from forge.interfaces.wire.sizes import Extent, Extents, Span
+from forge.interfaces.wire.sizes import MemberSize, MessageSize, SizeCalculator
 from tests.generated import catalog_of, generate, importable
 from tests.messages import messages
 
@@ -46,10 +46,10 @@ def classes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, A
         yield {str(name): getattr(module, name.name) for name in NAMES}
 
 
-def extent(name: TypeName) -> tuple[Message, Extent]:
+def extent(name: TypeName) -> tuple[Message, MessageSize]:
     message = CATALOG.interfaces[name]
     assert isinstance(message, Message)
-    return message, Extents(CATALOG.known).of(message)
+    return message, SizeCalculator(CATALOG.known).of(message)
 
 
 def content_of(message: Any) -> bytes:  # noqa: ANN401  (a class made a moment ago)
@@ -106,12 +106,12 @@ def test_members_in_words() -> None:
     """The same message begins anywhere inside another one, and is then padded in another way."""
     spans = extent(TypeName("spans", "msg", "Texts"))[1].spans
     assert spans == (
-        Span(0, fixed=True, alignment=4, least=5, most=None),
-        Span(8, fixed=False, alignment=4, least=4, most=4),
-        Span(12, fixed=False, alignment=1, least=13, most=17),
-        Span(28, fixed=False, alignment=4, least=4, most=None),
-        Span(32, fixed=False, alignment=1, least=1, most=1),
-        Span(40, fixed=False, alignment=8, least=8, most=8),
+        MemberSize(0, fixed=True, alignment=4, least=5, most=None),
+        MemberSize(8, fixed=False, alignment=4, least=4, most=4),
+        MemberSize(12, fixed=False, alignment=1, least=13, most=17),
+        MemberSize(28, fixed=False, alignment=4, least=4, most=None),
+        MemberSize(32, fixed=False, alignment=1, least=1, most=1),
+        MemberSize(40, fixed=False, alignment=8, least=8, most=8),
     )
 
 
@@ -120,4 +120,4 @@ def test_many_elements_take_no_longer_to_count() -> None:
     message = catalog.interfaces[TypeName("p", "msg", "A")]
     assert isinstance(message, Message)
     # Each begins 8 bytes behind the one before, but for its padding at the end of all.
-    assert Extents(catalog.known).of(message).least == 8 * (4_000_000_000 - 1) + 9
+    assert SizeCalculator(catalog.known).of(message).least == 8 * (4_000_000_000 - 1) + 9
