@@ -88,7 +88,7 @@ class MembersViews:
     def _shape(self, name: TypeName) -> _Shape:
         if name not in self._shapes:
             layout = self.layouts.of(name, UNKNOWN)
-            least = layout.least + sum(map(self._more, layout.steps))
+            least = layout.min_size + sum(map(self._more, layout.steps))
             self._shapes[name] = _Shape(layout, least, *_packed(layout))
         return self._shapes[name]
 
@@ -108,7 +108,7 @@ class MembersViews:
     def _wholes(self, layout: MessageLayout) -> dict[Path, TypeName]:
         """Return the messages inside that are moved in one piece, none of them inside another."""
         wholes: dict[Path, TypeName] = {}
-        for inner in layout.inner:
+        for inner in layout.inlined:
             if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
                 wholes[inner.path] = inner.name
         return wholes
@@ -148,10 +148,10 @@ def _packed(layout: MessageLayout) -> tuple[int, int]:
     Such messages lie side by side without gaps if the first one is aligned for all its members.
     """
     match layout.steps:
-        case (Run(members) as run,) if run.count is None and all(map(_is_copied, members)):
+        case (Run(members) as run,) if run.length is None and all(map(_is_copied, members)):
             size = sum(member.size for member in members)
-            gaps = any(map(sum, (piece.paddings for piece in run.pieces)))
-            if len(run.pieces) == 1 and not gaps and not size % run.alignment:
+            gaps = any(map(sum, (piece.paddings for piece in run.segments)))
+            if len(run.segments) == 1 and not gaps and not size % run.alignment:
                 return size, run.alignment
     return 0, 0
 

@@ -61,7 +61,7 @@ def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, ot
     if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(buffer)", "view = memoryview(buffer)")
     first = layout.steps[0]
-    if isinstance(first, Run) and first.pieces[0].alignment == 1:
+    if isinstance(first, Run) and first.segments[0].alignment == 1:
         reader.header = True
     else:
         unpack = lines.table("unpack", "_pieces.fixed('H x x', -4).unpack_from")
@@ -102,7 +102,7 @@ class _Reader:
 
         `made` says that the messages in it are there already.
         """
-        for inner in () if made else layout.inner:
+        for inner in () if made else layout.inlined:
             self.lines.add(
                 f"{self.slots.slot(inner.path)} = {self.slots.hold(inner.path)} "
                 f"= _new({self.others.class_of(inner.name)})"
@@ -133,7 +133,7 @@ class _Reader:
 
     def _run(self, run: Run) -> None:
         start = run.start
-        for piece in run.pieces:
+        for piece in run.segments:
             if piece.alignment > 1:
                 self.cursor.align(piece.alignment)
                 start = Phase(piece.alignment, 0)
@@ -221,17 +221,17 @@ class _Reader:
         else:
             self.cursor.settle()
             if counted:
-                least = f"{unit.body.least} * {number}" if unit.body.least > 1 else number
+                least = f"{unit.body.min_size} * {number}" if unit.body.min_size > 1 else number
                 self.lines.add(f"if {least} > size - o:", "    raise _pieces.Refused")
             self._repeated(unit, number)
 
     def _batched(self, unit: Loop, run: Run, number: str, *, last: bool) -> None:
         """Add the loop over elements of one size, which are all unpacked in one go."""
-        end = self.cursor.ensure(f"{sum(piece.size for piece in run.pieces)} * {number}")
+        end = self.cursor.ensure(f"{sum(piece.size for piece in run.segments)} * {number}")
         unpack = self.lines.table("iterate", f"_pieces.fixed({struct_format(run)!r}, 0).iter_unpack")
         element = self._element(unit)
         self._for_all(unit, number, element, (run, f"{unpack}(view[o:{end}])"))
-        if len(unit.body.inner) == 1:
+        if len(unit.body.inlined) == 1:
             self.lines.add("pass")
         self.lines.back()
         self.cursor.go_on(end, last=last)
@@ -239,7 +239,7 @@ class _Reader:
     def _repeated(self, unit: Loop, number: str) -> None:
         """Add the loop that reads one element after the other."""
         element = self._element(unit)
-        if unit.body.inner:
+        if unit.body.inlined:
             self._for_all(unit, number, element, None)
             element.read(unit.body, tail=True, made=True)
         else:
@@ -264,7 +264,7 @@ class _Reader:
         """
         name = self.slots.local(unit.path)
         targets, sources, stores = [element.slots.root], [name], []
-        for inner in unit.body.inner:
+        for inner in unit.body.inlined:
             made = f"_new, _repeat({self.others.class_of(inner.name)}"
             if not inner.path:
                 self.lines.add(f"{self.slots.slot(unit.path)} = {name} = [*map({made}, {number}))]")

@@ -1,7 +1,7 @@
-"""All interfaces of several packages as a site of HTML pages: no network, readable without scripts.
+"""Generate HTML documentation for the interfaces of several packages: self-contained, usable without scripts.
 
-index.html                  all packages and interfaces, with a search
-PACKAGE/index.html          a package: its interfaces, and how to depend on it
+index.html                  all packages and interfaces, with a search field
+PACKAGE/index.html          the interfaces of a package, and how to depend on it
 PACKAGE/KIND/Name.html      an interface
 style.css  search.js
 COLCON_IGNORE               excludes the folder from package discovery
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @frozen
 class PackageInfo:
-    """What is known of a package beside its interfaces; `origin` says in a few words where it is from."""
+    """The metadata of a package; `origin` is a short description of its source."""
 
     version: str = ""
     description: str = ""
@@ -35,7 +35,7 @@ class PackageInfo:
 
 @frozen
 class InterfaceEntry:
-    """An interface in a list: `words` are what else it can be found by."""
+    """An interface in a list; `words` are additional search terms."""
 
     name: TypeName
     kind: str
@@ -46,7 +46,7 @@ class InterfaceEntry:
 
 @frozen
 class InterfaceGroup:
-    """The interfaces of a package that are of one kind."""
+    """The interfaces of one kind in a package."""
 
     title: str
     entries: tuple[InterfaceEntry, ...]
@@ -54,7 +54,7 @@ class InterfaceGroup:
 
 @frozen
 class PackageEntry:
-    """A package, with what a list of packages says of it."""
+    """A package in the list of packages, and its own page."""
 
     name: str
     about: PackageInfo
@@ -64,34 +64,34 @@ class PackageEntry:
 
 
 def site(catalogs: Iterable[Catalog], infos: Mapping[str, PackageInfo], title: str) -> Iterator[File]:
-    """Yield the files of a site about catalogs, which may each have a part of a package.
+    """Yield the files of a site; each catalog may contain a part of a package.
 
-    Links lead to interfaces of the catalogs only.
+    Only interfaces of these catalogs are linked.
     """
     title = visible(title)
     catalog = _merged(catalogs)
     names = defaultdict(list)
     for name in catalog.interfaces:
         names[name.package].append(name)
-    chapters = [_package_entry(package, names[package], catalog, infos) for package in sorted(names)]
+    packages = [_package_entry(package, names[package], catalog, infos) for package in sorted(names)]
     pages = Pages(catalog)
     for name in catalog.interfaces:
         page = pages.page(name)
         text = render("html/interfaces/interface.html.j2", title=title, root=page.root, page=page)
         yield File(path_of(name), text)
-    for chapter in chapters:
-        text = render("html/interfaces/package.html.j2", title=title, root="../", package=chapter)
-        yield File(f"{chapter.name}/index.html", text)
+    for package in packages:
+        text = render("html/interfaces/package.html.j2", title=title, root="../", package=package)
+        yield File(f"{package.name}/index.html", text)
     yield File("style.css", render("html/interfaces/style.css.j2"))
     yield File("COLCON_IGNORE", "")
     yield File("search.js", render("html/interfaces/search.js.j2"))
-    counts = f"{_plural(len(catalog.interfaces), 'interface')} in {_plural(len(chapters), 'package')}"
-    text = render("html/interfaces/index.html.j2", title=title, root="", packages=chapters, counts=counts)
+    counts = f"{_plural(len(catalog.interfaces), 'interface')} in {_plural(len(packages), 'package')}"
+    text = render("html/interfaces/index.html.j2", title=title, root="", packages=packages, counts=counts)
     yield File("index.html", text)
 
 
 def _merged(catalogs: Iterable[Catalog]) -> Catalog:
-    """Return one catalog of all, in the order of the names."""
+    """Return a catalog of all interfaces, sorted by name."""
     interfaces: dict[TypeName, Interface] = {}
     known: dict[TypeName, Message] = {}
     sources: dict[TypeName, Source] = {}
@@ -111,18 +111,18 @@ def _package_entry(
     order = [*(kind for kind in KINDS if kind in kinds), *sorted(kinds.keys() - KINDS.keys())]
     groups = tuple(InterfaceGroup(_title(kind), tuple(kinds[kind])) for kind in order)
     counts = ", ".join(_plural(len(kinds[kind]), *KINDS.get(kind, (f"in '{kind}'",) * 2)) for kind in order)
-    said = infos.get(package, PackageInfo())
-    about = PackageInfo(visible(said.version), visible(said.description), visible(said.origin))
-    description = paragraphs((" ".join(said.description.split()),))
-    return PackageEntry(package, about, description, counts, groups)
+    info = infos.get(package, PackageInfo())
+    escaped = PackageInfo(visible(info.version), visible(info.description), visible(info.origin))
+    description = paragraphs((" ".join(info.description.split()),))
+    return PackageEntry(package, escaped, description, counts, groups)
 
 
 def _entry(name: TypeName, interface: Interface) -> InterfaceEntry:
     sections = sections_of(interface)
     fields = [member.name for message in sections for member in message.fields]
     words = dict.fromkeys([*fields, *(each.name for message in sections for each in message.constants)])
-    said = next((text for message in sections if (text := summary(message.doc))), "")
-    return InterfaceEntry(name, kind_of(name), path_of(name), said, visible(" ".join(words)))
+    text = next((text for message in sections if (text := summary(message.doc))), "")
+    return InterfaceEntry(name, kind_of(name), path_of(name), text, visible(" ".join(words)))
 
 
 def _title(kind: str) -> str:

@@ -1,4 +1,4 @@
-"""One interface as one page of HTML: what a template fills in."""
+"""The data of the HTML page of an interface, for its template."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TITLES = {1: ("",), 2: ("Request", "Response"), 3: ("Goal", "Result", "Feedback
 
 @frozen
 class Link:
-    """A link to a page, or plain text if there is no page."""
+    """A link to a page and the text after it; plain text if there is no page."""
 
     word: str
     page: str = ""
@@ -44,7 +44,7 @@ class Row:
 
 @frozen
 class MemberBytes:
-    """The offset of a member, as text."""
+    """The offset and size of a member, as text."""
 
     name: str
     offset: str
@@ -54,7 +54,7 @@ class MemberBytes:
 
 @frozen
 class Section:
-    """A message: a part of a service or of an action, or, without a title, all there is."""
+    """A message; without a title unless it is a part of a service or an action."""
 
     title: str
     doc: tuple[Paragraph, ...]
@@ -82,7 +82,7 @@ class Page:
     sections: tuple[Section, ...]
     source: str
     lines: tuple[tuple[str, str], ...]
-    """The definition: of each line what counts, and the comment behind it."""
+    """The lines of the definition, each as code and comment."""
     snippets: Snippets
     users: tuple[Link, ...]
     needs: tuple[Link, ...]
@@ -92,61 +92,61 @@ class Page:
 
 
 class Pages:
-    """The pages of all interfaces of a site; `catalog` has those of every package."""
+    """The pages of all interfaces of a site; `catalog` contains the interfaces of all packages."""
 
     def __init__(self, catalog: Catalog) -> None:
         """Index all interfaces and their users."""
         self._catalog = catalog
-        self._extents = SizeCalculator(catalog.known)
+        self._sizes = SizeCalculator(catalog.known)
         self._hasher = Hasher(catalog)
         self._users = used_by(catalog.interfaces)
 
     def page(self, name: TypeName) -> Page:
         """Return the page of an interface."""
         interface = self._catalog.interfaces[name]
-        words = _Words(self._catalog.interfaces, "../" * path_of(name).count("/"), name.package)
+        links = _Links(self._catalog.interfaces, "../" * path_of(name).count("/"), name.package)
         messages = sections_of(interface)
         source = self._catalog.sources.get(name)
         derived = [each for each, _ in structures_of(interface) if each != name]
         return Page(
             name,
             kind_of(name),
-            words.root,
+            links.root,
             tuple(
-                self._section(title, message, words)
+                self._section(title, message, links)
                 for title, message in zip(_TITLES[len(messages)], messages, strict=True)
             ),
             source.relative if source else "",
             tuple(_lines(source)) if source else (),
             snippets(interface, self._catalog.known),
-            words.links(self._users.get(name, ())),
-            words.links(ACTION_DEPENDENCIES if isinstance(interface, Action) else ()),
+            links.links(self._users.get(name, ())),
+            links.links(ACTION_DEPENDENCIES if isinstance(interface, Action) else ()),
             self._hasher.hash(name),
             tuple(Derived(str(each), self._hasher.hash(each)) for each in derived),
         )
 
-    def _section(self, title: str, message: Message, words: _Words) -> Section:
-        extent = self._extents.of(message)
+    def _section(self, title: str, message: Message, links: _Links) -> Section:
+        sizes = self._sizes.of(message)
         prefix = f"{title.lower()}."
         return Section(
             title,
             paragraphs(message.doc),
             tuple(
-                words.row(prefix, each, value_text(each.default), each.unit or "") for each in message.fields
+                links.row(prefix, each, value_text(each.default), each.unit or "") for each in message.fields
             ),
-            tuple(words.row(prefix, each, value_text(each.value)) for each in message.constants),
-            _size_of(extent),
+            tuple(links.row(prefix, each, value_text(each.value)) for each in message.constants),
+            _size_of(sizes),
             tuple(
-                _bytes(member.name, span)
-                for member, span in zip(message.members, extent.spans, strict=True)
+                _bytes(member.name, size)
+                for member, size in zip(message.members, sizes.members, strict=True)
                 if message.fields
             ),
         )
 
 
 @frozen
-class _Words:
-    """Text about types for a page; links are relative to the folder of the page."""
+class _Links:
+    """Creates links to types; they are relative to the folder of the page."""
 
     interfaces: Mapping[TypeName, Interface]
     root: str
@@ -159,14 +159,14 @@ class _Words:
         return Row(f"{prefix}{declared.name}", declared.name, type_, value, visible(unit), doc)
 
     def type(self, type_: Type) -> Link:
-        """Return a type, with a link to the message that it is or consists of."""
+        """Return a type with a link to the message that it names, if any."""
         spelled = type_text(type_, self.package)
         if spelled.name is None or spelled.name not in self.interfaces:
             return Link(spelled.word, "", spelled.suffix)
         return Link(spelled.word, f"{self.root}{path_of(spelled.name)}", spelled.suffix)
 
     def links(self, names: Collection[TypeName]) -> tuple[Link, ...]:
-        """Return links to interfaces, in the order of their names."""
+        """Return links to interfaces, sorted by name."""
         known = sorted(name for name in names if name in self.interfaces)
         return tuple(Link(str(name), f"{self.root}{path_of(name)}") for name in known)
 
@@ -177,7 +177,7 @@ def path_of(name: TypeName) -> str:
 
 
 def used_by(interfaces: Mapping[TypeName, Interface]) -> dict[TypeName, set[TypeName]]:
-    """Return, for each message, the interfaces with a member of it in their own definition."""
+    """Return, for each message, the interfaces with a field of its type in their definition."""
     found: dict[TypeName, set[TypeName]] = {}
     for name, interface in interfaces.items():
         for message in sections_of(interface):
@@ -189,33 +189,32 @@ def used_by(interfaces: Mapping[TypeName, Interface]) -> dict[TypeName, set[Type
 
 
 def _lines(source: Source) -> list[tuple[str, str]]:
-    """Return each line of a definition as what counts and its comment; the mark of a comment differs."""
+    """Return each line of a definition as code and comment."""
     mark = "//" if source.relative.endswith(".idl") else "#"
     lines = []
     for line in visible(source.text.removeprefix("\ufeff")).splitlines():
         code, hash_, comment = line.partition(mark)
-        # A mark inside quotes begins no comment in .idl files, and in others there is a doubt about it.
+        # Inside quotes, '//' starts no comment in .idl files; '#' in other files is ambiguous.
         quoted = code.count('"') % 2 or code.count("'") % 2
         lines.append((line, "") if quoted else (code, hash_ + comment))
     return lines
 
 
-def _size_of(extent: MessageSize) -> str:
-    """Return how many bytes a message takes, in words."""
-    if extent.most is None:
-        return f"{_count(extent.least)} or more"
-    if extent.least == extent.most:
-        return f"always {_count(extent.least)}"
-    return f"{extent.least:,} to {_count(extent.most)}"
+def _size_of(size: MessageSize) -> str:
+    """Return the size of a message as text."""
+    if size.max_size is None:
+        return f"{_count(size.min_size)} or more"
+    if size.min_size == size.max_size:
+        return f"always {_count(size.min_size)}"
+    return f"{size.min_size:,} to {_count(size.max_size)}"
 
 
-def _bytes(name: str, span: MemberSize) -> MemberBytes:
-    offset = f"{span.offset:,}" if span.fixed else f"{span.offset:,} or later"
-    if span.most is None:
-        size = f"{span.least:,} or more"
-    else:
-        size = f"{span.least:,}" if span.least == span.most else f"{span.least:,} to {span.most:,}"
-    return MemberBytes(name, offset, span.alignment, size)
+def _bytes(name: str, member: MemberSize) -> MemberBytes:
+    offset = f"{member.offset:,}" if member.fixed else f"{member.offset:,} or later"
+    low, high = member.min_size, member.max_size
+    upper = "or more" if high is None else f"to {high:,}"
+    size = f"{low:,}" if low == high else f"{low:,} {upper}"
+    return MemberBytes(name, offset, member.alignment, size)
 
 
 def _count(count: int) -> str:

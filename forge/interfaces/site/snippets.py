@@ -1,4 +1,4 @@
-"""A few lines of Python and of C++ that use an interface: to begin with, not to keep."""
+"""Example code in Python and C++ that creates the messages of an interface."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WORD = "text"
 
 @frozen
 class Snippets:
-    """The same in two languages."""
+    """The same example in both languages."""
 
     python: str
     cpp: str
@@ -30,7 +30,7 @@ class Snippets:
 
 @frozen
 class _Leaf:
-    """A member to try: how it is reached, and a value in either language."""
+    """A member to assign: its path, and a value in each language."""
 
     path: str
     python: str
@@ -38,7 +38,7 @@ class _Leaf:
 
 
 def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> Snippets:
-    """Return the lines for an interface; `known` has the messages that it refers to."""
+    """Return the examples for an interface; `known` contains all nested messages."""
     name = interface.name
     python = [f"from {name.package}.{name.kind} import {name.name}", ""]
     cpp = [f'#include "{name.package}/{name.kind}/{snake_case(name.name)}.hpp"', ""]
@@ -54,7 +54,7 @@ def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> Snippet
 
 
 def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
-    """Yield each message to make: the name of a variable, what follows the class's name, the message."""
+    """Yield each message to create: the variable's name, the suffix of the class name, the message."""
     match interface:
         case Message():
             yield "message", "", interface
@@ -68,7 +68,7 @@ def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
 
 
 def _leaves(message: Message, known: Mapping[TypeName, Message]) -> list[_Leaf]:
-    """Return a few members that a line can set, the message's own before those of messages in it."""
+    """Return a few members that one statement can assign, direct members before nested ones."""
     found = (_leaf(member.name, member.type, known, _DEPTH) for member in message.fields)
     leaves = [leaf for leaf in found if leaf]
     return sorted(leaves, key=lambda leaf: leaf.path.count("."))[:_ASSIGNMENTS]

@@ -1,4 +1,4 @@
-"""What HTML pages say of types, values and comments: finished words; templates escape them."""
+"""Types, values and comments as text for HTML pages; the templates escape it."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Element, Type, Value
 
 KINDS = {"msg": ("message", "messages"), "srv": ("service", "services"), "action": ("action", "actions")}
-"""What interfaces of a kind are called, one and several."""
+"""The singular and plural name of each kind of interface."""
 
 _IN_FILES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-_DRAWN = re.compile(r"^\s|\S {2,}\S|\t", re.MULTILINE)
+_PREFORMATTED = re.compile(r"^\s|\S {2,}\S|\t", re.MULTILINE)
 _SENTENCE = re.compile(r"(.+?[.!?])(?:\s|$)")
 _LONGEST_SUMMARY = 160
-_PICTURES = {
+_REPLACEMENTS = {
     **{code: chr(0x2400 + code) for code in range(0x20) if chr(code) not in "\n\t"},
     **dict.fromkeys(
         (*range(0x7F, 0xA0), *range(0x202A, 0x202F), *range(0x2066, 0x206A)), "\N{REPLACEMENT CHARACTER}"
     ),
 }
-"""Control characters, and those that change the direction of writing."""
+"""Visible symbols for control characters, including bidirectional ones."""
 
 
 @frozen
 class TypeText:
-    """A type as definitions have it: a word, perhaps with the interface that it names, and what follows."""
+    """A type as written in definitions: its name, the interface it refers to, if any, and suffix."""
 
     word: str
     name: TypeName | None = None
@@ -41,19 +41,19 @@ class TypeText:
 
 @frozen
 class Paragraph:
-    """A part of a comment; one that is drawn keeps its columns."""
+    """A paragraph of a comment; white space in preformatted ones is kept."""
 
     text: str
-    drawn: bool = False
+    preformatted: bool = False
 
 
 def kind_of(name: TypeName) -> str:
-    """Return what an interface is called; what is in another folder of .idl files is a message."""
+    """Return the kind of an interface in words; an .idl file in a folder of another name is a message."""
     return KINDS.get(name.kind, KINDS["msg"])[0]
 
 
 def type_text(type_: Type, package: str) -> TypeText:
-    """Return a type as a definition of `package` has it."""
+    """Return a type as written in a definition of `package`."""
     match type_:
         case Array(of, size):
             return _spell(of, package, f"[{size}]")
@@ -64,18 +64,20 @@ def type_text(type_: Type, package: str) -> TypeText:
 
 
 def value_text(value: Value | None) -> str:
-    """Return a value much as definitions have it; nothing for none."""
+    """Return a value as JSON, which is close to its form in definitions; an empty text for None."""
     return "" if value is None else visible(json.dumps(value, ensure_ascii=False))
 
 
 def paragraphs(doc: Iterable[str]) -> tuple[Paragraph, ...]:
-    """Return a comment, cut at its empty lines."""
+    """Split a comment at blank lines."""
     blocks = re.split(r"\n(?:[ \t]*\n)+", visible("\n".join(doc)).strip("\n"))
-    return tuple(Paragraph(block, drawn=bool(_DRAWN.search(block))) for block in blocks if block.strip())
+    return tuple(
+        Paragraph(block, preformatted=bool(_PREFORMATTED.search(block))) for block in blocks if block.strip()
+    )
 
 
 def summary(doc: Iterable[str]) -> str:
-    """Return the first sentence of a comment, on one line; nothing where there is no comment."""
+    """Return the first sentence of a comment on one line; an empty text if there is no comment."""
     first = " ".join(" ".join(_first_block(doc)).split())
     sentence = _SENTENCE.match(first)
     text = sentence[1] if sentence else first
@@ -83,18 +85,18 @@ def summary(doc: Iterable[str]) -> str:
 
 
 def visible(text: str) -> str:
-    """Return a text without what hides or turns the rest: control characters stand as pictures."""
-    return text if text.isascii() and text.isprintable() else text.translate(_PICTURES)
+    """Replace control characters by visible symbols, so that they cannot hide or reorder text."""
+    return text if text.isascii() and text.isprintable() else text.translate(_REPLACEMENTS)
 
 
 def _first_block(doc: Iterable[str]) -> Iterator[str]:
-    """Yield the lines up to the first empty one."""
-    begun = False
+    """Yield the lines of the first paragraph."""
+    started = False
     for line in doc:
         if line.strip():
-            begun = True
+            started = True
             yield line
-        elif begun:
+        elif started:
             return
 
 

@@ -1,4 +1,4 @@
-"""Definitions to layouts on the wire: nested messages unfolded, fixed-size neighbours gathered into runs."""
+"""Compute the layout of messages: inline nested messages and merge fixed-size members into runs."""
 
 from __future__ import annotations
 
@@ -31,33 +31,33 @@ if TYPE_CHECKING:
     from forge.interfaces.wire.layout import LayoutStep, Member, Path
 
 RUN_ARRAY_LIMIT: Final = 512
-"""An array of more bytes than this is moved on its own: beside it, a copy saved on a run is nothing."""
+"""Larger arrays, in bytes, are moved on their own: a saved copy operation no longer matters."""
 
 INLINE_LIMIT: Final = 64
-"""A message of more steps and members than this is not unfolded inside others."""
+"""Messages of more steps and members than this are not inlined into others."""
 
 
 @frozen
 class LayoutBuilder:
-    """The layouts of all messages of a catalog, by the definitions in `known`."""
+    """Computes the layouts of messages; `known` contains them and all nested messages."""
 
     known: Mapping[TypeName, Message]
     _weights: dict[TypeName, int] = field(default_factory=dict)
 
     def of(self, name: TypeName, start: Phase = START) -> MessageLayout:
-        """Return the layout of a message, itself unfolded however large."""
-        flat = _Flattening(self, start)
-        flat.add_members((), name)
-        return flat.layout()
+        """Return the layout of a message, which is flattened even if it is large."""
+        flattening = _Flattening(self, start)
+        flattening.add_members((), name)
+        return flattening.layout()
 
     def of_element(self, type_: Type, start: Phase) -> MessageLayout:
-        """Return the layout of a collection's element, or of a member alone; its path is ()."""
-        flat = _Flattening(self, start)
-        flat.add((), type_)
-        return flat.layout()
+        """Return the layout of an element of a collection, or of a single member; its path is ()."""
+        flattening = _Flattening(self, start)
+        flattening.add((), type_)
+        return flattening.layout()
 
     def is_large(self, name: TypeName) -> bool:
-        """Tell if other messages refer to this one's layout instead of unfolding it."""
+        """Return True if the message is too large to be inlined into others."""
         return self._weight(name) > INLINE_LIMIT
 
     def _weight(self, name: TypeName) -> int:
@@ -78,23 +78,23 @@ class LayoutBuilder:
 
 @dataclass(slots=True)
 class _Flattening:
-    """A layout in the making."""
+    """Collects the steps of a layout."""
 
     layouts: LayoutBuilder
     start: Phase
     steps: list[LayoutStep] = field(default_factory=list)
-    inner: list[InlinedMessage] = field(default_factory=list)
+    inlined: list[InlinedMessage] = field(default_factory=list)
     run: list[Member] = field(default_factory=list)
     phase: Phase = UNKNOWN
-    """What is known where the run being gathered begins."""
+    """The phase at the start of the current run."""
 
     def __post_init__(self) -> None:
         self.phase = self.start
 
     def layout(self) -> MessageLayout:
-        """Return what has been gathered."""
+        """Return the finished layout."""
         self._close()
-        return MessageLayout(tuple(self.steps), tuple(self.inner), self.start, self.phase)
+        return MessageLayout(tuple(self.steps), tuple(self.inlined), self.start, self.phase)
 
     def add_members(self, path: Path, name: TypeName) -> None:
         """Add all members of a message."""
@@ -119,7 +119,7 @@ class _Flattening:
                 self._close()
                 self._step(MessageCall(path, name, self.phase), UNKNOWN)
             case Named(name):
-                self.inner.append(InlinedMessage(path, name))
+                self.inlined.append(InlinedMessage(path, name))
                 self.add_members(path, name)
             case Array() | Sequence():
                 self._add_collection(path, type_)
@@ -144,12 +144,12 @@ class _Flattening:
             body = self._body(of)
             end = body.end
             step = Loop(path, type_, body, start)
-        self._step(step, start.either(end) if isinstance(type_, Sequence) else end)
+        self._step(step, start.join(end) if isinstance(type_, Sequence) else end)
 
     def _body(self, of: Element) -> MessageLayout:
-        """Return the layout that holds for the first element as well as for those behind others."""
+        """Return a layout that is valid for the first element and for those after other elements."""
         body = self.layouts.of_element(of, self.phase)
-        while (start := body.start.either(body.end)) != body.start:
+        while (start := body.start.join(body.end)) != body.start:
             body = self.layouts.of_element(of, start)
         return body
 
@@ -166,7 +166,7 @@ class _Flattening:
 
 
 def _phase_after(first: Phase, size: int, type_: Array | Sequence) -> Phase:
-    """Return the phase behind values of a size, the first of which lies at a known phase."""
+    """Return the phase after values of the given size, the first of which is at `first`."""
     if isinstance(type_, Array):
         return first.after(type_.size * size)
-    return first.either(first.after(size))
+    return first.join(first.after(size))

@@ -1,17 +1,18 @@
-"""How a message lies on the wire (XCDR1): runs of fixed-size members, and what stands between them.
+"""The layout of a serialized message (XCDR1, DDS-XTypes 1.3): runs of fixed-size members and what is between.
 
-A layout is a message flattened into steps, in the order of the bytes. `forge.interfaces.wire.flattening`
-makes layouts; every target reads them:
+A layout is a message flattened into steps in serialization order. `forge.interfaces.wire.flattening`
+computes layouts; the serializers of all languages are generated from them:
 
-    Run       fixed-size members side by side; one check and one copy move them all
-    Chars     the text whose length stands last in the run before
-    Numbers   values of one primitive type: those counted in the run before, or a large array
-    Loop      strings or messages: as many as an array has, or as the run before counts
-    Shared    a message too large to be unfolded once more: the code for it starts at any offset
+    Run                 adjacent fixed-size members, moved with one bounds check and one copy
+    StringData          the characters of a string; its length is the last member of the previous run
+    PrimitiveElements   values of one primitive type: a sequence with its length in the previous run, or a
+                        large array
+    Loop                strings or messages in an array, or in a sequence with its length in the previous run
+    MessageCall         a message too large to inline again; the code for it accepts any start offset
 
-Offsets count from the first byte after the header. Often only a part of one is known beforehand, and
-that part is its Phase: after an aligned double all that matters is known, after a string nothing.
-Where a phase says too little, the padding can only be worked out when the message is at hand.
+Offsets count from the first byte after the encapsulation header. Often an offset is only partly known at
+generation time; a Phase is the known part. After an aligned double the alignment is fully known, after a
+string not at all. Where the phase is insufficient, the padding is computed at run time.
 """
 
 from __future__ import annotations
@@ -31,37 +32,37 @@ SIZES: Final = {
     **dict.fromkeys(("int32", "uint32", "float", "wchar"), 4),
     **dict.fromkeys(("int64", "uint64", "double"), 8),
 }
-"""The bytes of each primitive type, which are also its alignment."""
+"""The size of each primitive type in bytes, which is also its alignment."""
 
 MAX_ALIGNMENT: Final = 8
-"""No type is aligned to more."""
+"""The largest alignment of any type."""
 
 Path = tuple[str, ...]
-"""Member names, from the message that a layout is of, or from a loop's element: () is that itself."""
+"""Member names, starting at the message of the layout or at the element of a loop; () is the start itself."""
 
 
 @frozen
 class Phase:
-    """Partial knowledge about an offset: its remainder on division by `modulus`, which is 1, 2, 4 or 8."""
+    """The known part of an offset: its remainder modulo `modulus`, which is 1, 2, 4 or 8."""
 
     modulus: int
     remainder: int
 
     def padding(self, alignment: int) -> int | None:
-        """Return the bytes to the next multiple of `alignment`, or None when that is not known."""
+        """Return the number of bytes to the next multiple of `alignment`, or None if unknown."""
         return -self.remainder % alignment if alignment <= self.modulus else None
 
     def aligned(self, alignment: int) -> Phase:
-        """Return what is known once the padding has been passed."""
+        """Return the phase after padding to `alignment`."""
         padding = self.padding(alignment)
         return Phase(alignment, 0) if padding is None else self.after(padding)
 
     def after(self, count: int) -> Phase:
-        """Return what is known `count` bytes further on."""
+        """Return the phase `count` bytes later."""
         return Phase(self.modulus, (self.remainder + count) % self.modulus)
 
-    def either(self, other: Phase) -> Phase:
-        """Return what is known where both this and the other may have led."""
+    def join(self, other: Phase) -> Phase:
+        """Return the phase of an offset that has either this or the other phase."""
         modulus = gcd(self.modulus, other.modulus, self.remainder - other.remainder)
         return Phase(modulus, self.remainder % modulus)
 
@@ -72,7 +73,7 @@ UNKNOWN: Final = Phase(1, 0)
 
 @frozen
 class Scalar:
-    """One primitive. A hidden one stands for an empty message: written as 0, read past."""
+    """One primitive. A hidden one stands for an empty message: written as 0, skipped on reading."""
 
     path: Path
     type: Primitive
@@ -80,18 +81,18 @@ class Scalar:
 
     @property
     def size(self) -> int:
-        """Its bytes."""
+        """Its size in bytes."""
         return SIZES[self.type.name]
 
     @property
     def alignment(self) -> int:
-        """The alignment of its offset."""
+        """Its alignment."""
         return SIZES[self.type.name]
 
 
 @frozen
 class InlineArray:
-    """A small array of primitives."""
+    """A small array of primitives, part of a run."""
 
     path: Path
     type: Array
@@ -99,7 +100,7 @@ class InlineArray:
 
     @property
     def size(self) -> int:
-        """The bytes of all elements."""
+        """The size of all elements in bytes."""
         return self.type.size * SIZES[self.of.name]
 
     @property
@@ -110,10 +111,10 @@ class InlineArray:
 
 @frozen
 class Length:
-    """The uint32 before what has no fixed size.
+    """The uint32 length before variable-size data.
 
-    For a string these are the bytes, the NUL at the end included; for a wstring its UTF-16 code
-    units, without any NUL; for a sequence its elements.
+    For a string it counts bytes, including the terminating NUL; for a wstring UTF-16 code units, without a
+    NUL; for a sequence elements.
     """
 
     path: Path
@@ -121,12 +122,12 @@ class Length:
 
     @property
     def size(self) -> int:
-        """Its bytes."""
+        """Its size in bytes."""
         return 4
 
     @property
     def alignment(self) -> int:
-        """The alignment of its offset."""
+        """Its alignment."""
         return 4
 
 
@@ -135,9 +136,9 @@ Member = Scalar | InlineArray | Length
 
 @frozen
 class Segment:
-    """A part of a run whose inner padding is known: `paddings[i]` bytes come before `members[i]`.
+    """A part of a run with known padding: `paddings[i]` bytes precede `members[i]`.
 
-    Where `alignment` is more than 1, the offset has first to be rounded up to a multiple of it.
+    If `alignment` is greater than 1, the offset must first be rounded up to a multiple of it.
     """
 
     alignment: int
@@ -146,13 +147,13 @@ class Segment:
 
     @property
     def size(self) -> int:
-        """The bytes after that rounding, padding included."""
+        """The size in bytes after that rounding, including padding."""
         return sum(self.paddings) + sum(member.size for member in self.members)
 
 
 @frozen
 class Run:
-    """Fixed-size members side by side, as many as there are."""
+    """Adjacent fixed-size members, as many as possible."""
 
     members: tuple[Member, ...]
     start: Phase
@@ -163,35 +164,35 @@ class Run:
         return max(member.alignment for member in self.members)
 
     @property
-    def count(self) -> Length | None:
-        """The count at the run's end, if it has one: only what follows the run tells what it counts."""
+    def length(self) -> Length | None:
+        """The length at the end of the run, if any; it belongs to the step after the run."""
         last = self.members[-1]
         return last if isinstance(last, Length) else None
 
     @property
-    def pieces(self) -> tuple[Segment, ...]:
-        """The run, cut where padding depends on what comes before: one piece if none does."""
-        pieces: list[tuple[int, list[Member], list[int]]] = []
+    def segments(self) -> tuple[Segment, ...]:
+        """The run, split where padding is unknown; one segment if all padding is known."""
+        segments: list[tuple[int, list[Member], list[int]]] = []
         phase = self.start
         for member in self.members:
             padding = phase.padding(member.alignment)
-            if padding is None or not pieces:
-                pieces.append((1 if padding is not None else member.alignment, [], []))
-            pieces[-1][1].append(member)
-            pieces[-1][2].append(padding or 0)
+            if padding is None or not segments:
+                segments.append((1 if padding is not None else member.alignment, [], []))
+            segments[-1][1].append(member)
+            segments[-1][2].append(padding or 0)
             phase = phase.aligned(member.alignment).after(member.size)
         return tuple(
-            Segment(alignment, tuple(members), tuple(paddings)) for alignment, members, paddings in pieces
+            Segment(alignment, tuple(members), tuple(paddings)) for alignment, members, paddings in segments
         )
 
     def end(self, start: Phase) -> Phase:
-        """Return the phase behind the run when it begins at `start`."""
+        """Return the phase after the run if it starts at `start`."""
         for member in self.members:
             start = start.aligned(member.alignment).after(member.size)
         return start
 
     def is_fixed(self, start: Phase) -> bool:
-        """Tell if all padding is known when the run begins at `start`."""
+        """Return True if all padding is known when the run starts at `start`."""
         for member in self.members:
             if start.padding(member.alignment) is None:
                 return False
@@ -201,7 +202,7 @@ class Run:
 
 @frozen
 class StringData:
-    """The characters of a string with a NUL at their end, or the code units of a wstring, 4 bytes each."""
+    """The characters of a string and a NUL, or the code units of a wstring with 4 bytes each."""
 
     path: Path
     type: String
@@ -210,7 +211,7 @@ class StringData:
 
 @frozen
 class PrimitiveElements:
-    """Primitives side by side. Where there are none, there is no padding either."""
+    """Adjacent primitives; an empty sequence has no padding either."""
 
     path: Path
     type: Array | Sequence
@@ -219,13 +220,13 @@ class PrimitiveElements:
 
     @property
     def padding(self) -> int | None:
-        """The bytes before the first value, or None when only the message tells."""
+        """The padding before the first value, or None if it depends on the message."""
         return self.start.padding(SIZES[self.of.name])
 
 
 @frozen
 class Loop:
-    """Strings or messages one after the other; `body` holds for each, the paths in it begin there."""
+    """Consecutive strings or messages; `body` is the layout of each, with paths relative to the element."""
 
     path: Path
     type: Array | Sequence
@@ -235,7 +236,7 @@ class Loop:
 
 @frozen
 class MessageCall:
-    """A whole message whose layout stands elsewhere and begins with any phase."""
+    """A message with a layout of its own, which starts at an unknown phase."""
 
     path: Path
     name: TypeName
@@ -247,7 +248,7 @@ LayoutStep = Run | StringData | PrimitiveElements | Loop | MessageCall
 
 @frozen
 class InlinedMessage:
-    """A message unfolded into a layout: languages that build objects need to know."""
+    """A nested message inlined into a layout; languages that create objects need to create it."""
 
     path: Path
     name: TypeName
@@ -255,27 +256,27 @@ class InlinedMessage:
 
 @frozen
 class MessageLayout:
-    """The steps of a message that begins with the phase `start`, and the phase behind it."""
+    """The steps of a message that starts at the phase `start`, and the phase `end` after it."""
 
     steps: tuple[LayoutStep, ...]
-    inner: tuple[InlinedMessage, ...]
+    inlined: tuple[InlinedMessage, ...]
     start: Phase
     end: Phase
 
     @property
-    def least(self) -> int:
-        """The fewest bytes that such a message can take, padding left out; at least 1."""
-        return sum(_least(step) for step in self.steps)
+    def min_size(self) -> int:
+        """The minimum size of the message in bytes without padding; at least 1."""
+        return sum(_min_size(step) for step in self.steps)
 
 
-def _least(step: LayoutStep) -> int:
+def _min_size(step: LayoutStep) -> int:
     match step:
         case Run(members):
             return sum(member.size for member in members)
         case PrimitiveElements(_, Array(_, count), of):
             return count * SIZES[of.name]
         case Loop(_, Array(_, count), body):
-            return count * body.least
+            return count * body.min_size
         case MessageCall():
             return 1
         case _:

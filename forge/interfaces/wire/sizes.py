@@ -1,7 +1,7 @@
-"""How many bytes a message takes on the wire (XCDR1), and where in it each member lies.
+"""The serialized size of a message (XCDR1) and the offset of each member.
 
-Offsets count from the first byte after the header, for a message that begins there. Inside another one a
-message begins wherever that has got to: only primitives are aligned, so its padding may be different.
+Offsets count from the first byte after the encapsulation header, for a top-level message. The padding of a
+nested message depends on its start offset, because XCDR1 aligns primitives only.
 """
 
 from __future__ import annotations
@@ -24,67 +24,67 @@ _CODE_UNIT = SIZES["wchar"]
 
 @frozen
 class MemberSize:
-    """The bytes of one member: the least offset, whether it is the only one, and how many there are."""
+    """The minimum offset of a member, whether it is the only possible one, and the member's size in bytes."""
 
     offset: int
     fixed: bool
     alignment: int
-    least: int
-    most: int | None
-    """None where nothing bounds it."""
+    min_size: int
+    max_size: int | None
+    """None if unbounded."""
 
 
 @frozen
 class MessageSize:
-    """The bytes of a message: those of its members in their order, and how many there are in all."""
+    """The sizes of the members of a message, in their order, and its total size in bytes."""
 
-    spans: tuple[MemberSize, ...]
-    least: int
-    most: int | None
+    members: tuple[MemberSize, ...]
+    min_size: int
+    max_size: int | None
 
 
 class SizeCalculator:
-    """The extents of messages that refer to each other; `known` has them all."""
+    """Computes the sizes of messages; `known` contains them and all nested messages."""
 
     def __init__(self, known: Mapping[TypeName, Message]) -> None:
-        """Know the messages."""
+        """Start with empty caches."""
         self._known = known
         self._layouts = LayoutBuilder(known)
-        self._growths: dict[tuple[TypeName, int, bool], int | None] = {}
-        self._behind: dict[tuple[Type, Phase], Phase] = {}
+        self._message_sizes: dict[tuple[TypeName, int, bool], int | None] = {}
+        self._end_phases: dict[tuple[Type, Phase], Phase] = {}
 
     def of(self, message: Message) -> MessageSize:
-        """Return the extent of a message."""
-        spans = []
-        least, phase = 0, START
-        most: int | None = 0
+        """Return the size of a message."""
+        members = []
+        low, phase = 0, START
+        high: int | None = 0
         for member in message.members:
             alignment = self._alignment(member.type)
-            least, phase = _rounded(least, alignment), phase.aligned(alignment)
-            most = None if most is None else _rounded(most, alignment)
-            fewest, widest = self._bytes(member.type, phase)
-            spans.append(MemberSize(least, least == most, alignment, fewest, widest))
-            phase = self._phase_behind(member.type, phase)
-            more = None if most is None else self._growth(member.type, most % MAX_ALIGNMENT, full=True)
-            most = None if most is None or more is None else most + more
-            least += self._growth(member.type, least % MAX_ALIGNMENT, full=False) or 0
-        return MessageSize(tuple(spans), least, most)
+            low, phase = _rounded(low, alignment), phase.aligned(alignment)
+            high = None if high is None else _rounded(high, alignment)
+            smallest, largest = self._size_range(member.type, phase)
+            members.append(MemberSize(low, low == high, alignment, smallest, largest))
+            phase = self._phase_after(member.type, phase)
+            more = None if high is None else self._size_at(member.type, high % MAX_ALIGNMENT, full=True)
+            high = None if high is None or more is None else high + more
+            low += self._size_at(member.type, low % MAX_ALIGNMENT, full=False) or 0
+        return MessageSize(tuple(members), low, high)
 
-    def _bytes(self, type_: Type, phase: Phase) -> tuple[int, int | None]:
-        """Return the fewest and the most bytes of a member, wherever such a phase lets it begin."""
+    def _size_range(self, type_: Type, phase: Phase) -> tuple[int, int | None]:
+        """Return the minimum and maximum size of a member over all start offsets of a phase."""
         starts = range(phase.remainder, MAX_ALIGNMENT, phase.modulus)
-        fewest = min(self._growth(type_, start, full=False) or 0 for start in starts)
-        widest = [self._growth(type_, start, full=True) for start in starts]
-        return fewest, None if None in widest else max(size for size in widest if size is not None)
+        smallest = min(self._size_at(type_, start, full=False) or 0 for start in starts)
+        sizes = [self._size_at(type_, start, full=True) for start in starts]
+        return smallest, None if None in sizes else max(size for size in sizes if size is not None)
 
-    def _phase_behind(self, type_: Type, phase: Phase) -> Phase:
+    def _phase_after(self, type_: Type, phase: Phase) -> Phase:
         key = (type_, phase)
-        if key not in self._behind:
-            self._behind[key] = self._layouts.of_element(type_, phase).end
-        return self._behind[key]
+        if key not in self._end_phases:
+            self._end_phases[key] = self._layouts.of_element(type_, phase).end
+        return self._end_phases[key]
 
     def _alignment(self, type_: Type) -> int:
-        """Return what the first byte of a member is a multiple of."""
+        """Return the alignment of the first byte of a member."""
         match type_:
             case Primitive(name):
                 return SIZES[name]
@@ -95,61 +95,64 @@ class SizeCalculator:
             case String() | Sequence():
                 return _LENGTH
 
-    def _growth(self, type_: Type, at: int, *, full: bool) -> int | None:
-        """Return how many bytes a member adds that begins at `at`: empty, or else as full as can be."""
+    def _size_at(self, type_: Type, start: int, *, full: bool) -> int | None:
+        """Return the size of a member at offset `start`, including padding; None if unbounded.
+
+        Strings and sequences are empty, or filled up to their bounds if `full` is True.
+        """
         match type_:
             case Primitive(name):
-                return _rounded(at, SIZES[name]) + SIZES[name] - at
+                return _rounded(start, SIZES[name]) + SIZES[name] - start
             case Named(name):
-                return self._growth_of_message(name, at, full=full)
+                return self._message_size(name, start, full=full)
             case Array(of, size):
-                return self._growth_of_several(of, size, at, full=full)
+                return self._elements_size(of, size, start, full=full)
             case String() | Sequence():
-                return self._growth_of_counted(type_, at, full=full)
+                return self._variable_size(type_, start, full=full)
 
-    def _growth_of_counted(self, type_: String | Sequence, at: int, *, full: bool) -> int | None:
-        """Return what a length adds, and what it is the length of."""
-        start = _rounded(at, _LENGTH) + _LENGTH - at
-        more: int | None
+    def _variable_size(self, type_: String | Sequence, start: int, *, full: bool) -> int | None:
+        """Return the size of a length and the data that it counts."""
+        prefix = _rounded(start, _LENGTH) + _LENGTH - start
+        size: int | None
         match type_:
             case String(wide, bound):
                 count = bound if full else 0
-                more = None if count is None else count * _CODE_UNIT if wide else count + 1
+                size = None if count is None else count * _CODE_UNIT if wide else count + 1
             case Sequence(of, bound):
                 count = bound if full else 0
-                more = None if count is None else self._growth_of_several(of, count, at + start, full=full)
-        return None if more is None else start + more
+                size = None if count is None else self._elements_size(of, count, start + prefix, full=full)
+        return None if size is None else prefix + size
 
-    def _growth_of_message(self, name: TypeName, at: int, *, full: bool) -> int | None:
-        key = (name, at % MAX_ALIGNMENT, full)
-        if key not in self._growths:
-            end: int | None = at
+    def _message_size(self, name: TypeName, start: int, *, full: bool) -> int | None:
+        key = (name, start % MAX_ALIGNMENT, full)
+        if key not in self._message_sizes:
+            end: int | None = start
             for member in self._known[name].members:
-                more = None if end is None else self._growth(member.type, end, full=full)
-                end = None if end is None or more is None else end + more
-            self._growths[key] = None if end is None else end - at
-        return self._growths[key]
+                size = None if end is None else self._size_at(member.type, end, full=full)
+                end = None if end is None or size is None else end + size
+            self._message_sizes[key] = None if end is None else end - start
+        return self._message_sizes[key]
 
-    def _growth_of_several(self, of: Element, count: int, at: int, *, full: bool) -> int | None:
-        """Return what `count` elements add; where their beginnings repeat, so does what they add."""
-        end, left = at, count
-        seen: dict[int, tuple[int, int]] = {}
+    def _elements_size(self, of: Element, count: int, start: int, *, full: bool) -> int | None:
+        """Return the size of `count` elements; once start phases repeat, the sizes repeat as well."""
+        end, left = start, count
+        visited: dict[int, tuple[int, int]] = {}
         while left:
-            if end % MAX_ALIGNMENT in seen:
-                before, behind = seen[end % MAX_ALIGNMENT]
-                period, gain = before - left, end - behind
-                end += left // period * gain
+            if end % MAX_ALIGNMENT in visited:
+                left_before, end_before = visited[end % MAX_ALIGNMENT]
+                period, size_of_period = left_before - left, end - end_before
+                end += left // period * size_of_period
                 left %= period
-                seen.clear()
+                visited.clear()
                 if not left:
                     break
-            seen[end % MAX_ALIGNMENT] = (left, end)
-            more = self._growth(of, end, full=full)
-            if more is None:
+            visited[end % MAX_ALIGNMENT] = (left, end)
+            size = self._size_at(of, end, full=full)
+            if size is None:
                 return None
-            end += more
+            end += size
             left -= 1
-        return end - at
+        return end - start
 
 
 def _rounded(offset: int, alignment: int) -> int:

@@ -104,8 +104,8 @@ def test_what_hides_or_turns_the_rest_is_seen() -> None:
 def test_drawings_keep_their_columns() -> None:
     assert paragraphs(("words", "and words", "", "", "  +--+", "  |  |", "", "a  b", "")) == (
         Paragraph("words\nand words"),
-        Paragraph("  +--+\n  |  |", drawn=True),
-        Paragraph("a  b", drawn=True),
+        Paragraph("  +--+\n  |  |", preformatted=True),
+        Paragraph("a  b", preformatted=True),
     )
 
 

@@ -64,19 +64,19 @@ def test_a_phase_says_nothing_wrong(phase: Phase, offset: int, alignment: int, c
 
 
 @given(PHASES, PHASES, OFFSETS)
-def test_either_holds_for_both_and_says_all_that_does(one: Phase, other: Phase, number: int) -> None:
-    either = one.either(other)
+def test_a_join_is_valid_for_both_phases(one: Phase, other: Phase, number: int) -> None:
+    joined = one.join(other)
     for phase in (one, other):
-        assert _holds(either, number * phase.modulus + phase.remainder)
-    assert either == other.either(one)
-    assert one.either(one) == one
+        assert _holds(joined, number * phase.modulus + phase.remainder)
+    assert joined == other.join(one)
+    assert one.join(one) == one
 
 
 def test_neighbours_of_fixed_size_are_one_run() -> None:
     (run,) = steps_of("uint8 a\nint64 b\nuint8 c\nint32 d\nuint8 e\nint16 f")
     assert isinstance(run, Run)
-    (piece,) = run.pieces
-    assert (piece.alignment, piece.paddings, piece.size) == (1, (0, 7, 0, 3, 0, 1), 28)
+    (segment,) = run.segments
+    assert (segment.alignment, segment.paddings, segment.size) == (1, (0, 7, 0, 3, 0, 1), 28)
 
 
 def test_nested_messages_are_unfolded_into_the_run_around_them() -> None:
@@ -84,7 +84,7 @@ def test_nested_messages_are_unfolded_into_the_run_around_them() -> None:
     (run,) = layout.steps
     assert isinstance(run, Run)
     assert [member.path for member in run.members] == [("p",), ("i", "a"), ("i", "b"), ("q",)]
-    assert [(inner.path, inner.name.name) for inner in layout.inner] == [(("i",), "Inner")]
+    assert [(inner.path, inner.name.name) for inner in layout.inlined] == [(("i",), "Inner")]
 
 
 def test_lengths_belong_to_the_run_before() -> None:
@@ -111,7 +111,7 @@ def test_a_sequence_may_be_empty_and_then_has_no_padding(type_: str, end: Phase)
 def test_a_run_is_cut_where_its_padding_depends_on_the_message() -> None:
     run = steps_of("string s\nuint8 a\nint32 b\nint16 c\nfloat64 d")[-1]
     assert isinstance(run, Run)
-    assert [(p.alignment, [m.path for m in p.members], p.paddings) for p in run.pieces] == [
+    assert [(p.alignment, [m.path for m in p.members], p.paddings) for p in run.segments] == [
         (1, [("a",)], (0,)),
         (4, [("b",), ("c",)], (0, 0)),
         (8, [("d",)], (0,)),
@@ -168,7 +168,7 @@ def test_a_message_of_many_large_ones_is_not_large_itself() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "least"),
+    ("text", "size"),
     [
         ("", 1),
         ("int8 a\nint64 b", 9),
@@ -178,8 +178,8 @@ def test_a_message_of_many_large_ones_is_not_large_itself() -> None:
         ("int16[999] a", 1998),
     ],
 )
-def test_least_is_what_no_message_is_smaller_than(text: str, least: int) -> None:
-    assert layout_of({"X": text}).least == least
+def test_the_minimum_size_excludes_padding(text: str, size: int) -> None:
+    assert layout_of({"X": text}).min_size == size
 
 
 def test_every_embedded_message_has_a_layout_with_all_its_members_in_order() -> None:
@@ -197,4 +197,4 @@ def test_sequences_of_named_types_refer_to_them() -> None:
     (_, loop) = layout_of({"X": "Inner[<=3] s", "Inner": "int8 a"}).steps
     assert isinstance(loop, Loop)
     assert loop.type == Sequence(Named(TypeName("p", "msg", "Inner")), 3)
-    assert loop.body.least == SIZES["int8"]
+    assert loop.body.min_size == SIZES["int8"]

@@ -1,4 +1,4 @@
-"""How many bytes messages take and where members lie, held against messages that were serialized."""
+"""Computed sizes and offsets agree with serialized messages."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def classes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, A
         yield {str(name): getattr(module, name.name) for name in NAMES}
 
 
-def extent(name: TypeName) -> tuple[Message, MessageSize]:
+def size_of(name: TypeName) -> tuple[Message, MessageSize]:
     message = CATALOG.interfaces[name]
     assert isinstance(message, Message)
     return message, SizeCalculator(CATALOG.known).of(message)
@@ -63,61 +63,59 @@ def size(message: Any) -> int:  # noqa: ANN401  (as above)
 
 
 @pytest.mark.parametrize("name", NAMES, ids=str)
-def test_an_empty_message_takes_the_least(classes: Mapping[str, Any], name: TypeName) -> None:
-    assert size(classes[str(name)]()) == extent(name)[1].least
+def test_an_empty_message_has_the_minimum_size(classes: Mapping[str, Any], name: TypeName) -> None:
+    assert size(classes[str(name)]()) == size_of(name)[1].min_size
 
 
 @pytest.mark.parametrize("name", NAMES, ids=str)
 @settings(max_examples=30)
 @given(data=st.data())
-def test_no_message_takes_less_or_more(
+def test_every_message_is_within_the_limits(
     classes: Mapping[str, Any], name: TypeName, data: st.DataObject
 ) -> None:
     message = data.draw(messages(classes[str(name)]))
-    found = extent(name)[1]
-    assert found.least <= size(message)
-    assert found.most is None or size(message) <= found.most
+    found = size_of(name)[1]
+    assert found.min_size <= size(message)
+    assert found.max_size is None or size(message) <= found.max_size
 
 
 @pytest.mark.parametrize("name", NAMES, ids=str)
 @settings(max_examples=30)
 @given(data=st.data())
-def test_a_number_lies_where_it_is_said_to(
+def test_a_number_is_at_its_computed_offset(
     classes: Mapping[str, Any], name: TypeName, data: st.DataObject
 ) -> None:
-    definition, found = extent(name)
+    definition, found = size_of(name)
     message = data.draw(messages(classes[str(name)]))
     content = content_of(message)
-    for member, span in zip(definition.fields, found.spans, strict=False):
-        if span.fixed and isinstance(member.type, Primitive) and member.type.name in FORMATS:
-            (value,) = struct.unpack_from(f"<{FORMATS[member.type.name]}", content, span.offset)
+    for member, expected in zip(definition.fields, found.members, strict=False):
+        if expected.fixed and isinstance(member.type, Primitive) and member.type.name in FORMATS:
+            (value,) = struct.unpack_from(f"<{FORMATS[member.type.name]}", content, expected.offset)
             assert value == getattr(message, member.name)
 
 
-def test_a_full_message_takes_the_most(classes: Mapping[str, Any]) -> None:
+def test_a_full_message_has_the_maximum_size(classes: Mapping[str, Any]) -> None:
     inner, bounded = classes["spans/msg/Inner"], classes["spans/msg/Bounded"]
     full = [bounded(b="12345", c=[1.0] * 3, d="123", e=[inner() for _ in range(4)]) for _ in range(2)]
-    assert size(full[0]) == extent(TypeName("spans", "msg", "Bounded"))[1].most
+    assert size(full[0]) == size_of(TypeName("spans", "msg", "Bounded"))[1].max_size
     deep = classes["spans/msg/Deep"](b=full, c=["123", "123"])
-    assert size(deep) == extent(TypeName("spans", "msg", "Deep"))[1].most
+    assert size(deep) == size_of(TypeName("spans", "msg", "Deep"))[1].max_size
 
 
-def test_members_in_words() -> None:
-    """The same message begins anywhere inside another one, and is then padded in another way."""
-    spans = extent(TypeName("spans", "msg", "Texts"))[1].spans
-    assert spans == (
-        MemberSize(0, fixed=True, alignment=4, least=5, most=None),
-        MemberSize(8, fixed=False, alignment=4, least=4, most=4),
-        MemberSize(12, fixed=False, alignment=1, least=13, most=17),
-        MemberSize(28, fixed=False, alignment=4, least=4, most=None),
-        MemberSize(32, fixed=False, alignment=1, least=1, most=1),
-        MemberSize(40, fixed=False, alignment=8, least=8, most=8),
+def test_the_size_of_a_nested_message_depends_on_its_offset() -> None:
+    assert size_of(TypeName("spans", "msg", "Texts"))[1].members == (
+        MemberSize(0, fixed=True, alignment=4, min_size=5, max_size=None),
+        MemberSize(8, fixed=False, alignment=4, min_size=4, max_size=4),
+        MemberSize(12, fixed=False, alignment=1, min_size=13, max_size=17),
+        MemberSize(28, fixed=False, alignment=4, min_size=4, max_size=None),
+        MemberSize(32, fixed=False, alignment=1, min_size=1, max_size=1),
+        MemberSize(40, fixed=False, alignment=8, min_size=8, max_size=8),
     )
 
 
-def test_many_elements_take_no_longer_to_count() -> None:
+def test_many_elements_take_no_longer_to_compute() -> None:
     catalog = catalog_of("p", {"msg/A.msg": "B[4000000000] many", "msg/B.msg": "uint16 a\nuint32 b\nuint8 c"})
     message = catalog.interfaces[TypeName("p", "msg", "A")]
     assert isinstance(message, Message)
-    # Each begins 8 bytes behind the one before, but for its padding at the end of all.
-    assert SizeCalculator(catalog.known).of(message).least == 8 * (4_000_000_000 - 1) + 9
+    # Each starts 8 bytes after the one before; the last has no padding after it.
+    assert SizeCalculator(catalog.known).of(message).min_size == 8 * (4_000_000_000 - 1) + 9
