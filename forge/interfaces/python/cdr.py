@@ -1,8 +1,9 @@
-"""Serializers in Python for a catalog: a module beside each generated one, loaded when it is needed.
+"""Generate Python serializers: a module beside each message module, imported on first use.
 
-A module has, for each message, a function that makes its writer and one that makes its reader: the
-tables that these look up come first. Messages too large to be unfolded inside others have two more,
-for the place inside. All are little endian; what they refuse, the run time's exact codec looks into.
+For each message, a module has a factory of its writer and one of its reader; a factory first creates the
+tables that the function looks up. Messages too large to be inlined have two more, for use inside other
+messages. All code is little-endian. Data that it rejects is passed to the run time's generic codec, which
+handles every case and reports errors.
 """
 
 from __future__ import annotations
@@ -29,23 +30,23 @@ if TYPE_CHECKING:
 
 @frozen
 class _Function:
-    """A function that makes a reader or a writer, as the template shows it."""
+    """The factory of a reader or a writer, for the template."""
 
     name: str
     inner: str
-    """The name and parameters of what it makes."""
+    """The name and parameters of the function that it creates."""
     tables: tuple[str, ...]
     lines: tuple[str, ...]
 
     @property
     def made(self) -> str:
-        """The name of what it makes."""
+        """The name of the function that it creates."""
         return self.inner.partition("(")[0]
 
 
 @dataclass(slots=True)
 class _Module:
-    """What one generated module refers to."""
+    """Collects the classes and modules that a generated module refers to."""
 
     layouts: LayoutBuilder
     own: frozenset[TypeName]
@@ -55,23 +56,23 @@ class _Module:
     modules: dict[str, str] = field(default_factory=dict)
 
     def class_of(self, name: TypeName) -> str:
-        """Return what the module calls a message's class."""
+        """Return the local name of a message class."""
         if name not in self.classes:
             taken = name.name in self.classes.values()
             self.classes[name] = f"_{name.package}_{name.kind}_{name.name}" if taken else name.name
         return self.classes[name]
 
-    def maker(self, word: str, name: TypeName) -> str:
-        """Return the expression for the function that makes a large message's reader or writer."""
+    def factory_call(self, prefix: str, name: TypeName) -> str:
+        """Return the expression that creates the reader or writer of a large message."""
         if name in self.own:
-            return f"{word}_{name.name}()"
+            return f"{prefix}_{name.name}()"
         path = f"{_module(name)}__cdr"
         alias = self.modules.setdefault(path, f"_{path.replace('.', '_')}")
-        return f"{alias}.{word}_{name.name}()"
+        return f"{alias}.{prefix}_{name.name}()"
 
 
 def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the module of serializers for one interface; for `root`, see modules.py."""
+    """Return a function that yields the serializer module of one interface; for `root`, see modules.py."""
     layouts = LayoutBuilder(catalog.known)
     all_classes = frozenset(name.name for name in catalog.known)
 
@@ -87,7 +88,7 @@ def _module(name: TypeName) -> str:
 
 
 def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: frozenset[str], root: str) -> str:
-    """Return the module of one interface file."""
+    """Return the serializer module of one interface file."""
     own = [message.name for message in messages_of(interface)]
     module = _Module(layouts, frozenset(own), all_classes)
     for name in own:
@@ -111,7 +112,7 @@ def _serializers(interface: Interface, layouts: LayoutBuilder, all_classes: froz
 
 
 def _shared_imports(text: str) -> list[str]:
-    """Return the imports that a module's functions need."""
+    """Return the import lines that the functions of a module need."""
     wanted = (
         ("_array(", "from array import array as _array"),
         ("_repeat(", "from itertools import repeat as _repeat"),
@@ -119,18 +120,18 @@ def _shared_imports(text: str) -> list[str]:
         ("_pieces.", "from forge_cdr import pieces as _pieces"),
         ("_ndarray(", "import numpy as _numpy"),
     )
-    return [line for word, line in wanted if word in text]
+    return [line for use, line in wanted if use in text]
 
 
 def _constants(text: str) -> list[str]:
-    """Return the lines for what functions look up without going through another module."""
+    """Return the assignments of names that functions look up as module globals, which is faster."""
     names = [name for name in ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN") if re.search(rf"_{name}\b", text)]
     arrays = ["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []
     return [*arrays, *(f"_{name} = _pieces.{name}" for name in names)]
 
 
 def _functions(name: TypeName, module: _Module) -> Iterator[_Function]:
-    """Yield the functions for one message."""
+    """Yield the factories for one message."""
     large = module.layouts.is_large(name)
     if large:
         layout = module.layouts.of(name, UNKNOWN)
@@ -147,7 +148,7 @@ def _writing(name: str, inner: str, layout: MessageLayout, module: _Module) -> _
     lines = FunctionSource(_names(module))
 
     def shared(other: TypeName) -> str:
-        return lines.table(f"write_{snake_case(other.name)}", module.maker("part_writer", other))
+        return lines.table(f"write_{snake_case(other.name)}", module.factory_call("part_writer", other))
 
     (emit_part_writer if layout.start == UNKNOWN else emit_writer)(lines, layout, shared)
     return _Function(name, inner, tuple(lines.tables), tuple(lines.lines))
@@ -157,7 +158,7 @@ def _reading(name: str, inner: str, message: TypeName, layout: MessageLayout, mo
     lines = FunctionSource(_names(module))
 
     def shared(other: TypeName) -> str:
-        return lines.table(f"read_{snake_case(other.name)}", module.maker("part_reader", other))
+        return lines.table(f"read_{snake_case(other.name)}", module.factory_call("part_reader", other))
 
     others = References(module.class_of, shared)
     (emit_part_reader if layout.start == UNKNOWN else emit_reader)(lines, message, layout, others)
@@ -165,5 +166,5 @@ def _reading(name: str, inner: str, message: TypeName, layout: MessageLayout, mo
 
 
 def _names(module: _Module) -> Names:
-    """Return the names of a function; the classes of the whole catalog are taken, whichever it uses."""
+    """Return the local names of a function; all class names of the catalog are reserved."""
     return Names({"message", "read", "write"}, module.all_classes)

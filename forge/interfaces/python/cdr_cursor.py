@@ -1,4 +1,4 @@
-"""Where a generated reader is in its data, as text: a number while that is known, then `o` and a number."""
+"""Tracks the read offset of a generated reader, as an expression: a constant, or `o` plus a constant."""
 
 from __future__ import annotations
 
@@ -13,67 +13,66 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Cursor:
-    """The offset of what is read next; it counts the header's bytes, alignment does not."""
+    """The offset of the next byte to read, including the header; alignment does not count the header."""
 
     lines: FunctionSource
-    known: bool = True
-    """Whether the offset is `number`; else it is that much more than `o`."""
-    number: int = 0
+    absolute: bool = True
+    """True if the offset is `constant`, False if it is `o` plus `constant`."""
+    constant: int = 0
 
     @property
-    def here(self) -> str:
+    def expression(self) -> str:
         """The expression for the offset."""
-        if self.known:
-            return str(self.number)
-        return f"o + {self.number}" if self.number else "o"
+        if self.absolute:
+            return str(self.constant)
+        return f"o + {self.constant}" if self.constant else "o"
 
-    def settle(self) -> None:
-        """Add the line that makes `o` the offset itself."""
-        if self.known or self.number:
-            self.lines.add(f"o = {self.here}")
-        self.be_at_o()
+    def store(self) -> None:
+        """Emit the assignment of the offset to `o`."""
+        if self.absolute or self.constant:
+            self.lines.add(f"o = {self.expression}")
+        self._mark_stored()
 
-    def be_at_o(self) -> None:
-        """Note that lines added elsewhere have set `o` to the offset."""
-        self.known, self.number = False, 0
-
-    def add_size(self, size: str) -> None:
-        """Add the line that passes as many bytes as an expression says."""
-        self.lines.add(f"o += {size}" if self.here == "o" else f"o = {self.here} + {size}")
-        self.be_at_o()
+    def advance(self, size: str) -> None:
+        """Emit the line that skips as many bytes as the expression `size`."""
+        self.lines.add(f"o += {size}" if self.expression == "o" else f"o = {self.expression} + {size}")
+        self._mark_stored()
 
     def align(self, alignment: int) -> None:
-        """Add the line that passes padding of unknown size."""
-        self.lines.add(f"o = {_rounded(self.here, alignment)}")
-        self.be_at_o()
+        """Emit the line that skips padding of unknown size."""
+        self.lines.add(f"o = {_rounded(self.expression, alignment)}")
+        self._mark_stored()
 
-    def pad(self, padding: int | None, alignment: int, number: str | None) -> None:
-        """Add the lines that pass the padding before elements, of which there may be none.
+    def pad(self, padding: int | None, alignment: int, count: str | None) -> None:
+        """Emit the lines that skip the padding before elements; an empty sequence has none.
 
-        `number` says how many there are; without one there are some.
+        `count` is the expression for the number of elements, or None for an array.
         """
         if padding == 0:
             return
-        if number is not None:
-            self.settle()
-            passed = f"o += {padding}" if padding else f"o = {_rounded('o', alignment)}"
-            self.lines.add(f"if {number}:", f"    {passed}")
+        if count is not None:
+            self.store()
+            skip = f"o += {padding}" if padding else f"o = {_rounded('o', alignment)}"
+            self.lines.add(f"if {count}:", f"    {skip}")
         elif padding:
-            self.number += padding
+            self.constant += padding
         else:
             self.align(alignment)
 
-    def ensure(self, length: str) -> str:
-        """Add the lines that refuse data of fewer bytes; return the name of the offset behind them."""
-        self.settle()
+    def check_available(self, length: str) -> str:
+        """Emit the lines that reject data with fewer remaining bytes; return the name of the end offset."""
+        self.store()
         end = self.lines.names.new("end")
         self.lines.add(f"{end} = o + {length}", f"if {end} > size:", "    raise _pieces.Refused")
         return end
 
-    def go_on(self, end: str, *, last: bool) -> None:
-        """Add the line that goes on behind an offset, unless nothing follows."""
+    def move_to(self, end: str, *, last: bool) -> None:
+        """Emit the assignment of `o` after the data, unless nothing follows."""
         if not last:
             self.lines.add(f"o = {end}")
+
+    def _mark_stored(self) -> None:
+        self.absolute, self.constant = False, 0
 
 
 def _rounded(offset: str, alignment: int) -> str:

@@ -1,8 +1,7 @@
-"""A message's layout to the Python function that reads it.
+"""Generate the Python function that deserializes a message, from its layout.
 
-Messages are made without their constructors and values unpacked straight into their slots. Structs
-check the end of the data by themselves; slices do not, so what is sliced is compared with `size`
-beforehand.
+The function creates messages without calling their constructors and unpacks values directly into their
+slots. Structs check the end of the data themselves; slices do not, so their end is compared with `size` first.
 """
 
 from __future__ import annotations
@@ -47,17 +46,17 @@ _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refus
 
 @frozen
 class References:
-    """What a reader calls messages by: their classes, and the functions that read large ones."""
+    """The names of message classes, and of the functions that read large messages."""
 
     class_of: Callable[[TypeName], str]
     shared: Callable[[TypeName], str]
 
 
-def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, others: References) -> None:
-    """Add the lines of a function that returns the message in some data."""
-    reader = _Reader(lines, others, Slots(lines, "message"), Cursor(lines, number=HEADER_SIZE))
+def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, references: References) -> None:
+    """Emit the body of a function that returns the message in a buffer."""
+    reader = _Reader(lines, references, Slots(lines, "message"), Cursor(lines, constant=HEADER_SIZE))
     if not any(isinstance(step, MessageCall) and not step.path for step in layout.steps):
-        lines.add(f"message = _new({others.class_of(name)})")
+        lines.add(f"message = _new({references.class_of(name)})")
     if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(buffer)", "view = memoryview(buffer)")
     first = layout.steps[0]
@@ -66,210 +65,212 @@ def emit_reader(lines: FunctionSource, name: TypeName, layout: MessageLayout, ot
     else:
         unpack = lines.table("unpack", "_pieces.fixed('H x x', -4).unpack_from")
         lines.add(f"(encapsulation,) = {unpack}(buffer, 0)", *_HEADER_CHECK)
-    reader.read(layout, tail=False)
+    reader.read(layout, keep_offset=False)
     lines.add("return message")
 
 
 def emit_part_reader(
-    lines: FunctionSource, name: TypeName, layout: MessageLayout, others: References
+    lines: FunctionSource, name: TypeName, layout: MessageLayout, references: References
 ) -> None:
-    """Add the lines of a function that returns the message at an offset, and the offset behind it."""
-    lines.add(f"message = _new({others.class_of(name)})")
+    """Emit the body of a function that returns the message at an offset, and the offset after it."""
+    lines.add(f"message = _new({references.class_of(name)})")
     if _looks_at_size(group_steps(layout.steps)):
         lines.add("size = len(view)")
-    reader = _Reader(lines, others, Slots(lines, "message"), Cursor(lines, known=False))
-    reader.read(layout, tail=True)
+    reader = _Reader(lines, references, Slots(lines, "message"), Cursor(lines, absolute=False))
+    reader.read(layout, keep_offset=True)
     lines.add("return message, o")
 
 
-def _looks_at_size(gathered: Sequence[Group]) -> bool:
-    return any(not isinstance(unit, PackedGroup) for unit in gathered)
+def _looks_at_size(groups: Sequence[Group]) -> bool:
+    return any(not isinstance(group, PackedGroup) for group in groups)
 
 
 @dataclass(slots=True)
 class _Reader:
-    """The lines that read one message, or one element of a loop."""
+    """Emits the lines that read one message, or one element of a loop."""
 
     lines: FunctionSource
-    others: References
+    references: References
     slots: Slots
     cursor: Cursor
     header: bool = False
-    """Whether the first run comes right after the header, which is read with it."""
+    """Whether to unpack the header together with the first run."""
 
-    def read(self, layout: MessageLayout, *, tail: bool, made: bool = False) -> None:
-        """Add the lines for a layout; `tail` says that `o` must be right behind it.
+    def read(self, layout: MessageLayout, *, keep_offset: bool, made: bool = False) -> None:
+        """Emit the lines for a layout.
 
-        `made` says that the messages in it are there already.
+        With `keep_offset`, `o` is the offset after it. With `made`, the nested messages have been created before.
         """
         for inner in () if made else layout.inlined:
             self.lines.add(
-                f"{self.slots.slot(inner.path)} = {self.slots.hold(inner.path)} "
-                f"= _new({self.others.class_of(inner.name)})"
+                f"{self.slots.slot(inner.path)} = {self.slots.new_owner(inner.path)} "
+                f"= _new({self.references.class_of(inner.name)})"
             )
-        gathered = group_steps(layout.steps)
-        for index, unit in enumerate(gathered):
-            self._unit(unit, last=not tail and index == len(gathered) - 1)
-        if tail:
-            self.cursor.settle()
+        groups = group_steps(layout.steps)
+        for index, group in enumerate(groups):
+            self._group(group, last=not keep_offset and index == len(groups) - 1)
+        if keep_offset:
+            self.cursor.store()
 
-    def _unit(self, unit: Group, *, last: bool) -> None:
-        match unit:
+    def _group(self, group: Group, *, last: bool) -> None:
+        match group:
             case PackedGroup(before, chars, after):
                 if before:
                     self._run(before)
                 if chars:
                     self._text(chars, after, last=last)
             case StringData():
-                self._wide(unit, last=last)
+                self._wide(group, last=last)
             case PrimitiveElements():
-                self._numbers(unit, last=last)
+                self._numbers(group, last=last)
             case Loop():
-                self._loop(unit, last=last)
+                self._loop(group, last=last)
             case MessageCall(path, name):
-                self.cursor.settle()
-                read = self.others.shared(name)
+                self.cursor.store()
+                read = self.references.shared(name)
                 self.lines.add(f"{self.slots.slot(path)}, o = {read}(buffer, view, o, limit)")
 
     def _run(self, run: Run) -> None:
         start = run.start
-        for piece in run.segments:
-            if piece.alignment > 1:
-                self.cursor.align(piece.alignment)
-                start = Phase(piece.alignment, 0)
-            letters = struct_format(Run(piece.members, start))
-            targets = self.slots.targets(piece.members)
+        for segment in run.segments:
+            if segment.alignment > 1:
+                self.cursor.align(segment.alignment)
+                start = Phase(segment.alignment, 0)
+            letters = struct_format(Run(segment.members, start))
+            targets = self.slots.targets(segment.members)
             table = f"_pieces.fixed({letters!r}, {start.remainder}).unpack_from"
             if self.header:
-                self.cursor.number = 0
+                self.cursor.constant = 0
                 table = f"_pieces.fixed('H x x {letters}', -{HEADER_SIZE}).unpack_from"
                 targets.insert(0, "encapsulation")
-                self.slots.later[:0] = _HEADER_CHECK
-            self.slots.unpack(targets, f"{self.lines.table('unpack', table)}(buffer, {self.cursor.here})")
-            self.cursor.number += piece.size + (HEADER_SIZE if self.header else 0)
+                self.slots.conversions[:0] = _HEADER_CHECK
+            self.slots.unpack(
+                targets, f"{self.lines.table('unpack', table)}(buffer, {self.cursor.expression})"
+            )
+            self.cursor.constant += segment.size + (HEADER_SIZE if self.header else 0)
             self.header = False
 
     def _text(self, chars: StringData, after: Run | None, *, last: bool) -> None:
-        """Add the lines for a string and the run behind it, which one Struct unpacks."""
+        """Emit the lines for a string and the run after it, which one Struct unpacks."""
         text = self.slots.local(chars.path)
         values = self.slots.targets(after.members) if after else []
-        later = self.slots.later[:]
-        self.slots.later.clear()
+        conversions = self.slots.conversions[:]
+        self.slots.conversions.clear()
         if after is None or after.is_fixed(Phase(chars.start.modulus, 0)):
             made = f"_pieces.read_texts({struct_format(after)!r}, {chars.start.remainder})"
             struct = self.lines.table("texts", made)
         else:
-            self.cursor.settle()
+            self.cursor.store()
             struct = (
                 f"{self.lines.table('texts', f'_pieces.phased_read_texts({struct_format(after)!r})')}[o & 7]"
             )
-        struct = f"{struct}[{self.slots.count(chars.path)}]"
+        struct = f"{struct}[{self.slots.length(chars.path)}]"
         if not last:
             self.lines.add(f"struct = {struct}")
             struct = "struct"
-        self.slots.unpack([text, "nul", *values], f"{struct}.unpack_from(buffer, {self.cursor.here})")
+        self.slots.unpack([text, "nul", *values], f"{struct}.unpack_from(buffer, {self.cursor.expression})")
         if not last:
-            self.cursor.add_size("struct.size")
+            self.cursor.advance("struct.size")
         self.lines.add("if nul:", f"    {text} = _pieces.unterminated({text}, nul)")
-        self.lines.add(f"{self.slots.slot(chars.path)} = {text}.decode()", *later)
+        self.lines.add(f"{self.slots.slot(chars.path)} = {text}.decode()", *conversions)
 
-    def _wide(self, unit: StringData, *, last: bool) -> None:
-        end = self.cursor.ensure(f"4 * {self.slots.count(unit.path)}")
-        self.lines.add(f"{self.slots.slot(unit.path)} = _pieces.from_wide(view[o:{end}])")
-        self.cursor.go_on(end, last=last)
+    def _wide(self, group: StringData, *, last: bool) -> None:
+        end = self.cursor.check_available(f"4 * {self.slots.length(group.path)}")
+        self.lines.add(f"{self.slots.slot(group.path)} = _pieces.from_wide(view[o:{end}])")
+        self.cursor.move_to(end, last=last)
 
-    def _numbers(self, unit: PrimitiveElements, *, last: bool) -> None:
-        size = SIZES[unit.of.name]
-        slot = self.slots.slot(unit.path)
-        if isinstance(unit.type, Array):
-            block = InlineArray(unit.path, unit.type, unit.of)
-            self.cursor.pad(unit.padding, size, None)
-            end = self.cursor.ensure(str(block.size))
+    def _numbers(self, group: PrimitiveElements, *, last: bool) -> None:
+        size = SIZES[group.of.name]
+        slot = self.slots.slot(group.path)
+        if isinstance(group.type, Array):
+            block = InlineArray(group.path, group.type, group.of)
+            self.cursor.pad(group.padding, size, None)
+            end = self.cursor.check_available(str(block.size))
             self.lines.add(f"{slot} = {self.slots.array(block, f'view[o:{end}]')}")
         else:
-            number = self.slots.count(unit.path)
-            self.cursor.pad(unit.padding, size, number)
-            end = self.cursor.ensure(f"{size} * {number}" if size > 1 else number)
-            if unit.of.name in CONVERSIONS:
-                self.lines.add(f"{slot} = _pieces.{CONVERSIONS[unit.of.name]}(view[o:{end}])")
+            number = self.slots.length(group.path)
+            self.cursor.pad(group.padding, size, number)
+            end = self.cursor.check_available(f"{size} * {number}" if size > 1 else number)
+            if group.of.name in CONVERSIONS:
+                self.lines.add(f"{slot} = _pieces.{CONVERSIONS[group.of.name]}(view[o:{end}])")
             else:
-                self._sequence(unit, end)
-        self.cursor.go_on(end, last=last)
+                self._sequence(group, end)
+        self.cursor.move_to(end, last=last)
 
-    def _sequence(self, unit: PrimitiveElements, end: str) -> None:
-        """Add the lines that copy numbers into an array, or leave them for later where they are many."""
-        code = TYPE_CODES[unit.of.name]
-        empty = self.lines.table(f"no_{unit.of.name}", f"_array({code!r})")
-        name = self.slots.local(unit.path)
-        arguments = f"{self.slots.owner(unit.path[:-1])}, '_{unit.path[-1]}', view[o:{end}], {code!r}"
+    def _sequence(self, group: PrimitiveElements, end: str) -> None:
+        """Emit the lines that copy numbers into an array, or on first access if they are many."""
+        code = TYPE_CODES[group.of.name]
+        empty = self.lines.table(f"no_{group.of.name}", f"_array({code!r})")
+        name = self.slots.local(group.path)
+        arguments = f"{self.slots.owner(group.path[:-1])}, '_{group.path[-1]}', view[o:{end}], {code!r}"
         self.lines.add(
             f"if {end} - o <= limit:",
-            f"    {self.slots.slot(unit.path)} = {name} = {empty}[:]",
-            f"    if {self.slots.count(unit.path)}:",
+            f"    {self.slots.slot(group.path)} = {name} = {empty}[:]",
+            f"    if {self.slots.length(group.path)}:",
             f"        {name}.frombytes(view[o:{end}])",
             "else:",
             f"    _lazy.postpone({arguments})",
         )
 
-    def _loop(self, unit: Loop, *, last: bool) -> None:
-        counted = None if isinstance(unit.type, Array) else self.slots.count(unit.path)
-        number = str(unit.type.size) if isinstance(unit.type, Array) else self.slots.count(unit.path)
-        run = _batch(unit)
+    def _loop(self, group: Loop, *, last: bool) -> None:
+        counted = None if isinstance(group.type, Array) else self.slots.length(group.path)
+        number = str(group.type.size) if isinstance(group.type, Array) else self.slots.length(group.path)
+        run = _batch(group)
         if run:
-            self.cursor.pad(unit.start.padding(run.alignment), run.alignment, counted)
-            self._batched(unit, run, number, last=last)
+            self.cursor.pad(group.start.padding(run.alignment), run.alignment, counted)
+            self._batched(group, run, number, last=last)
         else:
-            self.cursor.settle()
+            self.cursor.store()
             if counted:
-                least = f"{unit.body.min_size} * {number}" if unit.body.min_size > 1 else number
+                least = f"{group.body.min_size} * {number}" if group.body.min_size > 1 else number
                 self.lines.add(f"if {least} > size - o:", "    raise _pieces.Refused")
-            self._repeated(unit, number)
+            self._repeated(group, number)
 
-    def _batched(self, unit: Loop, run: Run, number: str, *, last: bool) -> None:
-        """Add the loop over elements of one size, which are all unpacked in one go."""
-        end = self.cursor.ensure(f"{sum(piece.size for piece in run.segments)} * {number}")
+    def _batched(self, group: Loop, run: Run, number: str, *, last: bool) -> None:
+        """Emit the loop over elements of one size, which `iter_unpack` unpacks."""
+        end = self.cursor.check_available(f"{sum(segment.size for segment in run.segments)} * {number}")
         unpack = self.lines.table("iterate", f"_pieces.fixed({struct_format(run)!r}, 0).iter_unpack")
-        element = self._element(unit)
-        self._for_all(unit, number, element, (run, f"{unpack}(view[o:{end}])"))
-        if len(unit.body.inlined) == 1:
+        element = self._element(group)
+        self._for_all(group, number, element, (run, f"{unpack}(view[o:{end}])"))
+        if len(group.body.inlined) == 1:
             self.lines.add("pass")
-        self.lines.back()
-        self.cursor.go_on(end, last=last)
+        self.lines.dedent()
+        self.cursor.move_to(end, last=last)
 
-    def _repeated(self, unit: Loop, number: str) -> None:
-        """Add the loop that reads one element after the other."""
-        element = self._element(unit)
-        if unit.body.inlined:
-            self._for_all(unit, number, element, None)
-            element.read(unit.body, tail=True, made=True)
+    def _repeated(self, group: Loop, number: str) -> None:
+        """Emit the loop that reads one element at a time."""
+        element = self._element(group)
+        if group.body.inlined:
+            self._for_all(group, number, element, None)
+            element.read(group.body, keep_offset=True, made=True)
         else:
-            name, root = self.slots.local(unit.path), element.slots.root
+            name, root = self.slots.local(group.path), element.slots.root
             append = self.lines.names.new(f"append_{root}")
-            self.lines.add(f"{self.slots.slot(unit.path)} = {name} = []", f"{append} = {name}.append")
+            self.lines.add(f"{self.slots.slot(group.path)} = {name} = []", f"{append} = {name}.append")
             self.lines.add(f"for _ in range({number}):")
-            self.lines.deeper()
-            element.read(unit.body, tail=True)
+            self.lines.indent()
+            element.read(group.body, keep_offset=True)
             self.lines.add(f"{append}({root})")
-        self.lines.back()
+        self.lines.dedent()
 
-    def _element(self, unit: Loop) -> _Reader:
-        """Return what reads one element of a loop."""
-        slots = Slots(self.lines, self.lines.names.new(singular(unit.path[-1])))
-        return _Reader(self.lines, self.others, slots, Cursor(self.lines, known=False))
+    def _element(self, group: Loop) -> _Reader:
+        """Return the reader of one element of a loop."""
+        slots = Slots(self.lines, self.lines.names.new(singular(group.path[-1])))
+        return _Reader(self.lines, self.references, slots, Cursor(self.lines, absolute=False))
 
-    def _for_all(self, unit: Loop, number: str, element: _Reader, values: tuple[Run, str] | None) -> None:
-        """Add the line that makes all elements, and begin the loop over them and over what is in them.
+    def _for_all(self, group: Loop, number: str, element: _Reader, values: tuple[Run, str] | None) -> None:
+        """Emit the lines that create all elements, and the head of the loop over them.
 
-        `values` is the run that the loop unpacks as well, and the expression for all their values.
+        `values` is a run that the loop unpacks as well, and the expression for the values of all elements.
         """
-        name = self.slots.local(unit.path)
+        name = self.slots.local(group.path)
         targets, sources, stores = [element.slots.root], [name], []
-        for inner in unit.body.inlined:
-            made = f"_new, _repeat({self.others.class_of(inner.name)}"
+        for inner in group.body.inlined:
+            made = f"_new, _repeat({self.references.class_of(inner.name)}"
             if not inner.path:
-                self.lines.add(f"{self.slots.slot(unit.path)} = {name} = [*map({made}, {number}))]")
+                self.lines.add(f"{self.slots.slot(group.path)} = {name} = [*map({made}, {number}))]")
                 continue
-            targets.append(element.slots.hold(inner.path))
+            targets.append(element.slots.new_owner(inner.path))
             sources.append(f"map({made}))")
             stores.append(f"{element.slots.slot(inner.path)} = {targets[-1]}")
         if values:
@@ -281,13 +282,13 @@ class _Reader:
         else:
             self.lines.add(*assignment("for ", targets, " in zip("))
             self.lines.add(*(f"    {source}," for source in sources), "):")
-        self.lines.deeper()
+        self.lines.indent()
         self.lines.add(*stores)
 
 
-def _batch(unit: Loop) -> Run | None:
-    """Return the run that each element is, if all of them have the same layout once the first is aligned."""
-    steps = unit.body.steps
+def _batch(group: Loop) -> Run | None:
+    """Return the run of each element, if all elements have the same padding once the first is aligned."""
+    steps = group.body.steps
     if len(steps) != 1 or not isinstance(steps[0], Run):
         return None
     first = steps[0].members[0]

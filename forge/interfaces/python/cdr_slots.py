@@ -1,4 +1,4 @@
-"""Where a generated reader puts what it reads, as text: slots of messages, and what is done on the way."""
+"""Assignment targets of a generated reader: slots of messages, and conversions of the values."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from forge.interfaces.wire.layout import Member, Path
 
 CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_chars", "wchar": "from_wchars"}
-"""The run time's functions for collections that are neither numpy's nor array's."""
+"""The run-time functions for collections that are stored as neither numpy arrays nor arrays."""
 
 
 @dataclass(slots=True)
 class Slots:
-    """The messages being read, and the counts of elements to read."""
+    """The messages being read, and the lengths that were read."""
 
     lines: FunctionSource
     root: str
-    """The local name of the message, or of the loop's element."""
-    later: list[str] = field(default_factory=list)
-    """What is to be done with unpacked values, once they are."""
+    """The local name of the message, or of the element of a loop."""
+    conversions: list[str] = field(default_factory=list)
+    """The lines that check and convert values after they were unpacked."""
     _owners: dict[Path, str] = field(default_factory=dict)
-    _counts: dict[Path, str] = field(default_factory=dict)
+    _lengths: dict[Path, str] = field(default_factory=dict)
 
     def slot(self, path: Path) -> str:
         """Return the expression for a slot; () is the element itself."""
@@ -40,30 +40,30 @@ class Slots:
         """Return the local name of a message."""
         return self._owners[path] if path else self.root
 
-    def count(self, path: Path) -> str:
-        """Return the local name of what a run has counted."""
-        return self._counts[path]
+    def length(self, path: Path) -> str:
+        """Return the local name of a length."""
+        return self._lengths[path]
 
-    def hold(self, path: Path) -> str:
+    def new_owner(self, path: Path) -> str:
         """Return a new local name for the message at a path."""
         self._owners[path] = self.local(path)
         return self._owners[path]
 
     def local(self, path: Path) -> str:
-        """Return a new local name for what lies at a path; the element itself has one."""
+        """Return a new local name for the value at a path, or the existing name of the element itself."""
         return self.lines.names.of(path, self.root) if path else self.root
 
     def unpack(self, targets: list[str], call: str) -> None:
-        """Add the line that unpacks values, and those that turn them into what fields hold."""
+        """Emit the line that unpacks values, and those that convert them to the types of fields."""
         if len(targets) == 1:
             self.lines.add(f"({targets[0]},) = {call}")
         else:
             self.lines.add(*(assignment("", targets, f" = {call}") if targets else [call]))
-        self.lines.add(*self.later)
-        self.later.clear()
+        self.lines.add(*self.conversions)
+        self.conversions.clear()
 
     def targets(self, members: Iterable[Member]) -> list[str]:
-        """Return what the values of a run are unpacked to; what else they need is put off."""
+        """Return the assignment targets for the values of a run, and queue their conversions."""
         return [target for member in members if (target := self._target(member))]
 
     def _target(self, member: Member) -> str | None:
@@ -72,22 +72,22 @@ class Slots:
                 return None
             case Scalar(path, type_) if type_.name in {"char", "wchar"}:
                 name = self.local(path)
-                self.later.append(f"{self.slot(path)} = _pieces.{type_.name}({name})")
+                self.conversions.append(f"{self.slot(path)} = _pieces.{type_.name}({name})")
                 return name
             case Scalar(path):
                 return self.slot(path)
             case InlineArray(path):
                 name = self.local(path)
-                self.later.append(f"{self.slot(path)} = {self.array(member, name)}")
+                self.conversions.append(f"{self.slot(path)} = {self.array(member, name)}")
                 return name
             case Length(path, type_):
-                name = self._counts[path] = self.lines.names.new(f"{'_'.join(path) or self.root}_size")
+                name = self._lengths[path] = self.lines.names.new(f"{'_'.join(path) or self.root}_size")
                 if isinstance(type_, Sequence) and type_.bound is not None:
-                    self.later += [f"if {name} > {type_.bound}:", "    raise _pieces.Refused"]
+                    self.conversions += [f"if {name} > {type_.bound}:", "    raise _pieces.Refused"]
                 return name
 
     def array(self, block: InlineArray, raw: str) -> str:
-        """Return the expression that makes an array of its bytes."""
+        """Return the expression that creates an array from its bytes."""
         if block.of.name in CONVERSIONS:
             return f"_pieces.{CONVERSIONS[block.of.name]}({raw})"
         dtype = self.lines.table(DTYPES[block.of.name], f"_numpy.dtype({DTYPES[block.of.name]!r})")

@@ -1,4 +1,4 @@
-"""What the texts of generated writers and readers are put together from: names, lines, struct codes."""
+"""Building blocks of generated readers and writers: local names, lines, formats of the struct module."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WIDTH: Final = 100
 HEADER_SIZE: Final = 4
 
 CODES: Final = {**TYPE_CODES, "boolean": "?", "octet": "c", "char": "B", "wchar": "I"}
-"""The struct module's letter for each primitive type."""
+"""The format character of the struct module for each primitive type."""
 
 _RESERVED: Final = frozenset(
     {
@@ -43,9 +43,9 @@ _RESERVED: Final = frozenset(
 
 @frozen
 class PackedGroup:
-    """What one Struct moves: a run, or a string with the run before it and the one behind it.
+    """Data that one Struct packs: a run, or a string with the runs before and after it.
 
-    The run before is missing where the last Packed has moved it already, together with the string's length.
+    The run before is None if the previous group contains it, together with the length of the string.
     """
 
     before: Run | None
@@ -55,19 +55,19 @@ class PackedGroup:
 
     @property
     def fixed(self) -> bool:
-        """Tell if all padding is known once the string's length is."""
+        """Return True if all padding is known once the length of the string is."""
         end = self.start if self.before is None else self.before.end(self.start)
         known = self.before is None or self.before.is_fixed(self.start)
-        # The length is known when the Struct is chosen, so no more gets lost than the offset lacks.
+        # The Struct is chosen by the length, so only what was unknown before the string is unknown after it.
         return known and (self.after is None or self.after.is_fixed(Phase(end.modulus, 0)))
 
 
 Group = PackedGroup | StringData | PrimitiveElements | Loop | MessageCall
-"""A step, with runs and narrow strings gathered; the Chars that are left are wide."""
+"""A step, or several in a PackedGroup; the remaining StringData are wide strings."""
 
 
 def group_steps(steps: Sequence[LayoutStep]) -> tuple[Group, ...]:
-    """Gather the steps of a layout into what single statements can move."""
+    """Group the steps of a layout so that a single statement can move each group."""
     gathered: list[Group] = []
     position = 0
     while position < len(steps):
@@ -90,7 +90,7 @@ def group_steps(steps: Sequence[LayoutStep]) -> tuple[Group, ...]:
 
 
 def struct_format(run: Run | None) -> str:
-    """Return a run as the run time spells it: a letter per value, '9d' for a block, 'x' for a hidden byte."""
+    """Return the format of a run, such as 'I 9d x': '9d' is an array, 'x' a hidden byte."""
     return " ".join(map(_code, run.members)) if run else ""
 
 
@@ -107,7 +107,7 @@ def _code(member: Member) -> str:
 
 
 def wrap_arguments(start: str, items: Sequence[str], end: str) -> list[str]:
-    """Return 'start item, item end' on one line, or with a line for each item if it is too long."""
+    """Return 'start item, item end' on one line, or on one line per item if it is too long."""
     line = f"{start}{', '.join(items)}{end}"
     if len(line) <= WIDTH:
         return [line]
@@ -115,36 +115,36 @@ def wrap_arguments(start: str, items: Sequence[str], end: str) -> list[str]:
 
 
 def assignment(start: str, targets: Sequence[str], end: str) -> list[str]:
-    """Return the same for the targets of an assignment, which need parentheses on several lines."""
+    """Return an assignment to `targets`; over several lines, they need parentheses."""
     line = f"{start}{', '.join(targets)}{end}"
     return [line] if len(line) <= WIDTH else wrap_arguments(f"{start}(", targets, f"){end}")
 
 
 @dataclass(slots=True)
 class Names:
-    """The local names of a function: each is used for one thing, and none of `others` at all."""
+    """The local names of a function; names in `reserved` are not used."""
 
     taken: set[str] = field(default_factory=set)
-    others: Collection[str] = ()
-    """Shared by many functions, since there may be thousands of them."""
+    reserved: Collection[str] = ()
+    """May contain thousands of names; shared by many functions."""
 
-    def new(self, wish: str) -> str:
-        """Return a name like the wish that nothing else has."""
-        name, number = wish, 1
-        while name in self.taken or name in self.others or name in _RESERVED:
+    def new(self, preferred: str) -> str:
+        """Return an unused name: the preferred one, if possible with no number appended."""
+        name, number = preferred, 1
+        while name in self.taken or name in self.reserved or name in _RESERVED:
             number += 1
-            name = f"{wish}_{number}"
+            name = f"{preferred}_{number}"
         self.taken.add(name)
         return name
 
     def of(self, path: Path, root: str) -> str:
-        """Return a new name for what lies at a path."""
+        """Return a new name for the value at a path."""
         return self.new("_".join(path) or root)
 
 
 @dataclass(slots=True)
 class FunctionSource:
-    """A function in the making: the tables it looks up, made beforehand, and its lines."""
+    """The source of a generated function: its lines, and the tables that it looks up."""
 
     names: Names
     tables: list[str] = field(default_factory=list)
@@ -153,28 +153,28 @@ class FunctionSource:
     _known: dict[str, str] = field(default_factory=dict)
 
     def add(self, *lines: str) -> None:
-        """Add lines at the present depth."""
+        """Add lines at the current indentation."""
         self.lines += ["    " * self._depth + line for line in lines]
 
-    def deeper(self) -> None:
-        """Begin a block."""
+    def indent(self) -> None:
+        """Start a block."""
         self._depth += 1
 
-    def back(self) -> None:
+    def dedent(self) -> None:
         """End a block."""
         self._depth -= 1
 
-    def table(self, wish: str, expression: str) -> str:
-        """Return the name of a table made by that expression; one expression makes one table."""
+    def table(self, preferred: str, expression: str) -> str:
+        """Return the name of the table that the expression creates, once for each expression."""
         if expression not in self._known:
-            name = self.names.new(wish)
+            name = self.names.new(preferred)
             self._known[expression] = name
             self.tables.append(f"{name} = {expression}")
         return self._known[expression]
 
 
 def singular(plural: str) -> str:
-    """Return a word for one element of a collection."""
+    """Return a name for one element of a collection."""
     if plural.endswith("ies"):
         return f"{plural[:-3]}y"
     regular = plural.endswith("s") and not plural.endswith(("ss", "us")) and plural != "s"

@@ -1,8 +1,8 @@
-"""A message's layout to the Python function that writes it.
+"""Generate the Python function that serializes a message, from its layout.
 
-The function gathers pieces of bytes and joins them once: a Struct's result for what stands side by
-side, arrays as they are. Where padding depends on lengths, it carries `o`, the offset; alignment
-only asks for its remainder, so wherever that is known again `o` is set to it.
+The function collects pieces of bytes and joins them once: the results of Structs for adjacent members, and
+arrays unchanged. Where padding depends on lengths, it tracks the offset in `o`. Only the remainder of `o`
+matters for alignment, so `o` is reset to a constant wherever the remainder is known again.
 """
 
 from __future__ import annotations
@@ -42,48 +42,51 @@ if TYPE_CHECKING:
     from forge.interfaces.wire.layout import Member, MessageLayout, Path
 
 _READABLE = 60
-"""Longer calls get a line of their own."""
+"""Longer calls get a separate line."""
 
 _CONVERSIONS = {"boolean": "to_flags", "octet": "to_octets", "char": "to_chars", "wchar": "to_wchars"}
 
 
 def emit_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[TypeName], str]) -> None:
-    """Add the lines of a function that returns a message's bytes; `shared` names the writers of others."""
-    gathered = group_steps(layout.steps)
+    """Emit the body of a function that returns the bytes of a message.
+
+    `shared` returns the name of the function that writes a large message.
+    """
+    groups = group_steps(layout.steps)
     writer = _Writer(lines, "message", shared)
-    if not (isinstance(gathered[0], PackedGroup) and gathered[0].before):
+    if not (isinstance(groups[0], PackedGroup) and groups[0].before):
         writer.pieces.append("_HEADER_BYTES")
-    writer.sole = not writer.pieces and len(gathered) == 1
-    writer.write(gathered, layout.end, tail=False)
+    writer.sole = not writer.pieces and len(groups) == 1
+    writer.write(groups, layout.end, keep_offset=False)
     writer.finish()
 
 
 def emit_part_writer(lines: FunctionSource, layout: MessageLayout, shared: Callable[[TypeName], str]) -> None:
-    """Add the lines of a function that appends a message's pieces and returns the offset behind it."""
+    """Emit the body of a function that appends the pieces of a message and returns the offset after it."""
     writer = _Writer(lines, "message", shared, appending=True)
-    writer.write(group_steps(layout.steps), Phase(1, 0), tail=True)
+    writer.write(group_steps(layout.steps), Phase(1, 0), keep_offset=True)
     lines.add("return o")
 
 
-def _needs(gathered: tuple[Group, ...], end: Phase, *, tail: bool) -> list[bool]:
-    """Tell for each unit, and for what follows the last, if `o` must be right where it begins."""
-    needs = [tail]
+def _offset_needed(groups: tuple[Group, ...], end: Phase, *, keep_offset: bool) -> list[bool]:
+    """Return for each group, and for the end, whether `o` must be valid at its start."""
+    needed = [keep_offset]
     after = end
-    for unit in reversed(gathered):
-        needs.append(_is_dynamic(unit) or (needs[-1] and after.modulus < MAX_ALIGNMENT))
-        after = unit.start
-    return needs[::-1]
+    for group in reversed(groups):
+        needed.append(_is_dynamic(group) or (needed[-1] and after.modulus < MAX_ALIGNMENT))
+        after = group.start
+    return needed[::-1]
 
 
-def _is_dynamic(unit: Group) -> bool:
-    """Tell if a unit's padding depends on the message."""
-    match unit:
+def _is_dynamic(group: Group) -> bool:
+    """Return True if the padding of a group depends on the message."""
+    match group:
         case PackedGroup():
-            return not unit.fixed
+            return not group.fixed
         case PrimitiveElements():
-            return unit.padding is None
+            return group.padding is None
         case Loop():
-            return _needs(group_steps(unit.body.steps), unit.body.end, tail=False)[0]
+            return _offset_needed(group_steps(group.body.steps), group.body.end, keep_offset=False)[0]
         case MessageCall():
             return True
         case StringData():
@@ -92,36 +95,35 @@ def _is_dynamic(unit: Group) -> bool:
 
 @dataclass(slots=True)
 class _Writer:
-    """The lines that write one message, or one element of a loop."""
+    """Emits the lines that write one message, or one element of a loop."""
 
     lines: FunctionSource
     root: str
-    """The local name of that message or element."""
+    """The local name of the message or element."""
     shared: Callable[[TypeName], str]
     appending: bool = False
-    """Whether pieces are appended as they come, or all joined in the end."""
+    """Whether to append each piece to a list, instead of joining all in one expression."""
     sole: bool = False
-    """Whether there is but one piece, which needs no joining."""
+    """Whether there is a single piece, which is returned without joining."""
     pieces: list[str] = field(default_factory=list)
     _owners: dict[Path, str] = field(default_factory=dict)
-    _found: dict[Path, tuple[str, str]] = field(default_factory=dict)
-    """The local names of a collection, or of a string's bytes, and of their number."""
+    _locals: dict[Path, tuple[str, str]] = field(default_factory=dict)
+    """The local names of a sequence, or of the bytes of a string, and of its length."""
 
-    def write(self, gathered: tuple[Group, ...], end: Phase, *, tail: bool) -> None:
-        """Add the lines for all units; `tail` says that `o` matters behind the last."""
-        needs = _needs(gathered, end, tail=tail)
-        if needs[0] and self.pieces:
-            self._set_offset(gathered[0].start)
-        for index, unit in enumerate(gathered):
-            behind = gathered[index + 1].start if index + 1 < len(gathered) else end
-            needed = needs[index + 1]
-            known = behind.modulus == MAX_ALIGNMENT
-            self._unit(unit, counting=needed and not known)
-            if needed and known:
-                self._set_offset(behind)
+    def write(self, groups: tuple[Group, ...], end: Phase, *, keep_offset: bool) -> None:
+        """Emit the lines for all groups; with `keep_offset`, `o` is valid after the last."""
+        needed = _offset_needed(groups, end, keep_offset=keep_offset)
+        if needed[0] and self.pieces:
+            self._set_offset(groups[0].start)
+        for index, group in enumerate(groups):
+            following = groups[index + 1].start if index + 1 < len(groups) else end
+            known = following.modulus == MAX_ALIGNMENT
+            self._group(group, counting=needed[index + 1] and not known)
+            if needed[index + 1] and known:
+                self._set_offset(following)
 
     def finish(self) -> None:
-        """Add the line that returns the bytes."""
+        """Emit the return statement."""
         if self.appending:
             self.lines.add('return b"".join(parts)')
         elif self.pieces:
@@ -130,22 +132,22 @@ class _Writer:
     def _set_offset(self, phase: Phase) -> None:
         self.lines.add(f"o = {(phase.remainder + HEADER_SIZE) % MAX_ALIGNMENT}")
 
-    def _unit(self, unit: Group, *, counting: bool) -> None:
-        match unit:
+    def _group(self, group: Group, *, counting: bool) -> None:
+        match group:
             case PackedGroup():
-                self._packed(unit, counting=counting)
+                self._packed(group, counting=counting)
             case StringData(path):
-                self._piece(self._found[path][0], counting=counting)
+                self._piece(self._locals[path][0], counting=counting)
             case PrimitiveElements():
-                self._numbers(unit, counting=counting)
+                self._numbers(group, counting=counting)
             case Loop():
-                self._loop(unit, counting=counting)
+                self._loop(group, counting=counting)
             case MessageCall(path, name):
-                self._append_from_now_on()
+                self._start_appending()
                 self.lines.add(f"o = {self.shared(name)}({self._owner(path)}, append, o)")
 
     def _piece(self, expression: str, *, counting: bool, first: bool = False) -> None:
-        """Add one piece, and its bytes to the offset where that is wanted."""
+        """Add one piece, and its size to `o` if `counting` is True."""
         if counting and not expression.isidentifier():
             name = self.lines.names.new("piece")
             self.lines.add(f"{name} = {expression}")
@@ -157,27 +159,27 @@ class _Writer:
         if counting:
             self.lines.add(f"o {'' if first else '+'}= len({expression})")
 
-    def _packed(self, unit: PackedGroup, *, counting: bool) -> None:
+    def _packed(self, group: PackedGroup, *, counting: bool) -> None:
         with_header = not self.appending and not self.pieces
-        start = -HEADER_SIZE if with_header else unit.start.remainder
-        before = f"{'I ' if with_header else ''}{struct_format(unit.before)}"
+        start = -HEADER_SIZE if with_header else group.start.remainder
+        before = f"{'I ' if with_header else ''}{struct_format(group.before)}"
         values = ["_HEADER"] if with_header else []
-        values += self._values(unit.before)
-        if unit.chars:
-            text, length = self._found[unit.chars.path]
+        values += self._values(group.before)
+        if group.chars:
+            text, length = self._locals[group.chars.path]
             values.append(text)
-        values += self._values(unit.after)
-        if unit.chars and unit.fixed:
-            arguments = f"{before!r}, {struct_format(unit.after)!r}, {start}"
+        values += self._values(group.after)
+        if group.chars and group.fixed:
+            arguments = f"{before!r}, {struct_format(group.after)!r}, {start}"
             made = f"{self.lines.table('texts', f'_pieces.texts({arguments})')}[{length}].pack"
-        elif unit.chars:
-            table = f"_pieces.phased_texts({before!r}, {struct_format(unit.after)!r})"
+        elif group.chars:
+            table = f"_pieces.phased_texts({before!r}, {struct_format(group.after)!r})"
             made = f"{self.lines.table('texts', table)}[o & 7][{length}].pack"
-        elif unit.fixed:
+        elif group.fixed:
             made = self.lines.table("pack", f"_pieces.fixed({before!r}, {start}).pack")
         else:
             made = f"{self.lines.table('structs', f'_pieces.phased({before!r})')}[o & 7].pack"
-        if counting or not unit.fixed:
+        if counting or not group.fixed:
             name = self.lines.names.new("piece")
             self.lines.add(*wrap_arguments(f"{name} = {made}(", values, ")"))
             self._piece(name, counting=counting, first=with_header)
@@ -189,7 +191,7 @@ class _Writer:
             self.pieces.append(self._named(made, values))
 
     def _named(self, function: str, values: list[str]) -> str:
-        """Return a short call as it is, and the name of a long one's result."""
+        """Return a call, or the name of its result if the call is long."""
         call = f"{function}({', '.join(values)})"
         if len(call) <= _READABLE:
             return call
@@ -198,7 +200,7 @@ class _Writer:
         return name
 
     def _values(self, run: Run | None) -> list[str]:
-        """Return the arguments for the members of a run, after the lines that make them."""
+        """Return the arguments for the members of a run, and emit the lines that compute them."""
         return [value for member in (run.members if run else ()) for value in self._value(member)]
 
     def _value(self, member: Member) -> Iterator[str]:
@@ -214,7 +216,7 @@ class _Writer:
                 yield self._count(path, type_)
 
     def _block(self, block: InlineArray) -> str:
-        """Add the line that makes bytes of a small array, and the check of their number."""
+        """Emit the lines that convert an array to bytes and check their number."""
         conversion = _CONVERSIONS.get(block.of.name)
         word = self._attribute(block.path)
         name = self.lines.names.of(block.path, self.root)
@@ -223,7 +225,7 @@ class _Writer:
         return name
 
     def _count(self, path: Path, type_: String | Sequence) -> str:
-        """Add the lines that find a string's bytes or a sequence; return the number that is written."""
+        """Emit the lines that encode a string or convert a sequence; return the length to write."""
         word = self._attribute(path)
         name = self.lines.names.of(path, self.root) if path else self.lines.names.new("text")
         number = self.lines.names.new(f"{name}_size")
@@ -237,31 +239,31 @@ class _Writer:
         self.lines.add(f"{name} = {made}", f"{number} = {length}")
         if isinstance(type_, Sequence) and type_.bound is not None:
             self.lines.add(f"if {number} > {type_.bound}:", "    raise _pieces.Refused")
-        self._found[path] = (name, number)
+        self._locals[path] = (name, number)
         return f"{number} + 1" if isinstance(type_, String) and not type_.wide else number
 
-    def _numbers(self, unit: PrimitiveElements, *, counting: bool) -> None:
-        size = SIZES[unit.of.name]
-        if isinstance(unit.type, Array):
-            block = InlineArray(unit.path, unit.type, unit.of)
+    def _numbers(self, group: PrimitiveElements, *, counting: bool) -> None:
+        size = SIZES[group.of.name]
+        if isinstance(group.type, Array):
+            block = InlineArray(group.path, group.type, group.of)
             name, empty, length = self._large_array(block), "", str(block.size)
         else:
-            name, number = self._found[unit.path]
+            name, number = self._locals[group.path]
             empty = f' if {number} else b""'
             length = number if size == 1 else f"{size} * {number}"
-        if unit.padding is None:
+        if group.padding is None:
             table = self.lines.table(f"padding_{size}", f"_pieces.paddings({size})")
             padding = self.lines.names.new("padding")
             self.lines.add(f"{padding} = {table}[o & 7]{empty}")
             self._piece(padding, counting=counting)
-        elif unit.padding:
-            self._piece(f"{bytes(unit.padding)!r}{empty}", counting=counting)
+        elif group.padding:
+            self._piece(f"{bytes(group.padding)!r}{empty}", counting=counting)
         self._piece(name, counting=False)
         if counting:
             self.lines.add(f"o += {length}")
 
     def _large_array(self, block: InlineArray) -> str:
-        """Add the line that finds a large array, and the check of its size."""
+        """Emit the lines that get a large array and check its size."""
         if block.of.name in _CONVERSIONS:
             return self._block(block)
         name = self.lines.names.of(block.path, self.root)
@@ -272,36 +274,36 @@ class _Writer:
         )
         return name
 
-    def _loop(self, unit: Loop, *, counting: bool) -> None:
-        self._append_from_now_on()
-        if unit.path in self._found:
-            name = self._found[unit.path][0]
+    def _loop(self, group: Loop, *, counting: bool) -> None:
+        self._start_appending()
+        if group.path in self._locals:
+            name = self._locals[group.path][0]
         else:
-            name = self.lines.names.of(unit.path, self.root)
-            self.lines.add(f"{name} = {self._attribute(unit.path)}")
-        if isinstance(unit.type, Array):
-            self.lines.add(f"if len({name}) != {unit.type.size}:", "    raise _pieces.Refused")
-        gathered = group_steps(unit.body.steps)
-        element = self.lines.names.new(singular(unit.path[-1]))
+            name = self.lines.names.of(group.path, self.root)
+            self.lines.add(f"{name} = {self._attribute(group.path)}")
+        if isinstance(group.type, Array):
+            self.lines.add(f"if len({name}) != {group.type.size}:", "    raise _pieces.Refused")
+        groups = group_steps(group.body.steps)
+        element = self.lines.names.new(singular(group.path[-1]))
         self.lines.add(f"for {element} in {name}:")
-        self.lines.deeper()
+        self.lines.indent()
         inside = _Writer(self.lines, element, self.shared, appending=True)
-        tail = counting or _needs(gathered, unit.body.end, tail=False)[0]
-        inside.write(gathered, unit.body.end, tail=tail)
-        self.lines.back()
+        keep_offset = counting or _offset_needed(groups, group.body.end, keep_offset=False)[0]
+        inside.write(groups, group.body.end, keep_offset=keep_offset)
+        self.lines.dedent()
 
-    def _append_from_now_on(self) -> None:
-        """Turn the pieces so far into a list that grows."""
+    def _start_appending(self) -> None:
+        """Store the pieces so far in a list, and append the following ones to it."""
         if not self.appending:
             self.lines.add(*wrap_arguments("parts = [", self.pieces, "]"), "append = parts.append")
             self.appending = True
 
     def _attribute(self, path: Path) -> str:
-        """Return the expression for a member; () is the element of the loop."""
+        """Return the expression for a member, or for the element of the loop if the path is ()."""
         return f"{self._owner(path[:-1])}._{path[-1]}" if path else self.root
 
     def _owner(self, path: Path) -> str:
-        """Return the local name of a message, after the line that gives it one."""
+        """Return the local name of a message, and emit its assignment on first use."""
         if not path:
             return self.root
         if path not in self._owners:

@@ -1,4 +1,4 @@
-"""One field of a message as finished Python text: its types, how it is built and what it accepts."""
+"""Python code for a field of a message: its types, its part of the constructor, and its setter."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ HIGHEST: Final = {"char": 127, "wchar": 65535}
 FLOAT_MAX: Final = "3.4028234663852886e+38"
 
 BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
-"""What a constructor's short cuts call; a field of such a name hides it there."""
+"""Builtins used in the fast paths of constructors; a field of such a name shadows one."""
 
 
 @frozen
 class Scope:
-    """What names mean inside a message's methods."""
+    """The names used inside the methods of a message class."""
 
     classes: Mapping[TypeName, str]
-    """The message classes that the module knows, by what it calls them."""
+    """The local names of message classes."""
     own: str = "self"
-    """The constructor's word for the message itself."""
+    """The name of the first parameter of the constructor."""
     direct: bool = True
-    """Whether the constructor may call builtins, since no field has the name of one."""
+    """Whether the constructor can call builtins, because no field shadows one."""
 
 
 @frozen
 class FieldView:
-    """A field as the template shows it; every text is finished."""
+    """A field, for the template."""
 
     name: str
     type_text: str
@@ -54,7 +54,7 @@ class FieldView:
     accept: tuple[str, ...]
     default: str | None
     needs: frozenset[str]
-    """What the texts use of others: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and its like."""
+    """The imports that the code needs: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and so on."""
 
     @property
     def default_name(self) -> str:
@@ -63,7 +63,7 @@ class FieldView:
 
 
 def view_field(field: Field, scope: Scope) -> FieldView:
-    """Return the texts of a field of a message."""
+    """Return the code of a field."""
     default = None if field.default is None else literal(field.type, field.default)
     return FieldView(
         name=field.name,
@@ -88,37 +88,37 @@ def _needs(field: Field) -> frozenset[str]:
 
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
-    """Return the constructor's lines for a field: nothing given, a short way in, the property's long one."""
+    """Return the lines of the constructor for a field: the default, a fast path, and the property setter."""
     name, slot = field.name, f"{scope.own}._{field.name}"
-    # A default that no message can hold is told by the property.
+    # The property setter reports a default that is out of range.
     target = slot if _fits(field) else f"{scope.own}.{name}"
     lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
-    short = None
+    fast_test = None
     if numeric(field.type) and field.default is None:
         return (*lines, "else:", f"    {slot} = {_convert(field)}")
     if scope.direct and not isinstance(field.type, Array | Sequence):
-        short = _short_test(field.type, scope.classes, name)
-    if short:
-        lines += [f"elif {short}:", f"    {slot} = {name}"]
+        fast_test = _fast_test(field.type, scope.classes, name)
+    if fast_test:
+        lines += [f"elif {fast_test}:", f"    {slot} = {name}"]
     return (*lines, "else:", f"    {scope.own}.{name} = {name}")
 
 
 def _fits(field: Field) -> bool:
-    """Tell if a default is in the range of its type; literals of float32 may not be."""
+    """Return True if a default is in the range of its type; literals of float32 may not be."""
     if field.type != Primitive("float") or not isinstance(field.default, float):
         return True
     return not abs(field.default) > float(FLOAT_MAX) or isinf(field.default)
 
 
-def _short_test(type_: Type, classes: Mapping[TypeName, str], word: str) -> str:
-    """Return the condition under which a single value needs no closer look."""
+def _fast_test(type_: Type, classes: Mapping[TypeName, str], variable: str) -> str:
+    """Return the condition under which a single value is valid without further checks."""
     if isinstance(type_, Named):
-        return f"{word}.__class__ is {classes[type_.name]}"
-    return " and ".join(_tests(type_, word))
+        return f"{variable}.__class__ is {classes[type_.name]}"
+    return " and ".join(_tests(type_, variable))
 
 
 def _own_value(field: Field, scope: Scope) -> str:
-    """Return the expression for the value of a field that was not given; no other message shares it."""
+    """Return the expression for the default of a field; messages do not share mutable values."""
     if isinstance(field.type, Array | Sequence) and field.default is not None:
         copied = ".copy()" if numeric(field.type) and isinstance(field.type, Array) else "[:]"
         return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
@@ -136,7 +136,7 @@ def _own_value(field: Field, scope: Scope) -> str:
 def _zeros(type_: Array, scope: Scope) -> str:
     match numeric(type_), type_.of:
         case "double", _:
-            return f"_zeros({type_.size})"  # numpy's own type, which it is fastest with
+            return f"_zeros({type_.size})"  # double is numpy's default, which is the fastest
         case str(number), _:
             return f"_zeros({type_.size}, _numpy.{DTYPES[number]})"
         case _, Named(name):
@@ -146,7 +146,7 @@ def _zeros(type_: Array, scope: Scope) -> str:
 
 
 def _convert(field: Field) -> str:
-    """Return the call that makes an array of what the constructor was given."""
+    """Return the call that converts an argument of the constructor to an array."""
     number = numeric(field.type) or ""
     if isinstance(field.type, Array):
         return f"_arrays.new_array({field.name!r}, {field.name}, {number!r}, {field.type.size})"
@@ -156,7 +156,7 @@ def _convert(field: Field) -> str:
 
 
 def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
-    """Return the setter's lines."""
+    """Return the lines of the setter."""
     store = f"self._{field.name} = value"
     if isinstance(field.type, Array | Sequence):
         return (f"self._{field.name} = {_collection(field, classes)}",)
@@ -169,30 +169,30 @@ def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
     return (f"if {test}:", f"    value = {call}", store)
 
 
-def _tests(type_: Type, word: str) -> list[str]:
-    """Return the conditions under which a value needs no closer look."""
+def _tests(type_: Type, variable: str) -> list[str]:
+    """Return the conditions under which a value is valid without further checks."""
     limits = []
     match type_:
         case Primitive("boolean"):
             python = "bool"
         case Primitive("octet"):
-            python, limits = "bytes", [f"len({word}) == 1"]
+            python, limits = "bytes", [f"len({variable}) == 1"]
         case Primitive("char" | "wchar" as name):
-            python, limits = "str", [f"len({word}) == 1", f"{word} <= {chr(HIGHEST[name])!r}"]
+            python, limits = "str", [f"len({variable}) == 1", f"{variable} <= {chr(HIGHEST[name])!r}"]
         case Primitive("float"):
-            python, limits = "float", [f"-{FLOAT_MAX} <= {word} <= {FLOAT_MAX}"]
+            python, limits = "float", [f"-{FLOAT_MAX} <= {variable} <= {FLOAT_MAX}"]
         case Primitive(name) if name in INTEGERS:
             low, high = INTEGERS[name]
-            python, limits = "int", [f"{low} <= {word} <= {high}"]
+            python, limits = "int", [f"{low} <= {variable} <= {high}"]
         case String(_, bound):
-            python, limits = "str", [] if bound is None else [f"len({word}) <= {bound}"]
+            python, limits = "str", [] if bound is None else [f"len({variable}) <= {bound}"]
         case _:
             python = "float"
-    return [f"{word}.__class__ is {python}", *limits]
+    return [f"{variable}.__class__ is {python}", *limits]
 
 
 def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
-    """Return the call that looks closer at a single value."""
+    """Return the call that checks a single value."""
     start = f"({field.name!r}, value"
     match field.type:
         case Primitive("boolean" | "octet" as name):
@@ -212,7 +212,7 @@ def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
 
 
 def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
-    """Return the call that looks at an array or a sequence."""
+    """Return the call that checks an array or a sequence."""
     type_, number = field.type, numeric(field.type)
     size = f", {type_.size}" if isinstance(type_, Array) else ""
     if number and size:
@@ -234,6 +234,6 @@ def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
     return f"_checks.{call}({field.name!r}, value, {what}{length})"
 
 
-def _bound(type_: Type, word: str) -> str:
-    """Return the argument that bounds a sequence, if anything does."""
-    return f", {word}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""
+def _bound(type_: Type, prefix: str) -> str:
+    """Return the argument with the bound of a sequence, or an empty text."""
+    return f", {prefix}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""

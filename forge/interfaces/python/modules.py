@@ -1,7 +1,7 @@
-"""Python modules for a catalog: one per interface file, with rosidl's names and behaviour.
+"""Generate a Python module per interface file, with the names and behaviour of rosidl_generator_py.
 
-What all messages share lives in the run-time package forge_rosidl; here is what differs.
-Names that users did not choose begin with '_' in generated text, as no field's name does.
+Code shared by all messages is in the run-time package forge_rosidl. Generated names that are not from a
+definition start with '_', so that they cannot conflict with the name of a field.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _STATUS = TypeName("action_msgs", "msg", "GoalStatusArray")
 
 @frozen
 class _MessageView:
-    """A message class as the template shows it."""
+    """A message class, for the template."""
 
     name: str
     doc_end: str
@@ -41,7 +41,7 @@ class _MessageView:
 
 @frozen
 class _ServiceView:
-    """A service class as the template shows it."""
+    """A service class, for the template."""
 
     name: str
     request: str
@@ -50,7 +50,7 @@ class _ServiceView:
 
 @frozen
 class _ActionView:
-    """An action class as the template shows it."""
+    """An action class, for the template."""
 
     name: str
     cancel: str
@@ -58,14 +58,14 @@ class _ActionView:
 
 
 def files(catalog: Catalog) -> Iterator[File]:
-    """Yield the Python package of the catalog's interfaces, to be put where Python finds packages."""
+    """Yield the files of the Python package; paths are relative to a folder on the Python path."""
     yield from package_files(catalog)
     for interface in catalog.interfaces.values():
         yield from _interface(interface)
 
 
 def package_files(catalog: Catalog) -> Iterator[File]:
-    """Yield what makes folders of modules a package."""
+    """Yield the __init__ modules and the py.typed marker of a package."""
     yield File(f"{catalog.package}/__init__.py", "")
     yield File(f"{catalog.package}/py.typed", "")
     for kind in sorted({name.kind for name in catalog.interfaces}):
@@ -74,7 +74,7 @@ def package_files(catalog: Catalog) -> Iterator[File]:
 
 
 def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the module of one interface and its stub.
+    """Return a function that yields the module of one interface and its stub.
 
     `root` precedes the names of imported packages; with "..." the folder of all packages is a package itself.
     """
@@ -82,7 +82,7 @@ def interface_files(_: Catalog, root: str = "") -> Callable[[Interface], Iterato
 
 
 def _namespace(package: str, kind: str, names: Sequence[TypeName]) -> Iterator[File]:
-    """Yield the module that gathers the classes of one kind, and its stub."""
+    """Yield the __init__ module with the classes of one kind, and its stub."""
     members = sorted((f"_{snake_case(name.name)}", name.name) for name in names)
     for ending in ("py", "pyi"):
         text = render(f"python/namespace.{ending}.j2", package=package, kind=kind, members=members)
@@ -105,9 +105,9 @@ def _interface(interface: Interface, root: str = "") -> Iterator[File]:
     views = [_message(message, classes) for message in messages]
     text = render("python/interface.py.j2", **shared, messages=views, imports=_imports(views, messages))
     yield File(f"{path}.py", text)
-    language = StubNames(classes, shadowed_builtins(messages))
-    stubs = [view_stub(message, language) for message in messages]
-    lines = stub_imports(messages, language.hidden, aliases=bool(_services(interface)))
+    stub_names = StubNames(classes, shadowed_builtins(messages))
+    stubs = [view_stub(message, stub_names) for message in messages]
+    lines = stub_imports(messages, stub_names.shadowed, aliases=bool(_services(interface)))
     yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
 
 
@@ -116,7 +116,7 @@ def _module(name: TypeName) -> str:
 
 
 def _services(interface: Interface) -> tuple[Service, ...]:
-    """Return the services that live in an interface's module."""
+    """Return the services defined in the module of an interface."""
     match interface:
         case Service():
             return (interface,)
@@ -137,7 +137,7 @@ def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionVie
 
 
 def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeName, str]:
-    """Return the classes that the module takes from others, with the names it gives them."""
+    """Return the classes that the module imports, with their local names."""
     wanted = {
         element.name
         for message in messages
@@ -147,22 +147,22 @@ def _imported(interface: Interface, messages: Sequence[Message]) -> dict[TypeNam
     if isinstance(interface, Action):
         wanted |= {_CANCEL, _STATUS}
     wanted -= {message.name for message in messages}
-    taken = [*(name.name for name in wanted), *_taken(interface, messages)]
+    taken = [*(name.name for name in wanted), *_defined(interface, messages)]
     return {
         name: name.name if taken.count(name.name) == 1 else f"_{name.package}_{name.kind}_{name.name}"
         for name in sorted(wanted)
     }
 
 
-def _taken(interface: Interface, messages: Sequence[Message]) -> set[str]:
-    """Return the names that the module defines, and those that hide others inside a constructor."""
+def _defined(interface: Interface, messages: Sequence[Message]) -> set[str]:
+    """Return the names that the module defines, and the fields, which shadow names in constructors."""
     classes = {interface.name, *(message.name for message in messages)}
     classes |= {service.name for service in _services(interface)}
     return {name.name for name in classes} | {field.name for message in messages for field in message.fields}
 
 
 def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list[str]:
-    """Return the import lines for the standard library and for what all generated modules share."""
+    """Return the import lines for the standard library, numpy and the run time."""
     needs = {need for view in views for field in view.fields for need in field.needs}
     lines = ["from array import array as _array"] if "array" in needs else []
     if _decorator(messages) != "property":
@@ -180,9 +180,9 @@ def _imports(views: Sequence[_MessageView], messages: Sequence[Message]) -> list
 
 
 def _decorator(messages: Sequence[Message]) -> str:
-    """Return the word for Python's property; a field may have taken the usual one."""
-    hidden = any(field.name == "property" for message in messages for field in message.fields)
-    return "_property" if hidden else "property"
+    """Return the local name of `property`, which a field of that name shadows."""
+    shadowed = any(field.name == "property" for message in messages for field in message.fields)
+    return "_property" if shadowed else "property"
 
 
 def _message(message: Message, classes: Mapping[TypeName, str]) -> _MessageView:

@@ -1,4 +1,4 @@
-"""Type stubs (PEP 561) beside the generated Python: what fields hold and take, with the author's comments."""
+"""Type stubs (PEP 561) of generated modules, with the comments of definitions as docstrings."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Constant, Element, Field, Message, Type, TypeName
 
 BUILTINS: Final = frozenset({"bool", "bytearray", "bytes", "float", "int", "list", "property", "str"})
-"""Builtins that stubs speak of; a field of such a name hides it inside its class."""
+"""Builtins used in stubs; a field of such a name shadows one inside its class."""
 
 
 @frozen
 class StubNames:
-    """How a module's stub names classes and builtins."""
+    """The local names of classes and builtins in a stub."""
 
     classes: Mapping[TypeName, str]
-    hidden: AbstractSet[str]
+    shadowed: AbstractSet[str]
 
-    def word(self, builtin: str) -> str:
-        """Return the name of a builtin, which may have a second one."""
-        return f"_{builtin}" if builtin in self.hidden else builtin
+    def builtin(self, name: str) -> str:
+        """Return the local name of a builtin, which has a leading '_' if it is shadowed."""
+        return f"_{name}" if name in self.shadowed else name
 
     def element(self, element: Element) -> str:
-        """Return the type of a single value, or of what a collection holds."""
+        """Return the type of a single value, or of an element of a collection."""
         match element:
             case Named(name):
                 return self.classes[name]
             case String() | Primitive("char" | "wchar"):
-                return self.word("str")
+                return self.builtin("str")
             case Primitive("boolean"):
-                return self.word("bool")
+                return self.builtin("bool")
             case Primitive("octet"):
-                return self.word("bytes")
+                return self.builtin("bytes")
             case Primitive(name):
-                return self.word("int" if name in INTEGERS else "float")
+                return self.builtin("int" if name in INTEGERS else "float")
 
-    def held(self, type_: Type) -> str:
-        """Return the type of what a field gives."""
+    def getter_type(self, type_: Type) -> str:
+        """Return the type of a field on reading."""
         element, number = self.element(element_of(type_)), numeric(type_)
         match type_:
             case Array() if number:
@@ -52,38 +52,38 @@ class StubNames:
             case Sequence() if number:
                 return f"_array[{element}]"
             case Array() | Sequence():
-                return f"{self.word('list')}[{element}]"
+                return f"{self.builtin('list')}[{element}]"
             case _:
                 return element
 
-    def taken(self, type_: Type) -> str:
-        """Return the type of what a field accepts."""
-        held, element = self.held(type_), self.element(element_of(type_))
+    def setter_type(self, type_: Type) -> str:
+        """Return the type of the values that a field accepts."""
+        read, element = self.getter_type(type_), self.element(element_of(type_))
         match type_:
             case Array() if numeric(type_):
-                return f"{held} | _Sequence[{element}] | _Set[{element}]"
+                return f"{read} | _Sequence[{element}] | _Set[{element}]"
             case Array() | Sequence():
                 return f"_Sequence[{element}] | _Set[{element}]"
             case Primitive("octet"):
-                return f"{held} | {self.word('bytearray')}"
+                return f"{read} | {self.builtin('bytearray')}"
             case _:
-                return held
+                return read
 
 
 @frozen
 class MemberStub:
-    """A field or a constant as the template shows it."""
+    """A field or a constant, for the template."""
 
     name: str
-    held: str
-    taken: str
+    getter_type: str
+    setter_type: str
     doc: tuple[str, ...]
     default: str | None
 
 
 @frozen
 class MessageStub:
-    """A message class as the template shows it."""
+    """A message class, for the template."""
 
     name: str
     own: str
@@ -92,31 +92,31 @@ class MessageStub:
     fields: tuple[MemberStub, ...]
 
 
-def view_stub(message: Message, language: StubNames) -> MessageStub:
-    """Return the texts of a message's stub."""
+def view_stub(message: Message, names: StubNames) -> MessageStub:
+    """Return the stub of a message class."""
     names = {field.name for field in message.fields}
     return MessageStub(
         name=message.name.name,
         own="_self" if "self" in names else "self",
         doc=docstring(message.doc or (f"Message class '{message.name.name}'.",)),
-        constants=tuple(_constant(constant, language) for constant in message.constants),
-        fields=tuple(_field(field, language) for field in message.fields),
+        constants=tuple(_constant(constant, names) for constant in message.constants),
+        fields=tuple(_field(field, names) for field in message.fields),
     )
 
 
 def shadowed_builtins(messages: Iterable[Message]) -> frozenset[str]:
-    """Return the builtins that the fields of a module's messages hide."""
+    """Return the builtins that fields of these messages shadow."""
     return BUILTINS & {field.name for message in messages for field in message.fields}
 
 
-def stub_imports(messages: Collection[Message], hidden: Iterable[str], *, aliases: bool) -> list[str]:
-    """Return the import lines of a module's stub, the standard library's first.
+def stub_imports(messages: Collection[Message], shadowed: Iterable[str], *, aliases: bool) -> list[str]:
+    """Return the import lines of a stub, the standard library's first.
 
-    `aliases` says that the module has a service or an action, which give messages second names.
+    `aliases` is True if the module has a service or an action, whose messages are also class attributes.
     """
     fields = [field for message in messages for field in message.fields]
     types = [field.type for field in fields]
-    lines = [f"from builtins import {word} as _{word}" for word in sorted(hidden)]
+    lines = [f"from builtins import {name} as _{name}" for name in sorted(shadowed)]
     if any(isinstance(type_, Sequence) and numeric(type_) for type_ in types):
         lines.insert(0, "from array import array as _array")
     if any(isinstance(type_, Array | Sequence) for type_ in types):
@@ -134,10 +134,7 @@ def stub_imports(messages: Collection[Message], hidden: Iterable[str], *, aliase
 
 
 def docstring(lines: Iterable[str]) -> tuple[str, ...]:
-    """Return the lines of a docstring with its quotes; whatever they say, they stay inside.
-
-    A line of nothing but blanks becomes an empty one, as in hand-written code.
-    """
+    """Return the lines of a docstring, quoted and escaped. Blank lines become empty."""
     safe = [_safe(line) for line in lines]
     if not any(safe):
         return ()
@@ -147,7 +144,7 @@ def docstring(lines: Iterable[str]) -> tuple[str, ...]:
 
 
 def _safe(line: str) -> str:
-    """Return a line in which no backslash, quote or control character ends or bends the string around it."""
+    """Escape backslashes, quotes and control characters of a line in a docstring."""
     escaped = line.rstrip().replace("\\", "\\\\")
     if '"""' in escaped or escaped.endswith('"'):
         escaped = escaped.replace('"', '\\"')
@@ -157,17 +154,17 @@ def _safe(line: str) -> str:
     )
 
 
-def _constant(constant: Constant, language: StubNames) -> MemberStub:
-    held = language.held(constant.type)
-    return MemberStub(constant.name, held, held, docstring(constant.doc), None)
+def _constant(constant: Constant, names: StubNames) -> MemberStub:
+    type_ = names.getter_type(constant.type)
+    return MemberStub(constant.name, type_, type_, docstring(constant.doc), None)
 
 
-def _field(field: Field, language: StubNames) -> MemberStub:
+def _field(field: Field, names: StubNames) -> MemberStub:
     unit = (f"[{field.unit}]",) if field.unit else ()
     return MemberStub(
         name=field.name,
-        held=language.held(field.type),
-        taken=language.taken(field.type),
+        getter_type=names.getter_type(field.type),
+        setter_type=names.setter_type(field.type),
         doc=docstring((*field.doc, *unit)),
         default=None if field.default is None else f"{field.name.upper()}__DEFAULT",
     )

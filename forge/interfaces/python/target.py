@@ -1,4 +1,4 @@
-"""The Python target: the modules of a catalog's interfaces, and their serializers beside them."""
+"""The Python target: message modules, their stubs and serializers."""
 
 from __future__ import annotations
 
@@ -18,34 +18,37 @@ __all__ = ["files", "interface_files", "package_files"]
 
 
 def files(catalog: Catalog, root: str = "") -> Iterator[File]:
-    """Yield the Python package of the catalog's interfaces; for `root`, see python.interface_files."""
+    """Yield the files of the Python package; paths are relative to a folder on the Python path.
+
+    For `root`, see modules.interface_files().
+    """
     yield from package_files(catalog)
-    make = interface_files(catalog, root)
+    files_of = interface_files(catalog, root)
     for interface in catalog.interfaces.values():
-        yield from make(interface)
+        yield from files_of(interface)
 
 
 def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the modules of one interface.
+    """Return a function that yields the modules of one interface.
 
-    Raises InterfaceError for members that nothing in Python can hold.
+    Raises InterfaceError for members without a type in Python.
     """
-    raise_if_any(_impossible(catalog), InterfaceError)
-    makers = (modules.interface_files(catalog, root), cdr.interface_files(catalog, root))
+    raise_if_any(_unsupported(catalog), InterfaceError)
+    generators = (modules.interface_files(catalog, root), cdr.interface_files(catalog, root))
 
-    def both(interface: Interface) -> Iterator[File]:
-        for make in makers:
-            yield from make(interface)
+    def files_of(interface: Interface) -> Iterator[File]:
+        for generate in generators:
+            yield from generate(interface)
 
-    return both
+    return files_of
 
 
-def _impossible(catalog: Catalog) -> Iterator[Problem]:
-    """Yield what rosidl's Python generator gives up on, too: numbers wider than Python's own."""
+def _unsupported(catalog: Catalog) -> Iterator[Problem]:
+    """Yield a problem for each long double, which rosidl_generator_py does not support either."""
     for interface in catalog.interfaces.values():
         for message in sections_of(interface):
             members: tuple[Field | Constant, ...] = (*message.fields, *message.constants)
             for member in members:
                 if element_of(member.type) == Primitive("long double"):
-                    text = f"Python cannot hold the long double '{member.name}'"
+                    text = f"Python has no type for the long double '{member.name}'"
                     yield Problem(text, member.place, "use double, or leave out --lang python")

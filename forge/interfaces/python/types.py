@@ -1,4 +1,4 @@
-"""Types and values of interfaces as Python text."""
+"""Types and values of interfaces as Python source text."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def type_text(type_: Type) -> str:
 
 
 def literal(type_: Type, value: Value) -> str:
-    """Return a value as the expression that makes it in the form in which a field stores it."""
+    """Return the expression for a value, of the type that a field stores."""
     if not isinstance(type_, Array | Sequence):
         return scalar(type_, value)
     items = [scalar(type_.of, item) for item in value] if isinstance(value, tuple) else []
@@ -62,7 +62,7 @@ def literal(type_: Type, value: Value) -> str:
 
 
 def scalar(element: Element, value: object) -> str:
-    """Return one value as an expression; text is quoted by Python's own rules, so nothing breaks out."""
+    """Return the expression for one value; repr() quotes and escapes strings."""
     match element:
         case Primitive("octet") if isinstance(value, int):
             return repr(bytes([value]))
@@ -84,7 +84,7 @@ def _float(value: float) -> str:
 
 
 def slot_type(type_: Type) -> str:
-    """Return the expression that makes the type's rosidl_parser description."""
+    """Return the expression that creates the type's description of rosidl_parser."""
     match type_:
         case Primitive(name):
             inner = f"BasicType({name!r})"
@@ -111,7 +111,7 @@ def numeric(type_: Type) -> str | None:
 
 
 def zero(element: Element) -> str:
-    """Return what a single value starts with when nothing was given."""
+    """Return the expression for the initial value of a field without a default."""
     match element:
         case Primitive("boolean"):
             return "False"

@@ -357,7 +357,7 @@ def test_22_what_only_idl_can_say_in_a_namespace_of_its_own(forge: Forge, tree: 
     assert forge("interface", "generate", "--lang", "c", *arguments, cwd=folder).code == 0
     ran = forge("interface", "generate", *arguments, cwd=folder)
     assert ran.code == 2
-    assert ran.err.splitlines()[0].endswith("error: Python cannot hold the long double 'c'")
+    assert ran.err.splitlines()[0].endswith("error: Python has no type for the long double 'c'")
     folder = tree({"src/idl/Only.idl": idl.format("double")})
     assert load(folder / "src", "tour")["tour/idl/Only"](a="日", b=["x"]).a == "日"
 
