@@ -85,8 +85,8 @@ def load(
 
 
 def _nameless() -> Problem:
-    hint = "add the name; a folder is given as a pathlib.Path"
-    return Problem("a schema's text does not say of which type it is", hint=hint)
+    hint = "pass the name of the type; to load a folder, pass a pathlib.Path"
+    return Problem("missing type name of the schema", hint=hint)
 
 
 def _of_folder(package: str, folder: Path, library: Library) -> tuple[Catalog, ...]:

@@ -53,7 +53,7 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
         if not found:
             place = Place(str(name), number, 1 if number else None, heading if number else None)
             hint = "such as 'MSG: std_msgs/Header'"
-            raise InterfaceError(Problem("a line of '=' is followed by the name of a type", place, hint))
+            raise InterfaceError(Problem("expected the name of a type after a line of '='", place, hint))
         word, package, kind, stem = found.groups()
         kind = kind or word.lower()
         sections.append((TypeName(package, kind, stem), "idl" if word == "IDL" else kind, []))
@@ -68,9 +68,7 @@ def parse_name(text: str) -> TypeName:
     if len(parts) == 2:  # noqa: PLR2004  (package and name)
         parts.insert(1, "msg")
     if len(parts) != 3 or not all(parts) or not LOWER_NAME.fullmatch(parts[0]):  # noqa: PLR2004  (all three)
-        raise InterfaceError(
-            Problem(f"'{text}' is not the name of a type", hint="such as 'std_msgs/msg/String'")
-        )
+        raise InterfaceError(Problem(f"invalid type name '{text}'", hint="such as 'std_msgs/msg/String'"))
     return TypeName(*parts)
 
 
@@ -106,7 +104,7 @@ def _heading(parsed: Parsed, encoding: str) -> str:
 def _as_written(parsed: Parsed) -> str:
     if parsed.source.relative.endswith(".idl"):
         message = f"'{parsed.interface.name}' is written in IDL"
-        raise InterfaceError(Problem(message, Place(parsed.source.path), "ask for --encoding ros2idl"))
+        raise InterfaceError(Problem(message, Place(parsed.source.path), "use --encoding ros2idl"))
     return parsed.source.text.removeprefix("\ufeff")
 
 

@@ -48,7 +48,7 @@ def show(name: TypeName, comments: Comments, text_of: Callable[[TypeName], str])
     """
     for number, line in enumerate(_show(name, comments, text_of, ())):
         if number >= LONGEST:
-            raise InterfaceError(Problem(f"'{name}' has more than {LONGEST} lines with what is inside it"))
+            raise InterfaceError(Problem(f"'{name}' expands to more than {LONGEST} lines"))
         yield line
 
 
@@ -59,9 +59,7 @@ def _show(
         path = " -> ".join(f"{each.package}/{each.name}" for each in (*above[above.index(name) :], name))
         raise InterfaceError(Problem(f"a message cannot contain itself: {path}"))
     if len(above) > _DEEPEST:
-        raise InterfaceError(
-            Problem(f"more than {_DEEPEST} messages stand inside each other in '{above[0]}'")
-        )
+        raise InterfaceError(Problem(f"messages in '{above[0]}' are nested more than {_DEEPEST} levels deep"))
     keep = comments is Comments.ALL or (comments is Comments.TOP and not above)
     for written in text_of(name).removeprefix("\ufeff").splitlines():
         line = written.rstrip() if keep else written.partition("#")[0].rstrip()

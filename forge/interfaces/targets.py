@@ -40,7 +40,7 @@ def find_target(name: str, known: Iterable[str]) -> Target:
         names = sorted({*known, *found.names})
         near = did_you_mean(name, names)
         there = f"there are {', '.join(names)}"
-        raise ForgeError(Problem(f"forge generates no '{name}'", hint=f"{near} {there}" if near else there))
+        raise ForgeError(Problem(f"unknown target '{name}'", hint=f"{near} {there}" if near else there))
     chosen = found[name]
     try:
         target: Target = chosen.load()
@@ -52,5 +52,5 @@ def find_target(name: str, known: Iterable[str]) -> Target:
 
 
 def _unusable(name: str, value: str, reason: str) -> Problem:
-    hint = f"an entry point of the group '{GROUP}' says so: mend or remove the distribution that has it"
+    hint = f"fix or remove the distribution with this entry point of the group '{GROUP}'"
     return Problem(f"the target '{name}' cannot be loaded from '{value}': {reason}", hint=hint)

@@ -76,8 +76,8 @@ def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
     listing = out / _LISTING
     try:
         if not listing.is_file() and (out / first_page).exists():
-            hint = "name another folder with --output, or remove it"
-            problem = Problem(f"'{first_page}' is there, and forge did not write it", Place(out), hint)
+            hint = "choose another folder with --output, or remove the file"
+            problem = Problem(f"'{first_page}' exists, but forge did not write it", Place(out), hint)
             raise EnvironmentFault(problem)
         before = _listed(listing)
         made = {file.path: write_if_changed(out / file.path, file.text) for file in files}
@@ -121,8 +121,8 @@ def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
     listed = tuple(sources)
     unfit = [each for each in (target, *listed) if not _fits_a_rule(str(each))]
     if unfit:
-        hint = "move it to a folder without ';' and line breaks in its name"
-        raise EnvironmentFault(Problem(f"{str(unfit[0])!r} cannot stand in a make rule", hint=hint))
+        hint = "rename the folder: paths must not contain ';' or line breaks"
+        raise EnvironmentFault(Problem(f"make cannot handle the path {str(unfit[0])!r}", hint=hint))
     names = " \\\n  ".join(map(_for_make, listed))
     write_if_changed(path, f"{_for_make(target)}: {names}\n" if names else f"{_for_make(target)}:\n")
 

@@ -199,7 +199,7 @@ def _impossible(catalog: Catalog) -> Iterator[Problem]:
         for message in messages_of(interface):
             for field in message.fields:
                 if element_of(field.type) == Primitive("long double"):
-                    text = f"C++ cannot put the long double '{field.name}' into bytes that others read"
+                    text = f"the long double '{field.name}' has no portable serialization"
                     yield Problem(text, field.place, "use double, or leave out --lang cpp")
 
 

@@ -25,24 +25,24 @@ if TYPE_CHECKING:
 
 _SECTIONS = {2: ("_Request", "_Response"), 3: ("_Goal", "_Result", "_Feedback")}
 _DEPTH = 2
-"""How many modules stand around a struct: the package's and, in it, the namespace."""
+"""The number of modules around a struct: the package and the namespace."""
 
 _DEEPEST = 60
-"""How deep the syntax may nest; no type of ROS comes near."""
+"""The maximum nesting of the syntax tree, far beyond that of any real definition."""
 
 _UNUSED = """
     abstract any bitfield bitmask bitset exception fixed import interface local map native switch
     typeid typeprefix union valuetype void
 """
-_REFUSED = frozenset(_UNUSED.split())
-"""Words of IDL for which ROS has no use."""
+_UNSUPPORTED = frozenset(_UNUSED.split())
+"""Keywords of OMG IDL 4.2 that ROS does not support."""
 
 _EXPLANATIONS: dict[str, tuple[str, str | None]] = {
-    "#": ("the only preprocessor line that ROS reads is #include", None),
-    '"': ("a text ends in the line in which it begins", None),
-    "'": ("ROS reads no character literals", 'write a text: "a"'),
+    "#": ("the only supported preprocessor directive is #include", None),
+    '"': ("a string must end on the line where it starts", None),
+    "'": ("character literals are not supported", 'write a string: "a"'),
     **{
-        sign: (f"'{sign}' is not expected here", "ROS calculates nothing: write the result")
+        sign: (f"'{sign}' is not expected here", "expressions are not supported: write the result")
         for sign in "+-*/%|&^<>"
     },
 }
@@ -59,9 +59,9 @@ _EXPECTED = {
 
 
 def parse_idl(source: Source) -> Interface:
-    """Parse one .idl file; its modules, not its folder, say which namespace the interface is in.
+    """Parse one .idl file; the namespace of the interface is that of its modules, not its folder.
 
-    Raises InterfaceError: the first mistake of syntax, or else every problem of what it says.
+    Raises InterfaceError with the first syntax error, or else with all semantic problems.
     """
     reader = read_idl(source)
     raise_if_any(sorted(reader.problems, key=_position), InterfaceError)
@@ -69,9 +69,9 @@ def parse_idl(source: Source) -> Interface:
 
 
 def read_idl(source: Source) -> FileReader:
-    """Return all that a file's text says, with the problems and warnings found in it.
+    """Read the definitions of a file, and collect problems and warnings.
 
-    Raises InterfaceError with the first mistake of syntax.
+    Raises InterfaceError with the first syntax error.
     """
     from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only for .idl files)
 
@@ -83,7 +83,9 @@ def read_idl(source: Source) -> FileReader:
         raise InterfaceError(reader.problem(_explained(error, text))) from None
     deep = _too_deep(tree)
     if deep is not None:
-        raise InterfaceError(reader.problem(ParseError("this nests too deep", offset=deep.start_pos or 0)))
+        raise InterfaceError(
+            reader.problem(ParseError("this is nested too deeply", offset=deep.start_pos or 0))
+        )
     reader.read(tree)
     return reader
 
@@ -96,7 +98,7 @@ def _grammar() -> Lark:
 
 
 def _too_deep(tree: Tree[Token]) -> Token | None:
-    """Return a word that is nested too deep, if there is one; modules are counted where they are read."""
+    """Return a token that is nested too deeply, if any; modules are checked later."""
     layer: list[Any] = []
     waiting: list[Any] = [tree]
     while waiting:
@@ -114,24 +116,24 @@ def _too_deep(tree: Tree[Token]) -> Token | None:
 
 
 def _explained(error: UnexpectedInput, text: str) -> ParseError:
-    """Return what is wrong where the grammar refused to go on."""
+    """Return the message for a syntax error."""
     offset = error.pos_in_stream if error.pos_in_stream is not None else len(text)
     token = getattr(error, "token", None)
     if token is not None and token.type == "$END":
-        return ParseError("the file ends too early", offset=len(text.rstrip()), hint="is a '};' missing?")
+        return ParseError("unexpected end of file", offset=len(text.rstrip()), hint="is a '};' missing?")
     words = re.compile(r"(\w*)\W*\Z").search(text[max(0, offset - 40) : offset])
     before = words[1] if words else ""
     here = re.compile(r"\w+|.", re.DOTALL).match(text, offset)
     word = here[0] if here else ""
-    if word in _REFUSED or (word == "<" and before in _REFUSED):
-        refused = word if word in _REFUSED else before
-        return ParseError(f"ROS has no counterpart of IDL's '{refused}'", offset=offset)
+    if word in _UNSUPPORTED or (word == "<" and before in _UNSUPPORTED):
+        keyword = word if word in _UNSUPPORTED else before
+        return ParseError(f"'{keyword}' of OMG IDL is not supported by ROS", offset=offset)
     message, hint = _EXPLANATIONS.get(word, (f"'{word}' is not expected here", _expectation(error)))
     return ParseError(message, offset=offset, hint=hint)
 
 
 def _expectation(error: UnexpectedInput) -> str | None:
-    """Return what should have come instead, where that is one or two things."""
+    """Return the expected tokens as a hint."""
     expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
     names = [shown for name, shown in _EXPECTED.items() if name in expected]
     return f"{' or '.join(names[:2])} is expected" if names else None
@@ -144,7 +146,7 @@ def _position(problem: Problem) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class FileReader:
-    """Reads the definitions of one file; what is wrong stays in `problems`, what is odd in `warnings`."""
+    """Reads the definitions of one file; `problems` are errors, `warnings` are for `--strict`."""
 
     source: Source
     text: str
@@ -152,10 +154,10 @@ class FileReader:
     warnings: list[Problem] = field(default_factory=list)
     _messages: list[Message] = field(default_factory=list)
     _starts: list[int] = field(default_factory=list)
-    """Where each line begins, once anybody has asked for a place."""
+    """The offset of each line, computed on first use."""
 
     def read(self, tree: Tree[Token]) -> None:
-        """Take in every struct, and the constants and types that belong to it."""
+        """Read all structs, with their constants and types."""
         structures = StructureReader(self.report, self.place, self.warn)
         structs: list[tuple[tuple[Token, ...], Tree[Token], list[Tree[Token]]]] = []
         for path, notes, definition in self._definitions(tree.children, ()):
@@ -174,7 +176,7 @@ class FileReader:
         self._check_number([definition for _, definition, _ in structs])
 
     def interface(self) -> Interface:
-        """Return the interface, once there are no problems."""
+        """Return the interface; call this only if there are no problems."""
         first = self._messages[0]
         stem = PurePosixPath(self.source.relative).stem
         name = TypeName(first.name.package, first.name.kind, stem)
@@ -196,22 +198,22 @@ class FileReader:
         line = self.text[start : None if end < 0 else end].rstrip("\r")
         return Place(str(self.source.path), number, offset - start + 1, line)
 
-    def problem(self, fault: ParseError) -> Problem:
-        """Return a fault as a problem of this file."""
-        return Problem(fault.message, self.place(fault.offset), fault.hint)
+    def problem(self, error: ParseError) -> Problem:
+        """Return an error as a problem of this file."""
+        return Problem(error.message, self.place(error.offset), error.hint)
 
-    def report(self, fault: ParseError) -> None:
-        """Remember what is wrong."""
-        self.problems.append(self.problem(fault))
+    def report(self, error: ParseError) -> None:
+        """Add a problem."""
+        self.problems.append(self.problem(error))
 
-    def warn(self, fault: ParseError) -> None:
-        """Remember what is legal but odd."""
-        self.warnings.append(self.problem(fault))
+    def warn(self, error: ParseError) -> None:
+        """Add a warning."""
+        self.warnings.append(self.problem(error))
 
     def _definitions(
         self, children: Iterable[object], path: tuple[Token, ...]
     ) -> Iterator[tuple[tuple[Token, ...], list[Tree[Token]], Tree[Token]]]:
-        """Yield each definition with the modules around it and the annotations before it."""
+        """Yield each definition with its modules and annotations."""
         for child in cast("Iterable[Tree[Token]]", children):
             if child.data != "definition":
                 continue
@@ -220,15 +222,15 @@ class FileReader:
                 yield path, annotations, definition
             elif len(path) > _DEPTH:
                 offset = cast("Token", definition.children[0]).start_pos or 0
-                self.report(ParseError("ROS has no use for a module this deep", offset=offset))
+                self.report(ParseError("modules are nested too deeply", offset=offset))
             else:
                 name = cast("Token", definition.children[0])
                 yield from self._definitions(definition.children[1:], (*path, name))
 
     def _name(self, path: tuple[Token, ...], name: Token) -> TypeName:
-        """Return the full name of a struct, after a look at the modules that it stands in."""
+        """Check the modules of a struct and return its full name."""
         if len(path) != _DEPTH:
-            message = f"a struct stands in {_DEPTH} modules: the package's and, in it, a namespace"
+            message = f"a struct must be inside {_DEPTH} modules: the package and a namespace"
             hint = f"module {self.source.package} {{ module msg {{ struct {name} {{ ... }}; }}; }};"
             self.report(ParseError(message, offset=name.start_pos or 0, hint=hint))
             return TypeName(self.source.package, "msg", str(name))
@@ -243,24 +245,26 @@ class FileReader:
     def _check_keyword(self, token: Token, what: str) -> None:
         try:
             check_keyword(str(token), token.start_pos or 0, what)
-        except ParseError as fault:
-            self.report(fault)
+        except ParseError as error:
+            self.report(error)
 
     def _check_number(self, structs: list[Tree[Token]]) -> None:
-        """Refuse a file whose structs are no message, no service and no action."""
+        """Report a file whose structs do not form a message, a service or an action."""
         stem = PurePosixPath(self.source.relative).stem
         names = [cast("Token", struct.children[0]) for struct in structs]
         if not 1 <= len(names) <= len(_SECTIONS) + 1:
-            message = (
-                f"an .idl file has 1 struct (a message), 2 (a service) or 3 (an action), not {len(names)}"
-            )
+            message = f"expected 1 struct (a message), 2 (a service) or 3 (an action), found {len(names)}"
             self.problems.append(Problem(message, Place(str(self.source.path))))
             return
         for name, suffix in zip(names, _SECTIONS.get(len(names), ("",)), strict=True):
             if name != stem + suffix:
-                hint = f"by the file's name it is '{stem}{suffix}'"
-                fault = ParseError(f"struct '{name}' has another name", offset=name.start_pos or 0, hint=hint)
-                self.report(fault)
+                hint = f"rename it to '{stem}{suffix}'"
+                error = ParseError(
+                    f"the name of struct '{name}' does not match the file",
+                    offset=name.start_pos or 0,
+                    hint=hint,
+                )
+                self.report(error)
         if len({message.name.kind for message in self._messages}) > 1:
-            fault = ParseError("the structs of a file are in one module", offset=names[1].start_pos or 0)
-            self.report(fault)
+            error = ParseError("all structs of a file must be in one module", offset=names[1].start_pos or 0)
+            self.report(error)

@@ -43,15 +43,15 @@ _ALIASES = {
 }
 _NAME_PARTS = 3
 _CANDIDATES = 100
-"""How many types are looked at for each one that is unknown."""
+"""The maximum number of types to compare with an unknown one, for the hint."""
 
 Annotations = dict[str, list[dict[str, Expression]]]
-"""Parameters by annotation; the one of '@name(value)' is called ''."""
+"""The parameters of annotations by name; the parameter of '@name(value)' has the name ''."""
 
 
 @dataclass(slots=True)
 class StructureReader:
-    """Knows the typedefs and constants of a file, and makes its structs into messages."""
+    """Collects the typedefs and constants of a file, and converts its structs to messages."""
 
     report: Callable[[ParseError], None]
     place: Callable[[int], Place]
@@ -62,25 +62,25 @@ class StructureReader:
     )
 
     def add_typedef(self, tree: Tree[Token]) -> None:
-        """Remember a name for a type."""
+        """Add a typedef."""
         type_tree, declarator = _subtrees(tree)
         name = _token(declarator)
         try:
             type_ = self._declared(self._type(type_tree), declarator)
-        except ParseError as fault:
-            self.report(fault)
+        except ParseError as error:
+            self.report(error)
             return
         if self._types.setdefault(str(name), type_) != type_:
-            self.report(ParseError(f"'{name}' is already another type", offset=_start(name)))
+            self.report(ParseError(f"'{name}' is already defined as another type", offset=_start(name)))
 
     def add_constant(
         self, path: tuple[Token, ...], tree: Tree[Token], annotations: list[Tree[Token]]
     ) -> None:
-        """Remember a constant, to be read if it stands in the module of a struct's constants."""
+        """Add a constant; it is read if its module is that of the constants of a struct."""
         self._constants.setdefault(tuple(map(str, path)), []).append((tree, annotations))
 
     def message(self, name: TypeName, tree: Tree[Token], annotations: list[Tree[Token]]) -> Message:
-        """Return the struct as a message, without the members that were wrong."""
+        """Convert a struct to a message, without invalid members."""
         constants: dict[str, Constant] = {}
         for constant in self._constants.get((name.package, name.kind, f"{name.name}_Constants"), []):
             with self._reporting():
@@ -97,11 +97,11 @@ class StructureReader:
 
     @contextmanager
     def _reporting(self) -> Iterator[None]:
-        """Report a fault and go on behind."""
+        """Report a ParseError and continue after the block."""
         try:
             yield
-        except ParseError as fault:
-            self.report(fault)
+        except ParseError as error:
+            self.report(error)
 
     def _add_constant(
         self, tree: Tree[Token], annotations: list[Tree[Token]], constants: dict[str, Constant]
@@ -111,7 +111,7 @@ class StructureReader:
         _check_name(name, "constant", constants)
         type_ = self._type(type_tree)
         if not (isinstance(type_, Primitive) or (isinstance(type_, String) and type_.bound is None)):
-            hint = "a constant is a number, a boolean or an unbounded string"
+            hint = "a constant must be a number, a boolean or an unbounded string"
             raise ParseError(f"constant '{name}' cannot be of this type", offset=_start(name), hint=hint)
         value = value_of(read_expression(expression), type_)
         doc = _documentation(self._annotations(annotations))
@@ -120,7 +120,7 @@ class StructureReader:
     def _add_members(
         self, tree: Tree[Token], fields: dict[str, Field], constants: dict[str, Constant]
     ) -> None:
-        """Make the fields that one line of a struct declares."""
+        """Add the fields of one declaration."""
         parts = _subtrees(tree)
         split = next(number for number, part in enumerate(parts) if part.data != "annotation")
         annotations = self._annotations(parts[:split])
@@ -128,7 +128,7 @@ class StructureReader:
         base = self._type(parts[split])
         if len({len(declarator.children) for declarator in declarators}) > 1:
             offset = _start(_token(declarators[1]))
-            self.warn(ParseError("rosidl before Rolling takes all of these for arrays", offset=offset))
+            self.warn(ParseError("rosidl before Rolling declares all of these as arrays", offset=offset))
         for declarator in declarators:
             name = _token(declarator)
             with self._reporting():
@@ -140,7 +140,7 @@ class StructureReader:
                 fields[str(name)] = Field(str(name), type_, default, doc, unit, place)
 
     def _type(self, tree: Tree[Token]) -> Type:
-        """Return the type of a member, constant or typedef, its name not looked at yet."""
+        """Return the base type of a member, constant or typedef, without array sizes."""
         match tree.data:
             case "basic":
                 words = " ".join(map(str, tree.children))
@@ -157,59 +157,67 @@ class StructureReader:
         of = self._type(element)
         offset = next(token.start_pos or 0 for token in _tokens(element))
         if isinstance(of, Array | Sequence):
-            hint = "make a struct of the inner one"
-            raise ParseError("ROS has no sequences of arrays or sequences", offset=offset, hint=hint)
+            hint = "define a struct for the inner one"
+            raise ParseError("sequences of arrays or sequences are not supported", offset=offset, hint=hint)
         if isinstance(of, String) and of.wide and of.bound is not None and size is None:
-            message = f"rosidl takes 'sequence<wstring<{of.bound}>>' for one of at most {of.bound} elements"
+            message = (
+                f"rosidl reads 'sequence<wstring<{of.bound}>>' as a sequence of at most {of.bound} elements"
+            )
             raise ParseError(message, offset=offset, hint="give a bound, or use plain wstring")
         return Sequence(of, read_size(size) if size else None)
 
     def _named(self, names: list[Token]) -> Type:
-        """Return what a scoped name stands for; one without a scope is a typedef of the file."""
+        """Return the type that a scoped name refers to; a name without scope is a typedef of the file."""
         written = "::".join(map(str, names))
         offset = _start(names[0])
         if len(names) == _NAME_PARTS:
             return Named(TypeName(*map(str, names)))
         if len(names) > 1:
-            hint = "a type of ROS is named 'package::msg::Name'"
+            hint = "write 'package::msg::Name'"
             raise ParseError(f"'{written}' does not have three parts", offset=offset, hint=hint)
         if written not in self._types:
             hint = (
                 did_you_mean(written, islice(self._types, _CANDIDATES))
-                or "messages are named in full: 'package::msg::Name'"
+                or "write the full name of a message: 'package::msg::Name'"
             )
             raise ParseError(f"unknown type '{written}'", offset=offset, hint=hint)
         return self._types[written]
 
     def _declared(self, base: Type, declarator: Tree[Token]) -> Type:
-        """Return the type of a name, with what stands in brackets behind it."""
+        """Return the type of a declarator, with its array sizes."""
         name, *sizes = declarator.children
         if not sizes:
             return base
         offset = _start(cast("Token", name))
         if len(sizes) > 1 or isinstance(base, Array):
             raise ParseError(
-                "an array has one dimension", offset=offset, hint="make a struct of its elements"
+                "arrays of arrays are not supported",
+                offset=offset,
+                hint="define a struct for the inner array",
             )
         if isinstance(base, Sequence):
             raise ParseError(
-                "ROS has no arrays of sequences", offset=offset, hint="make a struct of the sequence"
+                "arrays of sequences are not supported",
+                offset=offset,
+                hint="define a struct for the sequence",
             )
         return Array(base, read_size(_subtrees(cast("Tree[Token]", sizes[0]))[0]))
 
     def _default(self, annotations: Annotations, type_: Type) -> Value | None:
-        """Return the value of the one @default; rosidl heeds none of several."""
+        """Return the value of @default; rosidl ignores the annotation if there are several."""
         found = annotations.get("default", [])
         for parameters in found:
             if list(parameters) != ["value"]:
                 offset = min((each.offset for each in parameters.values()), default=0)
-                raise ParseError("a default is written '@default (value=...)'", offset=offset)
+                raise ParseError("expected '@default (value=...)'", offset=offset)
         if len(found) > 1:
-            self.warn(ParseError("rosidl heeds none of several defaults", offset=found[1]["value"].offset))
+            self.warn(
+                ParseError("rosidl ignores the default if there are several", offset=found[1]["value"].offset)
+            )
         return value_of(found[0]["value"], type_) if len(found) == 1 else None
 
     def _annotations(self, trees: list[Tree[Token]]) -> Annotations:
-        """Return all annotations; those that nothing reads are free to say what they like."""
+        """Return all annotations by name."""
         found: Annotations = {}
         for tree in trees:
             name, *parameters = tree.children
@@ -221,8 +229,8 @@ class StructureReader:
                         values[str(key)] = read_expression(cast("Tree[Token]", value))
                     elif parameter is not None:
                         values[""] = read_expression(parameter)
-            except ParseError as fault:
-                self.report(fault)
+            except ParseError as error:
+                self.report(error)
                 continue
             found.setdefault(str(name), []).append(values)
         return found
@@ -247,19 +255,19 @@ def _unit(annotations: Annotations) -> str | None:
 
 
 def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
-    """Raise Fault for a name that generated code cannot have, or has already."""
+    """Raise ParseError if a name is a keyword or already declared."""
     check_keyword(str(name), _start(name), what)
     if any(str(name) in names for names in taken):
         raise ParseError(f"'{name}' is already declared", offset=_start(name))
 
 
 def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:
-    """Return the children that are no tokens."""
+    """Return the children that are not tokens."""
     return [cast("Tree[Token]", child) for child in tree.children if hasattr(child, "data")]
 
 
 def _token(tree: Tree[Token]) -> Token:
-    """Return the name that a declarator begins with."""
+    """Return the name of a declarator."""
     return cast("Token", tree.children[0])
 
 

@@ -1,4 +1,4 @@
-"""The .idl text of an interface, in the form that rosidl_adapter installs."""
+"""Write interfaces as .idl files, in the form that rosidl_adapter generates."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class _Line:
 
 @frozen
 class _Structure:
-    """A struct, what stands before it, and its members."""
+    """A struct with its typedefs, constants and members."""
 
     name: str
     comment: str
@@ -69,12 +69,12 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def package_files(_: Catalog) -> Iterator[File]:
-    """Yield nothing: no file is about a whole package."""
+    """Yield nothing: there are no files for the package as a whole."""
     return iter(())
 
 
 def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
-    """Return what yields the file of one interface."""
+    """Return a function that yields the file of one interface."""
 
     def files_of(interface: Interface) -> Iterator[File]:
         name = interface.name
@@ -85,7 +85,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
 
 
 def idl_text(interface: Interface, origin: str) -> str:
-    """Return an interface as IDL; `origin` names the file that it was read from."""
+    """Return an interface as IDL; `origin` is the path of its definition, for the comment."""
     messages = sections_of(interface)
     includes = {
         f"{element.name.package}/{element.name.kind}/{element.name.name}.idl"
@@ -129,7 +129,7 @@ def _member(member: Field) -> _Line:
 
 
 def _comment(lines: tuple[str, ...], indent: int) -> str:
-    """Return quoted lines that IDL joins again, the later ones indented."""
+    """Return a comment as adjacent string literals, one per line, indented after the first."""
     return (' "\\n"\n' + " " * indent).join(_quoted(BIDI_CONTROLS.sub(" ", line)) for line in lines)
 
 
@@ -150,7 +150,7 @@ def _type(type_: Type) -> str:
 
 
 def _typedefs(type_: Type) -> Iterator[str]:
-    """Yield what must be declared before a member of this type: IDL's members cannot be arrays."""
+    """Yield the typedefs for a member of this type: rosidl declares arrays as typedefs."""
     if isinstance(type_, Array):
         identifier = _identifier(type_.of)
         if isinstance(type_.of, Named):
@@ -177,9 +177,9 @@ def _literal(value: Value, type_: Type) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a string literal; control characters that have no name of their own are written in octal.
+    """Return a string literal; control characters without a named escape are written in octal.
 
-    Backslashes before others or before a quote are doubled once more: rosidl halves them twice.
+    Backslashes before another one or before a quote are doubled twice, because rosidl unescapes them twice.
     """
     named = _HALVED.sub(lambda run: run[0] * 2, text).translate(_ESCAPES)
     return '"' + "".join(c if c >= " " else f"\\{ord(c):03o}" for c in named) + '"'

@@ -1,4 +1,4 @@
-"""Expressions in .idl files (OMG IDL 4.2) and their values for a type."""
+"""Parse expressions in .idl files (OMG IDL 4.2) and convert them to values of a type."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _DOUBLED = re.compile(r'\\(["\\])')
 _SURROGATES = re.compile("[\ud800-\udfff]")
 _LIMITS = {"char": 127, "wchar": 0xFFFF}
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_TUPLE_HINT = 'such a value is a text with a tuple in it, like "(1, 2, 3)"'
+_TUPLE_HINT = 'write a tuple in quotes, such as "(1, 2, 3)"'
 
 
 @frozen
 class Expression:
-    """A value as written, before anybody knows of which type it has to be."""
+    """A literal or name, before its type is known."""
 
     kind: Literal["integer", "real", "text", "truth", "name"]
     value: bool | int | float | str
@@ -37,7 +37,7 @@ class Expression:
 
 
 def read_expression(tree: Tree[Token]) -> Expression:
-    """Return what an expression says; raises Fault where it says nothing that rosidl reads."""
+    """Parse an expression; raises ParseError if rosidl does not support it."""
     token = _first_token(tree)
     offset = token.start_pos or 0
     match tree.data:
@@ -57,23 +57,25 @@ def read_expression(tree: Tree[Token]) -> Expression:
 
 
 def read_size(tree: Tree[Token]) -> int:
-    """Return a size or bound: a decimal number, at least 1. Raises Fault."""
+    """Parse a size or bound: a decimal number of at least 1. Raises ParseError."""
     size = read_expression(tree)
     if size.kind != "integer":
-        raise ParseError("a size is a decimal number", offset=size.offset, hint="constants are not looked up")
+        raise ParseError(
+            "a size must be a decimal number", offset=size.offset, hint="constants are not supported here"
+        )
     if int(size.value) < 1:
-        raise ParseError("a size is at least 1", offset=size.offset)
+        raise ParseError("a size must be at least 1", offset=size.offset)
     return int(size.value)
 
 
 def value_of(written: Expression, type_: Type) -> Value:
-    """Return the value of `type_` that an expression stands for; raises Fault when it is none."""
+    """Convert an expression to a value of `type_`; raises ParseError if it has another type."""
     try:
         if not isinstance(type_, Array | Sequence):
             return _single(written, type_)
         return _within_size(_collection(written, type_.of), type_)
-    except ParseError as fault:
-        raise fault.shifted(written.offset) from None
+    except ParseError as error:
+        raise error.shifted(written.offset) from None
 
 
 def _first_token(tree: Tree[Token]) -> Token:
@@ -81,7 +83,7 @@ def _first_token(tree: Tree[Token]) -> Token:
 
 
 def _signed(sign: str, operand: Expression) -> Expression:
-    """Return the operand, negated by '-'; rosidl heeds no other sign."""
+    """Negate the operand if the sign is '-'; rosidl ignores other signs."""
     if sign != "-":
         return operand
     match operand.kind:
@@ -90,7 +92,7 @@ def _signed(sign: str, operand: Expression) -> Expression:
         case "name":
             return Expression("name", f"-{operand.value}", operand.offset)
         case _:
-            raise ParseError("only numbers have a sign", offset=operand.offset)
+            raise ParseError("only numbers can have a sign", offset=operand.offset)
 
 
 def _number(text: str, offset: int) -> Expression:
@@ -102,12 +104,15 @@ def _number(text: str, offset: int) -> Expression:
         try:
             return Expression("integer", int(text), offset)
         except ValueError:
-            raise ParseError("a number of that many digits fits nowhere", offset=offset) from None
+            raise ParseError("the number has too many digits", offset=offset) from None
     return Expression("real", float(text.rstrip("dD")), offset)
 
 
 def _unescape(token: Token) -> str:
-    """Return the text of a literal; wide ones know code units, and rosidl halves what backslashes remain."""
+    """Return the text of a string literal.
+
+    Wide literals support \\u escapes. Like rosidl, replace remaining doubled backslashes by single ones.
+    """
     wide = token.startswith("L")
     inside = token[2:-1] if wide else token[1:-1]
     if "\\" not in inside:
@@ -115,7 +120,9 @@ def _unescape(token: Token) -> str:
     plain = (_WIDE_ESCAPE if wide else _ESCAPE).sub(_character, inside)
     if _SURROGATES.search(plain):
         raise ParseError(
-            "this escape is half a character", offset=token.start_pos or 0, hint="write it itself"
+            "this escape is half of a surrogate pair",
+            offset=token.start_pos or 0,
+            hint="write the character itself",
         )
     return _DOUBLED.sub(r"\1", plain)
 
@@ -131,7 +138,7 @@ def _single(written: Expression, type_: Type) -> bool | int | float | str:
     match type_:
         case String():
             if written.kind not in {"text", "name"}:
-                raise ParseError("a text stands in double quotes")
+                raise ParseError("expected a string in double quotes")
             return within_bound(str(written.value), type_)
         case Primitive("boolean"):
             if written.kind == "truth" or (written.kind == "integer" and written.value in {0, 1}):
@@ -151,7 +158,7 @@ def _real(written: Expression) -> float:
     if written.kind in {"integer", "real"} or (
         written.kind == "name" and _NOT_FINITE.fullmatch(str(written.value))
     ):
-        return float(str(written.value))  # by way of text: a long integer is infinite, not an error
+        return float(str(written.value))  # from text: a very long integer becomes infinite, not an error
     raise ParseError(f"'{written.value}' is not a number")
 
 
@@ -160,50 +167,52 @@ def _integer(written: Expression, name: str) -> int:
         raise ParseError(f"'{written.value}' is not an integer")
     low, high = INTEGER_RANGES[name]
     if not low <= int(written.value) <= high:
-        raise ParseError(f"'{written.value}' is out of range for {name}", hint=f"it holds {low} to {high}")
+        raise ParseError(
+            f"'{written.value}' is out of range for {name}", hint=f"the range is {low} to {high}"
+        )
     return int(written.value)
 
 
 def _one_character(written: Expression, name: str) -> str:
-    """Return the character of a one-letter text or of a number."""
+    """Convert a string of one character, or a number."""
     limit = _LIMITS[name]
     if written.kind == "integer" and 0 <= int(written.value) <= limit:
         return chr(int(written.value))
     if written.kind == "text" and len(str(written.value)) == 1 and ord(str(written.value)) <= limit:
         return str(written.value)
-    raise ParseError(f"'{written.value}' is not one {name}", hint=f"write it as a number up to {limit}")
+    raise ParseError(f"'{written.value}' is not a single {name}", hint=f"write it as a number up to {limit}")
 
 
 def _collection(written: Expression, of: Element) -> tuple[bool | int | float | str, ...]:
-    """Return the elements of a Python tuple in a text, which is how IDL files write lists."""
+    """Parse a Python tuple in a string, which is the form of array defaults in .idl files of rosidl."""
     import ast  # noqa: PLC0415  (only defaults of arrays come here)
 
     if isinstance(of, Named):
         raise ParseError("a member of a struct's type cannot have a default", hint="leave it out")
     if written.kind != "text":
-        raise ParseError("the value of an array is a text", hint=_TUPLE_HINT)
+        raise ParseError("expected a string with the value of an array", hint=_TUPLE_HINT)
     try:
         body = ast.parse(str(written.value).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ParseError("the text holds no tuple", hint=_TUPLE_HINT) from None
+        raise ParseError("the string is not a tuple", hint=_TUPLE_HINT) from None
     if not isinstance(body, ast.Tuple | ast.List):
-        raise ParseError("the text holds no tuple", hint='one element is "(1,)"')
+        raise ParseError("the string is not a tuple", hint='a tuple of one element is "(1,)"')
     return tuple(_single(_element(node), of) for node in body.elts)
 
 
 def _within_size(values: tuple[bool | int | float | str, ...], type_: Array | Sequence) -> Value:
-    """Return the elements, unless they are too many or, for an array, too few."""
+    """Return the elements; raises ParseError if their number does not fit the type."""
     match type_:
         case Array(_, size) if len(values) != size:
-            raise ParseError(f"an array of {size} cannot hold {len(values)}")
+            raise ParseError(f"expected {size} elements, found {len(values)}")
         case Sequence(_, int(bound)) if len(values) > bound:
-            raise ParseError(f"a sequence of at most {bound} cannot hold {len(values)}")
+            raise ParseError(f"expected at most {bound} elements, found {len(values)}")
         case _:
             return values
 
 
 def _element(node: ast.expr) -> Expression:
-    """Return an element of the tuple as if it stood alone."""
+    """Convert an element of the tuple to an expression."""
     import ast  # noqa: PLC0415  (as above)
 
     match node:
@@ -220,4 +229,4 @@ def _element(node: ast.expr) -> Expression:
         case ast.Name(name):
             return Expression("name", name, 0)
         case _:
-            raise ParseError("an element is a number, a text, True or False", hint=_TUPLE_HINT)
+            raise ParseError("an element must be a number, a string, True or False", hint=_TUPLE_HINT)

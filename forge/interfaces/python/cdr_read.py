@@ -1,7 +1,8 @@
 """Generate the Python function that deserializes a message, from its layout.
 
 The function creates messages without calling their constructors and unpacks values directly into their
-slots. Structs check the end of the data themselves; slices do not, so their end is compared with `size` first.
+slots. Structs check the end of the data themselves; slices do not, so the function compares their end with
+`size` first.
 """
 
 from __future__ import annotations
@@ -99,7 +100,7 @@ class _Reader:
     def read(self, layout: MessageLayout, *, keep_offset: bool, made: bool = False) -> None:
         """Emit the lines for a layout.
 
-        With `keep_offset`, `o` is the offset after it. With `made`, the nested messages have been created before.
+        With `keep_offset`, `o` is the offset after it. With `made`, the nested messages already exist.
         """
         for inner in () if made else layout.inlined:
             self.lines.add(

@@ -94,10 +94,10 @@ class MessageStub:
 
 def view_stub(message: Message, names: StubNames) -> MessageStub:
     """Return the stub of a message class."""
-    names = {field.name for field in message.fields}
+    fields = {field.name for field in message.fields}
     return MessageStub(
         name=message.name.name,
-        own="_self" if "self" in names else "self",
+        own="_self" if "self" in fields else "self",
         doc=docstring(message.doc or (f"Message class '{message.name.name}'.",)),
         constants=tuple(_constant(constant, names) for constant in message.constants),
         fields=tuple(_field(field, names) for field in message.fields),

@@ -1,4 +1,4 @@
-"""The documentation and the unit in the comments of a declaration, as rosidl_adapter extracts them."""
+"""Extract documentation and unit from the comments of a declaration, as rosidl_adapter does."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
-"""From a '[' to its end; it is a unit only if it ends with ']'."""
+"""A bracket up to ']', ',' or the end of the comment; it is a unit only if it ends with ']'."""
 
 
 BIDI_CONTROLS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""Bidirectional control characters, which make code look different from what it is (CVE-2021-42574)."""
+"""Bidirectional control characters, which make code look different from what it does (CVE-2021-42574)."""
 
 
 def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
-    """Return the documentation and the unit in comment lines that still have their '#'.
+    """Return the documentation and the unit in comment lines, which include their '#'.
 
-    The inside of brackets is the unit when there is exactly one such pair, and leaves the text.
+    The text inside brackets is the unit if there is exactly one pair of brackets; it is removed from the text.
     """
     texts = [line.lstrip("#").rstrip() for line in lines]
     texts, unit = _without_unit(texts)
@@ -36,6 +36,6 @@ def _without_unit(texts: list[str]) -> tuple[list[str], str | None]:
     found = [bracket for bracket in _BRACKET.finditer(whole) if bracket[1] and bracket[2] == "]"]
     if len(found) != 1:
         return texts, None
-    # Where the blanks before the bracket span lines, no line holds the whole, and the text stays.
+    # If the blanks before the bracket span several lines, no line contains all of it, and the text is kept.
     written = whole[len(whole[: found[0].start()].rstrip()) : found[0].end()]
     return [text.replace(written, "").rstrip() for text in texts], found[0][1]

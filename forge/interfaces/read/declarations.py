@@ -1,4 +1,4 @@
-"""One line of a definition: its type, its name, its value (ROS 2 documentation, Interfaces)."""
+"""Parse one declaration of a .msg file: type, name and value (ROS 2 documentation, Interfaces)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PRIMITIVES = {
     "float64": "double",
     **{f"{sign}int{bits}": f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)},
 }
-_ELSEWHERE = {
+_SUGGESTIONS = {
     "boolean": "bool",
     "double": "float64",
     "duration": "builtin_interfaces/Duration",
@@ -61,7 +61,7 @@ CPP_KEYWORDS = frozenset(_CPP_KEYWORDS.split())
 _KEYWORDS = {
     "Python": frozenset(keyword.kwlist),
     "C++": CPP_KEYWORDS,
-    "C": frozenset({"restrict"}),  # the one that neither of the others has
+    "C": frozenset({"restrict"}),  # the only keyword that is in neither of the others
 }
 
 
@@ -77,9 +77,9 @@ class Declaration:
 
 
 def read_declaration(text: str, package: str) -> Declaration:
-    """Read a line of `package`, its comment and trailing blanks cut off.
+    """Parse a line without comment and trailing blanks.
 
-    A type name without a package is one of `package`'s. Raises Fault.
+    A type name without a package refers to `package`. Raises ParseError.
     """
     written, _, rest = text.partition(" ")
     _check_outline(text, written, rest)
@@ -100,7 +100,7 @@ def read_declaration(text: str, package: str) -> Declaration:
 
 @cache
 def _read_type(written: str, package: str) -> Type:
-    """Return a type; few are written in a package, but each of them often."""
+    """Parse a type; cached, because a package repeats few types many times."""
     from lark.exceptions import UnexpectedInput  # noqa: PLC0415  (takes 40 ms; needed only to compile)
 
     try:
@@ -123,31 +123,33 @@ def _check_outline(text: str, written: str, rest: str) -> None:
     if not written:
         start = len(text) - len(text.lstrip())
         raise ParseError(
-            "a declaration starts in the first column", offset=start, hint="remove the blanks before it"
+            "a declaration must start in the first column",
+            offset=start,
+            hint="remove the leading white space",
         )
     if written.startswith("---"):
-        raise ParseError("a separator is exactly '---', and belongs into .srv and .action files")
+        raise ParseError("a separator must be exactly '---', in .srv and .action files only")
     if not rest.strip():
         if "=" in written:
-            raise ParseError("a constant needs a blank after its type", hint="write 'TYPE NAME=VALUE'")
-        raise ParseError(
-            f"'{written}' is not followed by a name", offset=len(written), hint="write 'TYPE name'"
-        )
+            raise ParseError("expected a space after the type of a constant", hint="write 'TYPE NAME=VALUE'")
+        raise ParseError(f"expected a name after '{written}'", offset=len(written), hint="write 'TYPE name'")
 
 
 def _explained(written: str, offset: int) -> ParseError:
-    """Return the fault of a type that the grammar rejected at `offset`."""
+    """Return the error for a type that the grammar rejected at `offset`."""
     if offset == len(written) and written.count("[") > written.count("]"):
-        return ParseError("a type has no blanks inside", offset=offset)
+        return ParseError("a type cannot contain spaces", offset=offset)
     if written.count("/") > 1:
         return ParseError(
             f"type '{written}' has more than two parts",
             offset=written.index("/", written.index("/") + 1),
-            hint="a message of another package is 'package/Name'",
+            hint="write 'package/Name' for a message of another package",
         )
     brackets = re.search(r"\[(<=)?([^\]]*)\]", written)
     if brackets and offset >= brackets.end():
-        return ParseError("an array has one dimension", offset=offset, hint="make a message of its elements")
+        return ParseError(
+            "arrays of arrays are not supported", offset=offset, hint="define a message for the inner array"
+        )
     if brackets:
         return _no_size(brackets[2], brackets.start(2))
     return ParseError(f"'{written}' is not a type", offset=offset)
@@ -169,8 +171,8 @@ def _unbounded(of: Element) -> Sequence:
     """Return a sequence, unless rosidl generators and parsers interpret it differently."""
     if isinstance(of, String) and of.wide and of.bound is not None:
         raise ParseError(
-            f"rosidl takes 'wstring<={of.bound}[]' for 'wstring<={of.bound}[<={of.bound}]'",
-            hint="write that, or 'wstring[]'",
+            f"rosidl reads 'wstring<={of.bound}[]' as 'wstring<={of.bound}[<={of.bound}]'",
+            hint="write that instead, or 'wstring[]'",
         )
     return Sequence(of)
 
@@ -187,12 +189,12 @@ def _element(tree: Tree[Token], package: str) -> Element:
                 raise ParseError(
                     f"only string and wstring take a bound, not '{words[0]}'",
                     offset=len(words[0]),
-                    hint="a bounded sequence is 'TYPE[<=N]'",
+                    hint="write a bounded sequence as 'TYPE[<=N]'",
                 )
             return String(words[0] == "wstring", _size(tree.children[1]))
         case "other":
             if not LOWER_NAME.fullmatch(words[0]):
-                raise ParseError(f"'{words[0]}' is not the name of a package")
+                raise ParseError(f"invalid package name '{words[0]}'")
             return Named(TypeName(words[0], "msg", _message_name(words[1], len(words[0]) + 1)))
         case _:
             return _single(words[0], package)
@@ -203,58 +205,56 @@ def _single(word: str, package: str) -> Element:
         return Primitive(PRIMITIVES[word])
     if word in {"string", "wstring"}:
         return String(word == "wstring")
-    if word in _ELSEWHERE:
-        raise ParseError(f"there is no type '{word}'", hint=f"use '{_ELSEWHERE[word]}'")
+    if word in _SUGGESTIONS:
+        raise ParseError(f"unknown type '{word}'", hint=f"use '{_SUGGESTIONS[word]}'")
     if word[0].isupper():
         return Named(TypeName(package, "msg", _message_name(word, 0)))
-    raise ParseError(
-        f"there is no type '{word}'", hint=did_you_mean(word, [*PRIMITIVES, "string", "wstring"])
-    )
+    raise ParseError(f"unknown type '{word}'", hint=did_you_mean(word, [*PRIMITIVES, "string", "wstring"]))
 
 
 def _message_name(name: str, offset: int) -> str:
     if not _SECTION_NAME.fullmatch(name):
         raise ParseError(
-            f"'{name}' is not the name of a message",
+            f"invalid message name '{name}'",
             offset=offset,
-            hint="such a name is CamelCase: letters and digits",
+            hint="use CamelCase: letters and digits",
         )
     return name
 
 
 def _size(token: object) -> int:
-    """Return a size or bound, which Python's int() reads and which is at least 1."""
+    """Parse a size or bound as int() does, as rosidl; it must be at least 1."""
     offset = getattr(token, "start_pos", None) or 0
     try:
         size = int(str(token))
     except ValueError:
         raise _no_size(str(token), offset) from None
     if size < 1:
-        raise ParseError("a size is at least 1", offset=offset)
+        raise ParseError("a size must be at least 1", offset=offset)
     return size
 
 
 def _no_size(text: str, offset: int) -> ParseError:
-    return ParseError(f"'{text}' is not a size", offset=offset, hint="write a decimal number")
+    return ParseError(f"invalid size '{text}'", offset=offset, hint="write a decimal number")
 
 
 def _check_field(name: str, offset: int, _: Type) -> None:
     if not LOWER_NAME.fullmatch(name):
         better = re.sub(r"[^a-z0-9]+", "_", snake_case(name)).strip("_")
         hint = f"name it '{better}'" if LOWER_NAME.fullmatch(better) else None
-        rule = "it takes lower-case letters, digits and single underscores"
-        raise ParseError(f"'{name}' cannot be the name of a field", offset=offset, hint=hint or rule)
+        rule = "use lower-case letters, digits and single underscores"
+        raise ParseError(f"invalid field name '{name}'", offset=offset, hint=hint or rule)
     check_keyword(name, offset, "field")
 
 
 def check_keyword(name: str, offset: int, what: str) -> None:
-    """Raise Fault when generated code could not contain the name of this `what`."""
-    tongues = [tongue for tongue, words in _KEYWORDS.items() if name in words]
-    if tongues:
+    """Raise ParseError if the name is a keyword of a target language; `what` is the kind of the name."""
+    languages = [language for language, words in _KEYWORDS.items() if name in words]
+    if languages:
         raise ParseError(
-            f"a {what} cannot be called '{name}', a keyword of {' and '.join(tongues)}",
+            f"{what} name '{name}' is a keyword of {' and '.join(languages)}",
             offset=offset,
-            hint=f"name it '{name}_value', or say what it holds",
+            hint=f"rename it, for example to '{name}_value'",
         )
 
 
@@ -263,14 +263,14 @@ def _check_constant(name: str, offset: int, type_: Type) -> None:
     if blank or not first:
         offset += len(name) - len(rest.lstrip(" "))
         raise ParseError(
-            "a constant is 'TYPE NAME = VALUE'",
+            "expected 'TYPE NAME = VALUE'",
             offset=offset,
-            hint="a line with '=' declares a constant, even where '=' is meant as text",
+            hint="a line that contains '=' declares a constant",
         )
     if not _CONSTANT_NAME.fullmatch(name):
         better = re.sub(r"[^A-Z0-9]+", "_", snake_case(name).upper()).strip("_")
         hint = f"name it '{better}'" if _CONSTANT_NAME.fullmatch(better) else None
-        rule = "it takes upper-case letters, digits and single underscores"
-        raise ParseError(f"'{name}' cannot be the name of a constant", offset=offset, hint=hint or rule)
+        rule = "use upper-case letters, digits and single underscores"
+        raise ParseError(f"invalid constant name '{name}'", offset=offset, hint=hint or rule)
     if not isinstance(type_, Primitive) and type_ not in {String(), String(wide=True)}:
-        raise ParseError("a constant is a number, a bool or an unbounded string")
+        raise ParseError("a constant must be a number, a bool or an unbounded string")

@@ -1,4 +1,4 @@
-"""An error in a line of a definition, before its file and line are known."""
+"""The error that parsers of lines and expressions raise, before file and line are known."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ class ParseError(Exception):
         self.hint = hint
 
     def shifted(self, by: int) -> ParseError:
-        """Return the same fault with its offset increased by `by`."""
+        """Return the same error with its offset increased by `by`."""
         return ParseError(self.message, offset=self.offset + by, hint=self.hint)

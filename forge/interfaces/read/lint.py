@@ -1,6 +1,6 @@
-"""Error-prone definitions: names that fail to compile, and lines with an unexpected meaning.
+"""Find error-prone definitions: names that fail to compile, and lines with an unexpected meaning.
 
-forge interprets such lines like rosidl, since results must be the same; `--strict` reports them.
+forge interprets such lines as rosidl does, for identical results; `--strict` reports them.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Constant, Field, Message, Source
     from forge.interfaces.read.parsing import Parsed
 
-_TAKEN = {
+_AVOIDED = {
     "it is a keyword of C++20": """
         char8_t co_await co_return co_yield concept consteval constinit requires
     """,
     "it is a macro in common headers": """
         assert errno linux major makedev minor signals slots stderr stdin stdout unix
     """,
-    "it hides a method of the Python class": "get_fields_and_field_types",
+    "it shadows a method of the Python class": "get_fields_and_field_types",
 }
-_NAMES = {name: reason for reason, names in _TAKEN.items() for name in names.split()}
+_NAMES = {name: reason for reason, names in _AVOIDED.items() for name in names.split()}
 _MACROS = """
     BUFSIZ DOMAIN EOF FALSE FAR HUGE_VAL IN INFINITY INT_MAX INT_MIN NAN NEAR NULL OUT OVERFLOW
     PLOSS RAND_MAX SING STRICT TLOSS TRUE UNDERFLOW
@@ -45,7 +45,7 @@ _SIDE_BY_SIDE = re.compile(r"""["']\s+["']""")
 
 
 def lint(parsed: Iterable[Parsed]) -> list[Problem]:
-    """Return the problems in some files, in the order of files and lines."""
+    """Return the problems of all files, in the order of files and lines."""
     found = []
     for each in parsed:
         if each.source.relative.endswith(".idl"):
@@ -66,26 +66,26 @@ def _position(problem: Problem) -> tuple[int, int]:
 
 
 def _problem(place: Place | None, message: str, hint: str | None = None, *, at: str | None = None) -> Problem:
-    """Return a problem in a line, with the caret under the text `at`."""
+    """Return a problem in a line; its column is that of the text `at`."""
     if place and at and place.source and at in place.source:
         place = Place(place.path, place.line, place.source.index(at) + 1, place.source)
     return Problem(message, place, hint)
 
 
 def _names(message: Message) -> Iterator[Problem]:
-    """Yield names that conflict with compilers or generated classes."""
+    """Yield names that conflict with languages, system headers or generated classes."""
     for field in message.fields:
         if field.name in _NAMES:
-            hint = f"name it '{field.name}_value', or say what it holds"
+            hint = f"rename it, for example to '{field.name}_value'"
             yield _problem(
-                field.place, f"a field called '{field.name}' hurts: {_NAMES[field.name]}", hint, at=field.name
+                field.place, f"avoid the field name '{field.name}': {_NAMES[field.name]}", hint, at=field.name
             )
         if field.name == HIDDEN_MEMBER:
-            yield _problem(field.place, "this name stands for an empty message", at=field.name)
+            yield _problem(field.place, "this name is reserved for empty messages", at=field.name)
     for constant in message.constants:
         if constant.name in _CONSTANT_NAMES:
-            text = f"a constant called '{constant.name}' hurts: it is a macro of C or of Windows"
-            yield _problem(constant.place, text, "let the name say what of", at=constant.name)
+            text = f"avoid the constant name '{constant.name}': it is a macro of C or Windows"
+            yield _problem(constant.place, text, "use a more specific name", at=constant.name)
 
 
 def _lines(parsed: Parsed) -> Iterator[Problem]:
@@ -95,8 +95,8 @@ def _lines(parsed: Parsed) -> Iterator[Problem]:
             if field.default is not None:
                 yield from _value(field)
             if field.unit is not None and _NO_UNIT.fullmatch(field.unit):
-                text = f"'{field.unit}' is taken for the field's unit, and out of its comment"
-                yield _problem(field.place, text, "write it without brackets", at=f"[{field.unit}]")
+                text = f"'{field.unit}' is parsed as the unit of the field and removed from the comment"
+                yield _problem(field.place, text, "remove the brackets", at=f"[{field.unit}]")
         for constant in message.constants:
             yield from _value(constant)
 
@@ -116,30 +116,30 @@ def _value(declared: Field | Constant) -> Iterator[Problem]:
 
 
 def _quotes(declared: Field | Constant, text: str, mark: str) -> Iterator[Problem]:
-    """Yield quotes that do not enclose a string."""
+    """Yield problems with quotes."""
     place = declared.place
     opened = text.lstrip("[ ")[:1]
     if opened and opened in QUOTES and text.replace(f"\\{opened}", "").count(opened) % 2:
         if mark:
-            hint = "no string can have a '#' in it"
-            yield _problem(place, "the string ends at '#', where a comment begins", hint, at="#")
+            hint = "a string cannot contain '#'"
+            yield _problem(place, "the string ends at '#', which starts a comment", hint, at="#")
         else:
-            yield _problem(place, "this quote is never closed, and is part of the text", at=opened)
+            yield _problem(place, "this quote is not closed and becomes part of the string", at=opened)
     if isinstance(declared.type, Array | Sequence) and _SIDE_BY_SIDE.search(text):
-        yield _problem(place, "two texts without a comma between them are two elements", at=text)
+        yield _problem(place, "two strings without a comma between them are two elements", at=text)
 
 
 def _characters(declared: Field | Constant, text: str) -> Iterator[Problem]:
-    """Yield characters that rosidl replaces, or on which it fails."""
+    """Yield problems with characters that rosidl replaces or fails on."""
     place = declared.place
     if "\t" in text:
-        yield _problem(place, "a tab in a string becomes a blank", "write '\\t'", at="\t")
+        yield _problem(place, "a tab in a string becomes a space", "write '\\t'", at="\t")
     if isinstance(declared.type, Array | Sequence):
         if not text.isascii():
-            yield _problem(place, "rosidl fails over characters beyond ASCII in a list of texts", at=text)
+            yield _problem(place, "rosidl fails on non-ASCII characters in string arrays", at=text)
     elif misread := _MISREAD.search(text):
-        message = f"rosidl reads the escape '{misread[0]}' in another way, or not at all"
-        yield _problem(place, message, "do without it", at=misread[0])
+        message = f"rosidl interprets the escape '{misread[0]}' differently, or fails"
+        yield _problem(place, message, "avoid it", at=misread[0])
 
 
 def _number(declared: Field | Constant, element: Primitive, text: str) -> Iterator[Problem]:
@@ -149,35 +149,33 @@ def _number(declared: Field | Constant, element: Primitive, text: str) -> Iterat
             hint = f"write {int(text)}, or 0o{text.lstrip('+-0')} for the octal number"
             yield _problem(place, f"'{text}' is decimal, though it looks octal", hint, at=text)
     elif text.lstrip("+-").lower() in {"nan", "inf", "infinity"}:
-        yield _problem(place, f"rosidl makes no code that compiles of '{text}'", at=text)
+        yield _problem(place, f"rosidl generates code for '{text}' that does not compile", at=text)
     elif text and (abs(float(text)) == inf or (element.name == "float" and abs(float(text)) > _FLOAT_MAX)):
-        yield _problem(place, f"'{text}' does not fit into the type, and is infinite", at=text)
+        yield _problem(place, f"'{text}' is too large for the type and becomes infinite", at=text)
     if not text.isascii():
-        yield _problem(place, f"the digits of '{text}' are not those of ASCII", at=text)
+        yield _problem(place, f"'{text}' contains non-ASCII digits", at=text)
 
 
 def _comments(source: Source) -> Iterator[Problem]:
-    """Yield comments that rosidl changes."""
+    """Yield problems with comments that rosidl changes."""
     lines = source.text.removeprefix("\ufeff").splitlines()
     for number, line in enumerate(lines, 1):
         _, mark, comment = line.partition("#")
         if mark and "\\" in comment:
             column = line.index("\\", len(line) - len(comment)) + 1
             message = "rosidl reads a backslash in a comment as the start of an escape"
-            yield Problem(message, Place(source.path, number, column, line), "do without it")
+            yield Problem(message, Place(source.path, number, column, line), "avoid it")
     yield from _heading(source, lines)
 
 
 def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
-    """Yield the brackets that rosidl removes from the comment at the start of a .msg file."""
+    """Yield a problem if rosidl removes brackets from the comment at the start of a .msg file."""
     if PurePosixPath(source.relative).suffix != ".msg":
         return
     end = next((n for n, line in enumerate(lines) if not line.startswith("#")), len(lines))
     found = [(n, match) for n, line in enumerate(lines[:end], 1) for match in _BRACKETS.finditer(line)]
     if len(found) == 1:
         number, match = found[0]
-        message = f"'[{match[1]}]' is taken for a unit, and out of the comment"
+        message = f"'[{match[1]}]' is parsed as a unit and removed from the comment"
         column = match.start(1)
-        yield Problem(
-            message, Place(source.path, number, column, lines[number - 1]), "write it without brackets"
-        )
+        yield Problem(message, Place(source.path, number, column, lines[number - 1]), "remove the brackets")

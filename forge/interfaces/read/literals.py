@@ -1,4 +1,4 @@
-"""Parse a literal of a type: range, bound, quotes and escapes (ROS 2 documentation, Interfaces)."""
+"""Parse the literals of .msg files: ranges, bounds, quotes and escapes (ROS 2 documentation, Interfaces)."""
 
 from __future__ import annotations
 
@@ -37,35 +37,35 @@ _TEXT_ELEMENT = re.compile(
 
 
 def read_value(text: str, type_: Type) -> Value:
-    """Return the value that `text`, blanks stripped at both ends, stands for.
+    """Parse `text`, which has no leading or trailing blanks, as a value of `type_`.
 
-    Raises Fault when it is none of `type_`: wrong form, out of range, too long, too many.
+    Raises ParseError if it is malformed, out of range, or too long.
     """
     match type_:
         case Array(of, size):
             values = _collection(text, of)
             if len(values) != size:
-                raise ParseError(f"an array of {_elements(size)} cannot hold {len(values)}")
+                raise ParseError(f"expected {_elements(size)}, found {len(values)}")
             return values
         case Sequence(of, bound):
             values = _collection(text, of)
             if bound is not None and len(values) > bound:
-                raise ParseError(f"a sequence of at most {_elements(bound)} cannot hold {len(values)}")
+                raise ParseError(f"expected at most {_elements(bound)}, found {len(values)}")
             return values
         case String():
             return within_bound(_unescape(_unquote(text)), type_)
         case Primitive(name):
             return _number(text, name)
         case Named():
-            raise ParseError("a field of a message type cannot have a default", hint="leave the value out")
+            raise ParseError("a field of a message type cannot have a default", hint="remove the value")
 
 
 def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
-    """Return the elements between brackets."""
+    """Parse the elements between brackets."""
     if isinstance(of, Named):
-        raise ParseError("a field of a message type cannot have a default", hint="leave the value out")
+        raise ParseError("a field of a message type cannot have a default", hint="remove the value")
     if not (text.startswith("[") and text.endswith("]") and len(text) > 1):
-        raise ParseError("the value of an array stands in brackets", hint="write it like [1, 2, 3]")
+        raise ParseError("expected brackets around the value of an array", hint="for example [1, 2, 3]")
     inside = text[1:-1]
     if not inside:
         return ()
@@ -76,14 +76,14 @@ def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
     for part in inside.split(","):
         try:
             values.append(_number(part.strip(), of.name))
-        except ParseError as fault:
-            raise fault.shifted(offset + len(part) - len(part.lstrip())) from None
+        except ParseError as error:
+            raise error.shifted(offset + len(part) - len(part.lstrip())) from None
         offset += len(part) + 1
     return tuple(values)
 
 
 def _number(text: str, name: str) -> bool | int | float:
-    """Return the value of a boolean, a floating-point number or an integer."""
+    """Parse a boolean, a floating-point number or an integer."""
     if name == "boolean":
         if text.lower() not in _TRUTH:
             raise _unreadable(text, "a bool", hint="write true or false")
@@ -101,7 +101,7 @@ def _real(text: str) -> float:
 
 
 def _integer(text: str, name: str) -> int:
-    """Return the integer; leading zeros are decimal, 0x, 0o and 0b as in Python."""
+    """Parse an integer; leading zeros are ignored, the prefixes 0x, 0o and 0b are as in Python."""
     try:
         value = int(text)
     except ValueError:
@@ -112,7 +112,7 @@ def _integer(text: str, name: str) -> int:
     low, high = INTEGER_RANGES[name]
     if not low <= value <= high:
         kind = "byte" if name == "octet" else name
-        raise ParseError(f"'{text}' is out of range for {kind}", hint=f"it holds {low} to {high}")
+        raise ParseError(f"'{text}' is out of range for {kind}", hint=f"the range is {low} to {high}")
     return value
 
 
@@ -124,30 +124,30 @@ def _unreadable(text: str, kind: str, hint: str | None = None) -> ParseError:
 
 
 def _unquote(text: str) -> str:
-    """Return what stands between quotes, or the text as it is; escapes stay."""
+    """Remove enclosing quotes, if any; escapes are kept."""
     for quote in QUOTES:
         if text.startswith(quote) and text.endswith(quote):
             inside = text[1:-1]
             stray = re.match(rf"(?:[^\\{quote}]|\\.)*{quote}", inside)
             if stray:
                 raise ParseError(
-                    f"a quote inside quotes needs a backslash: \\{quote}",
+                    f"a quote inside a quoted text must be escaped: \\{quote}",
                     offset=stray.end(),
-                    hint="or put the text between the other kind of quotes",
+                    hint="or use the other kind of quotes around the text",
                 )
             return inside
     return text
 
 
 def _unescape(text: str) -> str:
-    """Return the text with C's escapes resolved once; unknown ones are kept as written."""
+    """Resolve C escapes once; unknown ones are kept as written."""
     if "\\" not in text:
         return text
     plain = _ESCAPE.sub(_character, text)
     lone = _SURROGATES.search(plain)
     if lone:
         raise ParseError(
-            f"'\\u{ord(lone.group()):04x}' is half a character", hint="write the character itself"
+            f"'\\u{ord(lone.group()):04x}' is half of a surrogate pair", hint="write the character itself"
         )
     return plain
 
@@ -160,13 +160,13 @@ def _character(escape: re.Match[str]) -> str:
 
 
 def _texts(inside: str) -> list[str]:
-    """Return the elements of a text array; only a quote can be escaped in them."""
+    """Parse the elements of a string array; only quotes can be escaped in them."""
     values = []
     offset = 0
     while offset < len(inside):
         element = _TEXT_ELEMENT.match(inside, offset)
         if not element:
-            raise ParseError("an element is missing here, or its quotes do not close", offset=offset + 1)
+            raise ParseError("missing element or closing quote", offset=offset + 1)
         match element.groups():
             case str(double), _, _:
                 values.append(double.replace('\\"', '"'))
@@ -175,15 +175,15 @@ def _texts(inside: str) -> list[str]:
             case _, _, bare:
                 values.append(bare.rstrip())
         offset = element.end()
-        # Upstream lets two quoted elements stand side by side, and a comma after the last.
+        # rosidl accepts two quoted elements without a comma between them, and a trailing comma.
         offset += inside[offset : offset + 1] == ","
     return values
 
 
 def within_bound(text: str, type_: String) -> str:
-    """Return the text; raises Fault when it has more characters than its type allows."""
+    """Return the text; raises ParseError if it exceeds the bound of its type."""
     if type_.bound is not None and len(text) > type_.bound:
-        raise ParseError(f"a text of {len(text)} characters does not fit into {type_.bound}")
+        raise ParseError(f"a text of {len(text)} characters exceeds the bound {type_.bound}")
     return text
 
 

@@ -37,7 +37,11 @@ SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", 
 """The kinds of files, and the name suffix of each of their sections."""
 
 _SEPARATOR = "---"
-_DIVISIONS = {1: "is not divided by '---'", 2: "is divided by one '---'", 3: "is divided by two '---'"}
+_SEPARATOR_RULES = {
+    1: "must not contain '---'",
+    2: "must contain exactly one '---'",
+    3: "must contain exactly two '---'",
+}
 
 
 @frozen
@@ -56,9 +60,9 @@ def parse_all(sources: Iterable[Source]) -> tuple[Parsed, ...]:
 
 
 def parse(source: Source) -> Interface:
-    """Parse one file; a type name without a package is one of the file's own package.
+    """Parse one file; a type name without a package refers to the package of the file.
 
-    Raises InterfaceError with every problem of the file, in the order of its lines.
+    Raises InterfaceError with all problems of the file, sorted by line.
     """
     if source.relative.endswith(".idl"):
         from forge.interfaces.idl.parsing import parse_idl  # noqa: PLC0415  (few packages have such files)
@@ -84,7 +88,7 @@ def parse(source: Source) -> Interface:
 
 
 def _attempt(source: Source) -> Parsed | InterfaceError:
-    """Return the error instead of raising it, so that the next file is read as well."""
+    """Return the error instead of raising it, so that all files are parsed."""
     try:
         return Parsed(source, parse(source))
     except InterfaceError as error:
@@ -99,7 +103,7 @@ def type_name(source: Source) -> TypeName:
 
 @frozen
 class _Line:
-    """A line of a file; `text` has blanks instead of tabs, which preserves columns."""
+    """A line of a file; `text` has a space instead of each tab, which preserves columns."""
 
     number: int
     text: str
@@ -129,14 +133,14 @@ def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count:
     """Return the problems with the name of the file and its number of sections."""
     problems = []
     if not TYPE_NAME.fullmatch(name.name):
-        message = f"'{name.name}' cannot be the name of an interface"
-        hint = "such a name is CamelCase: letters and digits, the first in upper case"
+        message = f"invalid interface name '{name.name}'"
+        hint = "use CamelCase: letters and digits, the first in upper case"
         problems.append(Problem(message, Place(source.path), hint))
     wanted = len(SECTIONS[name.kind])
     separators = [line for line in lines if line.text.startswith(_SEPARATOR)]
     if count != wanted and all(line.text == _SEPARATOR for line in separators):
         place = separators[wanted - 1].place(source.path) if count > wanted else Place(source.path)
-        problems.append(Problem(f"a .{name.kind} file {_DIVISIONS[wanted]}", place))
+        problems.append(Problem(f"a .{name.kind} file {_SEPARATOR_RULES[wanted]}", place))
     return problems
 
 
@@ -147,7 +151,7 @@ def _line_number(problem: Problem) -> int:
 
 @dataclass(slots=True)
 class _Entry:
-    """A declaration, and the comment lines found for it so far."""
+    """A declaration and its comment lines."""
 
     line: _Line
     declaration: Declaration
@@ -163,7 +167,7 @@ class _SectionReader:
     problems: list[Problem] = field(default_factory=list)
 
     def read(self, lines: list[_Line]) -> Message:
-        """Return the message without its invalid declarations."""
+        """Return the message, without invalid declarations."""
         heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
         entries = self._entries(lines[heading:])
         fields: dict[str, Field] = {}
@@ -176,7 +180,7 @@ class _SectionReader:
         return Message(self.name, tuple(fields.values()), tuple(constants.values()), doc)
 
     def _entries(self, lines: list[_Line]) -> list[_Entry]:
-        """Return the declarations, each with the comments before, behind and indented below it."""
+        """Return the declarations, each with the comments before it, after it, and indented below it."""
         entries: list[_Entry] = []
         collected: list[str] = []
         broken = False
@@ -202,8 +206,8 @@ class _SectionReader:
     def _declaration(self, line: _Line, code: str) -> Declaration | None:
         try:
             return read_declaration(code, self.name.package)
-        except ParseError as fault:
-            self._report(line, fault)
+        except ParseError as error:
+            self._report(line, error)
             return None
 
     def _add(self, entry: _Entry, fields: dict[str, Field], constants: dict[str, Constant]) -> None:
@@ -219,8 +223,8 @@ class _SectionReader:
             return
         try:
             value = None if declaration.value is None else read_value(declaration.value, declaration.type)
-        except ParseError as fault:
-            self._report(line, fault.shifted(declaration.value_offset))
+        except ParseError as error:
+            self._report(line, error.shifted(declaration.value_offset))
             return
         doc, unit = read_comments(entry.comments)
         place = line.place(self.source.path)
@@ -229,5 +233,5 @@ class _SectionReader:
         elif value is not None and isinstance(declaration.type, Primitive | String):
             constants[declaration.name] = Constant(declaration.name, declaration.type, value, doc, place)
 
-    def _report(self, line: _Line, fault: ParseError) -> None:
-        self.problems.append(Problem(fault.message, line.place(self.source.path, fault.offset), fault.hint))
+    def _report(self, line: _Line, error: ParseError) -> None:
+        self.problems.append(Problem(error.message, line.place(self.source.path, error.offset), error.hint))

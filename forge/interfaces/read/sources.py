@@ -1,4 +1,4 @@
-"""Find definitions in folders, installed packages, and the embedded packages."""
+"""Find and read definitions in folders, installed packages and the embedded packages."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 EMBEDDED = PACKAGE / "embedded"
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
-"""The folder and the files of each language in the run time."""
+"""The folder and the file pattern of the run time for each language."""
 
 
 def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
-    """Read the definitions in a package's folder: by kind, then by name; .idl files in other folders last.
+    """Read the definitions of a package, sorted by kind and name; .idl files in other folders come last.
 
-    An .idl file beside a .msg, .srv or .action file of its name is what rosidl made of that.
-    Raises InterfaceError when there is none, or when one is not UTF-8.
+    An .idl file beside a .msg, .srv or .action file of the same name is ignored: rosidl generated it.
+    Raises InterfaceError if there are no definitions, or if one is not UTF-8.
     """
     relatives = [
         f"{kind}/{path.name}"
@@ -33,24 +33,24 @@ def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
         for path in sorted({*(folder / kind).glob(f"*.{kind}"), *_idl_only(folder / kind)})
     ]
     if not relatives:
-        hint = "definitions lie in its folders msg, srv and action; .idl files in any"
-        raise InterfaceError(Problem(f"there is no interface in '{folder}'", hint=hint))
+        hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
+        raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
     return tuple(read_source(package, folder, relative) for relative in relatives)
 
 
 def read_source(package: str, base: Path, relative: str) -> Source:
-    """Read the file `relative` below `base` as one of `package`.
+    """Read the definition `relative`, a path below `base`, of `package`.
 
-    Raises InterfaceError when it cannot be read, is not UTF-8 or has another ending.
+    Raises InterfaceError if it cannot be read, is not UTF-8 or has another extension.
     """
     path = base / relative
     if PurePosixPath(relative).suffix.removeprefix(".") not in ENDINGS:
-        hint = "definitions end in .msg, .srv, .action or .idl"
+        hint = "the extension must be .msg, .srv, .action or .idl"
         raise InterfaceError(Problem("not an interface definition", Place(path), hint))
     if PurePosixPath(relative).is_absolute() or ".." in PurePosixPath(relative).parts:
         hint = f"name it by its path below '{base}', as 'msg/Name.msg'"
         raise InterfaceError(
-            Problem("a definition lies below the folder that it is told of", Place(path), hint)
+            Problem("the path of a definition must be relative and without '..'", Place(path), hint)
         )
     try:
         content = read_file(path)
@@ -61,15 +61,15 @@ def read_source(package: str, base: Path, relative: str) -> Source:
         return Source(package, relative, path, content.decode())
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise InterfaceError(Problem("the text is not UTF-8", Place(path, line))) from error
+        raise InterfaceError(Problem("the file is not valid UTF-8", Place(path, line))) from error
 
 
 def read_runtime(language: str) -> Iterator[File]:
     """Yield the run-time files that generated code of a language needs."""
     if language not in _RUNTIMES:
         return
-    place, pattern = _RUNTIMES[language]
-    folder = EMBEDDED / "rosidl_default_runtime" / place
+    name, pattern = _RUNTIMES[language]
+    folder = EMBEDDED / "rosidl_default_runtime" / name
     for path in sorted(folder.rglob(pattern)):
         relative = path.relative_to(folder)
         # Skip caches that tools create in a checkout.
@@ -79,9 +79,9 @@ def read_runtime(language: str) -> Iterator[File]:
 
 @dataclass(slots=True)
 class Library:
-    """The interfaces of all packages that can be found, read and parsed once, when asked for.
+    """The interfaces of all available packages, parsed on demand and cached.
 
-    Included folders win over prefixes, earlier prefixes over later ones, all over the embedded set.
+    Search order: included folders, prefixes in their order, embedded packages.
     """
 
     includes: Mapping[str, Path] = field(default_factory=dict)
@@ -90,14 +90,14 @@ class Library:
     _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
 
     def find(self, name: TypeName) -> Parsed | None:
-        """Return the interface of that name, or None; raises InterfaceError when its file is wrong."""
+        """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
         if name not in self._parsed:
             path = self.file(name)
             self._parsed[name] = self._parse(name, path) if path else None
         return self._parsed[name]
 
     def file(self, name: TypeName) -> Path | None:
-        """Return the file that should define an interface: .idl only where nothing else does."""
+        """Return the file of an interface; an .idl file only if there is no other."""
         folder = self.folder(name.package)
         if not folder:
             return None
@@ -105,7 +105,7 @@ class Library:
         return next((path for path in paths if path.is_file()), None)
 
     def folder(self, package: str) -> Path | None:
-        """Return the folder that holds a package's msg, srv and action folders."""
+        """Return the folder with the msg, srv and action folders of a package."""
         return next((folder for folder in self._folders(package) if _has_interfaces(folder)), None)
 
     def packages(self) -> dict[str, Path]:
@@ -119,7 +119,7 @@ class Library:
         return {name: folder for name, folder in folders.items() if folder}
 
     def names(self) -> Iterator[TypeName]:
-        """Yield the name of every interface there is."""
+        """Yield the names of all available interfaces."""
         for package, folder in self.packages().items():
             yield from names_in(package, folder)
 
@@ -138,7 +138,7 @@ class Library:
 
 
 def names_in(package: str, folder: Path) -> Iterator[TypeName]:
-    """Yield the names of the interfaces in a package's folder; a service's installed halves are none."""
+    """Yield the names of the interfaces in a folder, without installed requests and responses of services."""
     for kind in _namespaces(folder):
         stems = {path.stem for ending in (kind, "idl") for path in (folder / kind).glob(f"*.{ending}")}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
@@ -149,7 +149,7 @@ def _has_interfaces(folder: Path) -> bool:
 
 
 def _namespaces(folder: Path) -> tuple[str, ...]:
-    """Return the names of the folders that hold definitions: ROS's own, then others with .idl files."""
+    """Return the names of folders with definitions: msg, srv and action, then others with .idl files."""
     others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
     return (*SECTIONS, *sorted(others))
 
@@ -164,7 +164,7 @@ def _idl_only(folder: Path) -> list[Path]:
 
 
 def _entries(folder: Path) -> set[str]:
-    """Return the visible names in a folder, which need not exist."""
+    """Return the names in a folder without hidden ones; an empty set if it does not exist."""
     if not folder.is_dir():
         return set()
     return {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}

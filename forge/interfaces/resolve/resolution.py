@@ -128,9 +128,9 @@ def nesting_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
     for name in TopologicalSorter(below).static_order():
         depth[name] = 1 + max((depth[inner] for inner in below.get(name, ())), default=0)
         if depth[name] > MAX_NESTING:
-            message = f"in '{name}' more than {MAX_NESTING} messages stand inside each other"
+            message = f"messages in '{name}' are nested more than {MAX_NESTING} levels deep"
             place = next((member.place for member in messages[name].fields), None)
-            hint = "Python could not import it, nor C++ include it; keep parts of it in messages of their own"
+            hint = "reduce the nesting: Python could not import such a message, nor a compiler include it"
             return [Problem(message, place, hint)]
     return []
 
@@ -140,7 +140,7 @@ def require(name: TypeName, known: DefinitionLookup) -> Parsed:
     parsed = known.find(name)
     if not parsed:
         hint = f"add <depend>{name.package}</depend> to package.xml"
-        raise InterfaceError(Problem(f"'{name}', which generated code needs, is not there", hint=hint))
+        raise InterfaceError(Problem(f"cannot find '{name}', which generated code requires", hint=hint))
     return parsed
 
 
@@ -188,7 +188,7 @@ def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Prob
         if rival is not each:
             names = f"'{name.name}' and '{rival.interface.name.name}'"
             message = f"{names} would both be generated into '{output}'"
-            hint = "rename one of them: file names do not keep upper and lower case apart"
+            hint = "rename one of them: the names of generated files are in lower case"
             problems.append(Problem(message, Place(each.source.path), hint))
     return unique, problems
 
@@ -242,7 +242,7 @@ class _Search:
             # Only derived members have no place: those of a missing type are all reported by the first.
             self._broken.add(name)
             action = str(start.name).rpartition("/")[2].partition("_")[0]
-            message = f"the action '{action}' needs '{name}', which is not there"
+            message = f"cannot find '{name}', which the action '{action}' requires"
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
         if name.package == self.package and name.name in self.unlisted:

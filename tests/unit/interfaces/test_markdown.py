@@ -135,7 +135,7 @@ def test_an_unknown_language_gets_a_list_of_those_there_are() -> None:
     with pytest.raises(ForgeError) as caught:
         render(EMPTY, "nams")
     (problem,) = caught.value.problems
-    assert problem.message == "forge generates no 'nams'"
+    assert problem.message == "unknown target 'nams'"
     assert problem.hint is not None
     assert problem.hint.startswith("did you mean 'names'? there are ")
     assert {*TARGETS, "names"} <= set(re.findall(r"\w+", problem.hint))

@@ -325,7 +325,7 @@ def test_19_chars_of_an_event_are_hashed_as_uint8(forge: Forge, tmp_path: Path) 
 
 
 def test_20_a_sequence_of_bounded_wide_texts_is_refused_for_rosidl_bounds_it() -> None:
-    with pytest.raises(InterfaceError, match=r"rosidl takes 'wstring<=4\[\]' for 'wstring<=4\[<=4\]'"):
+    with pytest.raises(InterfaceError, match=r"rosidl reads 'wstring<=4\[\]' as 'wstring<=4\[<=4\]'"):
         read("wstring<=4[] a")
     with pytest.raises(InterfaceError, match="rosidl takes 'sequence<wstring<4>>' for"):
         read("module tour { module msg { struct A { sequence<wstring<4>> a; }; }; };", "msg/A.idl")

@@ -51,7 +51,7 @@ def test_a_schema_in_idl_names_every_type_in_full(forge: Forge, tree: Tree) -> N
         f"{LINE}\nIDL: tour/idl/Only\n{FILES['idl/Only.idl']}\n{LINE}\nIDL: tour/msg/Inner\n//"
     )
     ran = forge("interface", "schema", "tour/idl/Only", *includes)
-    assert (ran.code, ran.err.splitlines()[-1]) == (2, "hint: ask for --encoding ros2idl")
+    assert (ran.code, ran.err.splitlines()[-1]) == (2, "hint: use --encoding ros2idl")
     assert "error: 'tour/idl/Only' is written in IDL" in ran.err
 
 
@@ -98,7 +98,7 @@ def test_headings_are_read_with_and_without_the_namespace() -> None:
     [(f"int8 a\n{LINE}\nint8 b", "p/msg/A:3:1: error:"), (f"int8 a\n{LINE}", "p/msg/A: error:")],
 )
 def test_a_line_without_a_heading_is_told(text: str, line: str) -> None:
-    with pytest.raises(InterfaceError, match="a line of '=' is followed by the name of a type") as caught:
+    with pytest.raises(InterfaceError, match="expected the name of a type after a line of '='") as caught:
         read_schema(text, TypeName("p", "msg", "A"))
     assert str(caught.value).startswith(line)
 

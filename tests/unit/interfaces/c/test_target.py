@@ -213,7 +213,7 @@ def test_a_number_is_written_exactly(type_: Primitive, value: Value, text: str) 
 def test_a_field_cannot_be_called_by_a_keyword_of_c() -> None:
     """All others are keywords of C++ as well."""
     source = Source("demo", "msg/A.msg", Path("A.msg"), "int8 restrict")
-    with pytest.raises(InterfaceError, match="a field cannot be called 'restrict', a keyword of C"):
+    with pytest.raises(InterfaceError, match="field name 'restrict' is a keyword of C"):
         parse_all([source])
 
 

@@ -262,14 +262,14 @@ def test_the_number_of_structs_says_what_the_file_is() -> None:
     assert (str(service.name), str(service.response.name)) == ("p/msg/A", "p/msg/A_Response")
     assert isinstance(read(in_modules(structs("A_Goal", "A_Result", "A_Feedback"))), Action)
     assert errors(in_modules(structs("A_Response", "A_Request"))) == [
-        "1:32 struct 'A_Response' has another name",
-        "1:62 struct 'A_Request' has another name",
+        "1:32 the name of struct 'A_Response' does not match the file",
+        "1:62 the name of struct 'A_Request' does not match the file",
     ]
     wrong = "an .idl file has 1 struct (a message), 2 (a service) or 3 (an action), not"
     assert errors(in_modules("")) == [f"{wrong} 0"]
     assert errors(in_modules(structs("A", "B", "C", "D"))) == [f"{wrong} 4"]
     apart = "module p {module srv {struct A_Request {int8 a;};}; module msg {struct A_Response {int8 a;};};};"
-    assert errors(apart) == ["1:72 the structs of a file are in one module"]
+    assert errors(apart) == ["1:72 all structs of a file must be in one module"]
 
 
 def test_the_modules_are_the_package_and_any_namespace() -> None:
@@ -278,13 +278,13 @@ def test_the_modules_are_the_package_and_any_namespace() -> None:
         "1:8 the module is 'q', but the package is 'p'"
     ]
     assert errors("struct A { int8 a; };") == [
-        "1:8 a struct stands in 2 modules: the package's and, in it, a namespace"
+        "1:8 a struct must be inside 2 modules: the package and a namespace"
     ]
     deep = "module a {" * 2000 + "};" * 2000
-    assert "1:38 ROS has no use for a module this deep" in errors(deep)
+    assert "1:38 modules are nested too deeply" in errors(deep)
     assert errors("module p { module class { struct None { int8 a; }; }; };", "class/None.idl") == [
-        "1:19 a module cannot be called 'class', a keyword of Python and C++",
-        "1:34 a struct cannot be called 'None', a keyword of Python",
+        "1:19 module name 'class' is a keyword of Python and C++",
+        "1:34 struct name 'None' is a keyword of Python",
     ]
 
 
@@ -299,45 +299,51 @@ def test_the_hidden_member_alone_is_no_field() -> None:
         ("", "'}' is not expected here"),
         ("int8 _a;", "'_a' is not expected here"),
         ("int8 a", "'}' is not expected here"),
-        ("int8 class;", "a field cannot be called 'class', a keyword of Python and C++"),
+        ("int8 class;", "field name 'class' is a keyword of Python and C++"),
         ("int8 a; int16 a;", "'a' is already declared"),
-        ("int8 a[2][3];", "an array has one dimension"),
-        ("sequence<int8> a[2];", "ROS has no arrays of sequences"),
-        ("sequence<sequence<int8>> a;", "ROS has no sequences of arrays or sequences"),
-        ("sequence<wstring<5>> a;", "rosidl takes 'sequence<wstring<5>>' for one of at most 5 elements"),
+        ("int8 a[2][3];", "arrays of arrays are not supported"),
+        ("sequence<int8> a[2];", "arrays of sequences are not supported"),
+        ("sequence<sequence<int8>> a;", "sequences of arrays or sequences are not supported"),
+        (
+            "sequence<wstring<5>> a;",
+            "rosidl reads 'sequence<wstring<5>>' as a sequence of at most 5 elements",
+        ),
         ("int8 a[1+2];", "'+' is not expected here"),
         ("int8 a[0x3];", "'x3' is not expected here"),
         ("int8 a[010];", "a number with a leading zero is octal"),
-        ("int8 a[N];", "a size is a decimal number"),
-        ("int8 a[-1];", "a size is at least 1"),
-        ("wstring<N> a;", "a size is a decimal number"),
-        ("string<0> a;", "a size is at least 1"),
-        ("int8 a[" + "9" * 5000 + "];", "a number of that many digits fits nowhere"),
+        ("int8 a[N];", "a size must be a decimal number"),
+        ("int8 a[-1];", "a size must be at least 1"),
+        ("wstring<N> a;", "a size must be a decimal number"),
+        ("string<0> a;", "a size must be at least 1"),
+        ("int8 a[" + "9" * 5000 + "];", "the number has too many digits"),
         ("Thing a;", "unknown type 'Thing'"),
         ("q::B a;", "'q::B' does not have three parts"),
         ("any a;", "unknown type 'any'"),
-        ("map<int8, int8> a;", "ROS has no counterpart of IDL's 'map'"),
-        ("fixed<5,2> a;", "ROS has no counterpart of IDL's 'fixed'"),
+        ("map<int8, int8> a;", "'map' of OMG IDL is not supported by ROS"),
+        ("fixed<5,2> a;", "'fixed' of OMG IDL is not supported by ROS"),
         ("@default() int8 a;", "')' is not expected here"),
-        ("@default(3) int8 a;", "a default is written '@default (value=...)'"),
-        ("@default int8 a;", "a default is written '@default (value=...)'"),
+        ("@default(3) int8 a;", "expected '@default (value=...)'"),
+        ("@default int8 a;", "expected '@default (value=...)'"),
         ("@default(value=300) int8 a;", "'300' is out of range for int8"),
         ("@default(value=1.0) int8 a;", "'1.0' is not an integer"),
         ("@default(value=true) boolean a;", "'true' is not a boolean"),
         ("@default(value=2) boolean a;", "'2' is not a boolean"),
         ("@default(value=x) double a;", "'x' is not a number"),
-        ("@default(value=3) string a;", "a text stands in double quotes"),
-        ('@default(value="abc") string<2> a;', "a text of 3 characters does not fit into 2"),
-        ("@default(value='c') char a;", "ROS reads no character literals"),
-        ('@default(value="cc") char a;', "'cc' is not one char"),
-        ("@default(value=128) char a;", "'128' is not one char"),
-        ('@default(value="a\nb") string a;', "a text ends in the line in which it begins"),
-        ("@default(value=-TRUE) boolean a;", "only numbers have a sign"),
-        ("@default(value=(1)) sequence<int8> a;", "the value of an array is a text"),
-        ('@default(value="(1)") sequence<int8> a;', "the text holds no tuple"),
-        ('@default(value="1,,") sequence<int8> a;', "the text holds no tuple"),
-        ('@default(value="(f(),)") sequence<int8> a;', "an element is a number, a text, True or False"),
-        ('@default(value="(1, 2)") sequence<int8, 1> a;', "a sequence of at most 1 cannot hold 2"),
+        ("@default(value=3) string a;", "expected a string in double quotes"),
+        ('@default(value="abc") string<2> a;', "a text of 3 characters exceeds the bound 2"),
+        ("@default(value='c') char a;", "character literals are not supported"),
+        ('@default(value="cc") char a;', "'cc' is not a single char"),
+        ("@default(value=128) char a;", "'128' is not a single char"),
+        ('@default(value="a\nb") string a;', "a string must end on the line where it starts"),
+        ("@default(value=-TRUE) boolean a;", "only numbers can have a sign"),
+        ("@default(value=(1)) sequence<int8> a;", "expected a string with the value of an array"),
+        ('@default(value="(1)") sequence<int8> a;', "the string is not a tuple"),
+        ('@default(value="1,,") sequence<int8> a;', "the string is not a tuple"),
+        (
+            '@default(value="(f(),)") sequence<int8> a;',
+            "an element must be a number, a string, True or False",
+        ),
+        ('@default(value="(1, 2)") sequence<int8, 1> a;', "expected at most 1 elements, found 2"),
         ("@default(value=1) q::msg::B a;", "a member of a struct's type cannot have a default"),
         ('@default(value="()") sequence<q::msg::B> a;', "a member of a struct's type cannot have a default"),
         ("@range(min=0x1) int8 a;", "'x1' is not expected here"),
@@ -351,22 +357,22 @@ def test_what_rosidl_stumbles_over_is_told(members: str, text: str) -> None:
 @pytest.mark.parametrize(
     ("before", "text"),
     [
-        ("union U switch(long) { case 1: int8 a; };", "ROS has no counterpart of IDL's 'union'"),
-        ("bitmask B { X };", "ROS has no counterpart of IDL's 'bitmask'"),
-        ("interface I {};", "ROS has no counterpart of IDL's 'interface'"),
+        ("union U switch(long) { case 1: int8 a; };", "'union' of OMG IDL is not supported by ROS"),
+        ("bitmask B { X };", "'bitmask' of OMG IDL is not supported by ROS"),
+        ("interface I {};", "'interface' of OMG IDL is not supported by ROS"),
         ("struct B : A { int8 a; };", "':' is not expected here"),
-        ("typedef int8 X; typedef int16 X;", "'X' is already another type"),
-        ("typedef int8 X[2]; typedef X Y[3];", "an array has one dimension"),
-        ("typedef int8 X[2]; typedef sequence<X> Y;", "ROS has no sequences of arrays or sequences"),
+        ("typedef int8 X; typedef int16 X;", "'X' is already defined as another type"),
+        ("typedef int8 X[2]; typedef X Y[3];", "arrays of arrays are not supported"),
+        ("typedef int8 X[2]; typedef sequence<X> Y;", "sequences of arrays or sequences are not supported"),
         ("typedef Y X;", "unknown type 'Y'"),
         ("enum E { X }; typedef E Y;", "unknown type 'E'"),
         ("module A_Constants { const int8 X = 1; const int8 X = 1; };", "'X' is already declared"),
         (
             "module A_Constants { const int8 new = 1; };",
-            "a constant cannot be called 'new', a keyword of C++",
+            "constant name 'new' is a keyword of C++",
         ),
         ("module A_Constants { const int8 X = 1 + 1; };", "'+' is not expected here"),
-        ("\n#define X 1\n", "the only preprocessor line that ROS reads is #include"),
+        ("\n#define X 1\n", "the only supported preprocessor directive is #include"),
     ],
 )
 def test_definitions_that_ros_cannot_use_are_told(before: str, text: str) -> None:
@@ -378,24 +384,24 @@ def test_mistakes_have_their_place_and_all_are_told() -> None:
     with pytest.raises(InterfaceError) as caught:
         read(text)
     assert str(caught.value).splitlines() == [
-        "msg/A.idl:4:12: error: a field cannot be called 'class', a keyword of Python and C++",
+        "msg/A.idl:4:12: error: field name 'class' is a keyword of Python and C++",
         "          int8 class;",
         "               ^",
-        "hint: name it 'class_value', or say what it holds",
+        "hint: rename it, for example to 'class_value'",
         "msg/A.idl:5:2: error: unknown type 'nope'",
         "    \tnope b;",
         "    \t^",
-        "hint: messages are named in full: 'package::msg::Name'",
+        "hint: write the full name of a message: 'package::msg::Name'",
     ]
-    assert errors("module p {\n") == ["1:11 the file ends too early"]
+    assert errors("module p {\n") == ["1:11 unexpected end of file"]
 
 
 def test_oddities_are_warnings_not_errors() -> None:
     text = in_modules("struct A { int8 a[3], b; @default(value=1) @default(value=2) int8 c; };")
     reader = read_idl(Source("p", "msg/A.idl", Path("A.idl"), text))
     assert [warning.message for warning in reader.warnings] == [
-        "rosidl before Rolling takes all of these for arrays",
-        "rosidl heeds none of several defaults",
+        "rosidl before Rolling declares all of these as arrays",
+        "rosidl ignores the default if there are several",
     ]
     interface = reader.interface()
     assert isinstance(interface, Message)

@@ -25,45 +25,45 @@ def told(text: str, relative: str = "msg/A.msg") -> list[str]:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("int8 requires", "1:6 a field called 'requires' hurts: it is a keyword of C++20"),
-        ("int8 errno", "1:6 a field called 'errno' hurts: it is a macro in common headers"),
-        ("int8 unix", "1:6 a field called 'unix' hurts: it is a macro in common headers"),
+        ("int8 requires", "1:6 avoid the field name 'requires': it is a keyword of C++20"),
+        ("int8 errno", "1:6 avoid the field name 'errno': it is a macro in common headers"),
+        ("int8 unix", "1:6 avoid the field name 'unix': it is a macro in common headers"),
         (
             "int8 get_fields_and_field_types",
-            "1:6 a field called 'get_fields_and_field_types' hurts: it hides a method of the Python class",
+            "1:6 avoid the field name 'get_fields_and_field_types': it shadows a method of the Python class",
         ),
-        ("float64 NAN=0", "1:9 a constant called 'NAN' hurts: it is a macro of C or of Windows"),
-        ('string a "a#b"', "1:12 the string ends at '#', where a comment begins"),
-        ("string A='a#b'", "1:12 the string ends at '#', where a comment begins"),
-        ('string a "abc', "1:10 this quote is never closed, and is part of the text"),
-        ('string a "a\tb"', "1:12 a tab in a string becomes a blank"),
-        (r'string a "a\nb"', r"1:12 rosidl reads the escape '\n' in another way, or not at all"),
-        (r'string a "a\\b"', r"1:12 rosidl reads the escape '\\' in another way, or not at all"),
-        (r"string A=C:\Users", r"1:12 rosidl reads the escape '\U' in another way, or not at all"),
-        ("string[] a ['a' 'b']", "1:12 two texts without a comma between them are two elements"),
-        ("string[] a ['é']", "1:12 rosidl fails over characters beyond ASCII in a list of texts"),
+        ("float64 NAN=0", "1:9 avoid the constant name 'NAN': it is a macro of C or Windows"),
+        ('string a "a#b"', "1:12 the string ends at '#', which starts a comment"),
+        ("string A='a#b'", "1:12 the string ends at '#', which starts a comment"),
+        ('string a "abc', "1:10 this quote is not closed and becomes part of the string"),
+        ('string a "a\tb"', "1:12 a tab in a string becomes a space"),
+        (r'string a "a\nb"', r"1:12 rosidl interprets the escape '\n' differently, or fails"),
+        (r'string a "a\\b"', r"1:12 rosidl interprets the escape '\\' differently, or fails"),
+        (r"string A=C:\Users", r"1:12 rosidl interprets the escape '\U' differently, or fails"),
+        ("string[] a ['a' 'b']", "1:12 two strings without a comma between them are two elements"),
+        ("string[] a ['é']", "1:12 rosidl fails on non-ASCII characters in string arrays"),
         ("int8 a 017", "1:8 '017' is decimal, though it looks octal"),
         ("int8[] a [1, -010]", "1:14 '-010' is decimal, though it looks octal"),
         ("int8 A=007", "1:8 '007' is decimal, though it looks octal"),
-        ("int8 a ٣", "1:8 the digits of '٣' are not those of ASCII"),
-        ("float64 a nan", "1:11 rosidl makes no code that compiles of 'nan'"),
-        ("float32[] a [0, -inf]", "1:17 rosidl makes no code that compiles of '-inf'"),
-        ("float32 a 1e39", "1:11 '1e39' does not fit into the type, and is infinite"),
-        ("float64 a -1e400", "1:11 '-1e400' does not fit into the type, and is infinite"),
+        ("int8 a ٣", "1:8 '٣' contains non-ASCII digits"),
+        ("float64 a nan", "1:11 rosidl generates code for 'nan' that does not compile"),
+        ("float32[] a [0, -inf]", "1:17 rosidl generates code for '-inf' that does not compile"),
+        ("float32 a 1e39", "1:11 '1e39' is too large for the type and becomes infinite"),
+        ("float64 a -1e400", "1:11 '-1e400' is too large for the type and becomes infinite"),
         (
             "float64 a # in [0.0-1.0]",
-            "1:16 '0.0-1.0' is taken for the field's unit, and out of its comment",
+            "1:16 '0.0-1.0' is parsed as the unit of the field and removed from the comment",
         ),
-        ("int8 a # [0]", "1:10 '0' is taken for the field's unit, and out of its comment"),
+        ("int8 a # [0]", "1:10 '0' is parsed as the unit of the field and removed from the comment"),
         (
             "string a # [this is its link](http://x)",
-            "1:12 'this is its link' is taken for the field's unit, and out of its comment",
+            "1:12 'this is its link' is parsed as the unit of the field and removed from the comment",
         ),
         (r"int8 a # C:\Users", "1:12 rosidl reads a backslash in a comment as the start of an escape"),
-        ("# K[0] == 0\nint8 a", "1:4 '[0]' is taken for a unit, and out of the comment"),
+        ("# K[0] == 0\nint8 a", "1:4 '[0]' is parsed as a unit and removed from the comment"),
         (
             "uint8 structure_needs_at_least_one_member\nint8 a",
-            "1:7 this name stands for an empty message",
+            "1:7 this name is reserved for empty messages",
         ),
     ],
 )
@@ -102,13 +102,13 @@ def test_what_is_common_is_not(line: str) -> None:
 
 def test_sections_and_idl_files_are_looked_into() -> None:
     assert told("int8 errno\n---\nint8 linux", "srv/A.srv") == [
-        "1:6 a field called 'errno' hurts: it is a macro in common headers",
-        "3:6 a field called 'linux' hurts: it is a macro in common headers",
+        "1:6 avoid the field name 'errno': it is a macro in common headers",
+        "3:6 avoid the field name 'linux': it is a macro in common headers",
     ]
     text = "module p { module msg { struct A { int8 a[2], errno; }; }; };"
     assert told(text, "msg/A.idl") == [
-        "1:47 rosidl before Rolling takes all of these for arrays",
-        "1:47 a field called 'errno' hurts: it is a macro in common headers",
+        "1:47 rosidl before Rolling declares all of these as arrays",
+        "1:47 avoid the field name 'errno': it is a macro in common headers",
     ]
 
 
@@ -124,10 +124,10 @@ def test_the_switch_makes_them_errors(forge: Forge, tree: Tree) -> None:
             "    int8 a 017",
             "           ^",
             "hint: write 17, or 0o17 for the octal number",
-            "src/msg/A.msg:2:6: error: a field called 'errno' hurts: it is a macro in common headers",
+            "src/msg/A.msg:2:6: error: avoid the field name 'errno': it is a macro in common headers",
             "    int8 errno",
             "         ^",
-            "hint: name it 'errno_value', or say what it holds",
+            "hint: rename it, for example to 'errno_value'",
         ]
     assert not (root / "strict").exists()
 

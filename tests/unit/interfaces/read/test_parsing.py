@@ -176,7 +176,7 @@ def test_services_and_actions_have_sections_of_their_own() -> None:
 def test_problems_come_in_the_order_of_their_lines() -> None:
     assert problems("int8 a 300\nfoo b\nint8 a\n") == [
         "msg/Walk.msg:1:8: '300' is out of range for int8",
-        "msg/Walk.msg:2:1: there is no type 'foo'",
+        "msg/Walk.msg:2:1: unknown type 'foo'",
     ]
 
 
@@ -189,7 +189,7 @@ def test_the_problems_of_all_files_are_raised_at_once() -> None:
 
 def test_comments_of_a_broken_declaration_are_nobody_elses() -> None:
     text = "int8 a\nfoo b\n   # about b\nint8 c"
-    assert problems(text) == ["msg/Walk.msg:2:1: there is no type 'foo'"]
+    assert problems(text) == ["msg/Walk.msg:2:1: unknown type 'foo'"]
 
 
 ELEMENTS = st.one_of(

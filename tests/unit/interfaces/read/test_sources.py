@@ -51,7 +51,7 @@ def test_what_cannot_be_read_is_said_with_its_place(tree: Tree) -> None:
     with pytest.raises(InterfaceError, match=r"B\.msg: error: cannot read the definition: no such file"):
         read_source("p", folder, "msg/B.msg")
     (folder / "msg/Latin.msg").write_bytes("int8 a\n# caf\xe9\n".encode("latin-1"))
-    with pytest.raises(InterfaceError, match=r"Latin\.msg:2: error: the text is not UTF-8"):
+    with pytest.raises(InterfaceError, match=r"Latin\.msg:2: error: the file is not valid UTF-8"):
         read_source("p", folder, "msg/Latin.msg")
 
 

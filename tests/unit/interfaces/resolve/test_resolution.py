@@ -98,7 +98,7 @@ def test_an_action_brings_its_derived_types_and_what_they_imply() -> None:
 
 def test_an_action_without_what_it_implies_is_one_problem_per_type() -> None:
     assert problems({"action/Go.action": "---\n---\n"}, Shelf({})) == [
-        f"None: the action 'Go' needs '{name}', which is not there "
+        f"None: cannot find '{name}', which the action 'Go' requires "
         f"(add <depend>{name.partition('/')[0]}</depend> to package.xml)"
         for name in ("unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time")
     ]
@@ -117,7 +117,7 @@ def test_unknown_types_are_named_with_the_nearest_known() -> None:
 def test_a_wrong_definition_of_another_package_is_reported_once() -> None:
     shelf = Shelf({"p/msg/A.msg": "foo a"})
     assert problems({"msg/A.msg": "p/A a\np/A b", "msg/B.msg": "p/A a"}, shelf) == [
-        "p/msg/A.msg:1:1: there is no type 'foo' (None)"
+        "p/msg/A.msg:1:1: unknown type 'foo' (None)"
     ]
 
 

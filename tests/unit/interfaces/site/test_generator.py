@@ -198,8 +198,8 @@ def test_a_first_page_of_somebody_else_stays(forge: Forge, tree: Tree) -> None:
     ran = forge(*DOCS, "-o", "site", cwd=root)
     assert ran.code == 2
     assert ran.err == (
-        "site: error: 'index.html' is there, and forge did not write it\n"
-        "hint: name another folder with --output, or remove it\n"
+        "site: error: 'index.html' exists, but forge did not write it\n"
+        "hint: choose another folder with --output, or remove the file\n"
     )
     assert (root / "site/index.html").read_text() == "mine"
 
