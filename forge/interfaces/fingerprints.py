@@ -1,4 +1,4 @@
-"""On what the generated code of an interface depends, as a digest: its text and all that it refers to."""
+"""Hashes of the inputs of generated code: the definition of an interface and of all nested messages."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def fingerprints(catalogs: Iterable[Catalog], generator: str) -> dict[TypeName, str]:
-    """Return a digest for each interface of some catalogs and for each message below them.
+    """Return a digest for each interface of the catalogs and for each nested message.
 
-    Two runs give an interface the same digest only if every text that its code is made from is the same,
-    and `generator`, which stands for what makes it.
+    It covers the texts of all definitions that the code depends on, and `generator`, which identifies the
+    version of the generator.
     """
     interfaces: dict[TypeName, Interface] = {}
     sources: dict[TypeName, Source] = {}
@@ -40,7 +40,7 @@ def fingerprint_of_all(catalog: Catalog, digests: Mapping[TypeName, str]) -> str
 
 
 def _needs(interfaces: Mapping[TypeName, Interface]) -> Iterator[tuple[TypeName, set[TypeName]]]:
-    """Yield, for each interface, those that its members are messages of."""
+    """Yield, for each interface, the interfaces that define the types of its members."""
     owners = {message.name: name for name, each in interfaces.items() for message in messages_of(each)}
     for name, interface in interfaces.items():
         elements = (element_of(field.type) for message in messages_of(interface) for field in message.fields)

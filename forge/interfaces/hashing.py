@@ -1,4 +1,4 @@
-"""RIHS01, the type hash of ROS 2 Iron and later (REP 2011)."""
+"""Compute RIHS01 type hashes, as used since ROS 2 Iron (REP 2011)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Catalog, Element, Interface, Type
 
 Description = dict[str, object]
-"""A type as the JSON object that is hashed: its name and its fields."""
+"""The JSON object that is hashed: the name and the fields of a type."""
 
 _PRIMITIVE_IDS = {
     "int8": 2, "uint8": 3, "int16": 4, "uint16": 5, "int32": 6, "uint32": 7, "int64": 8, "uint64": 9,
@@ -46,14 +46,14 @@ _IMPLIED = {
         Field("sequence_number", Primitive("int64")),
     ),
 }
-"""The types that the event of every service refers to, which Humble does not install."""
+"""The types in the event message of every service; Humble does not install them."""
 
 
 class Hasher:
-    """Describes and hashes the types of one catalog; each type is described once."""
+    """Describes and hashes the types of one catalog; descriptions are cached."""
 
     def __init__(self, catalog: Catalog) -> None:
-        """Know the catalog's types, the derived ones included, and what they refer to."""
+        """Collect the types of the catalog, including derived and referenced types."""
         structures = {name: message.members for name, message in catalog.known.items()}
         for interface in catalog.interfaces.values():
             structures.update(structures_of(interface))
@@ -62,17 +62,17 @@ class Hasher:
         self._closures: dict[TypeName, frozenset[TypeName]] = {}
 
     def hash(self, name: TypeName) -> str:
-        """Return 'RIHS01_' and 64 digits."""
+        """Return the hash: 'RIHS01_' and 64 hexadecimal digits."""
         referenced = ", ".join(map(self._text, self.referenced(name)))
         text = f'{{"type_description": {self._text(name)}, "referenced_type_descriptions": [{referenced}]}}'
         return f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}"
 
     def referenced(self, name: TypeName) -> list[TypeName]:
-        """Return the types below `name`, however deep, without itself, in the order of their names."""
+        """Return all types that `name` refers to, directly or indirectly, sorted by name."""
         return sorted(self._closure(name), key=str)
 
     def fields(self, name: TypeName) -> tuple[Field, ...]:
-        """Return the fields that are described."""
+        """Return the fields of a type."""
         return self._structures[name]
 
     def described_fields(self, name: TypeName) -> list[Description]:
@@ -97,7 +97,7 @@ class Hasher:
         return self._closures[name]
 
     def _inner(self, name: TypeName) -> list[TypeName]:
-        """Return the types of a structure's own members."""
+        """Return the message types of the direct members of a structure."""
         elements = (element_of(member.type) for member in self._structures[name])
         return [element.name for element in elements if isinstance(element, Named)]
 
@@ -162,7 +162,7 @@ def _field(member: Field) -> Description:
 
 
 def _element(element: Element) -> tuple[int, int, str]:
-    """Return id, string capacity and name of a nested type."""
+    """Return the type id, the string capacity and the name of a nested type."""
     match element:
         case Named(name):
             return 1, 0, str(name)
@@ -175,7 +175,7 @@ def _element(element: Element) -> tuple[int, int, str]:
 
 
 def _collection(type_: Type) -> tuple[int, int]:
-    """Return what a collection adds to the id of its elements, and its capacity."""
+    """Return the offset that a collection adds to the type id of its elements, and its capacity."""
     match type_:
         case Array(_, size):
             return _ARRAY, size

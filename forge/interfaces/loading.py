@@ -67,12 +67,12 @@ def load(
     *,
     includes: Mapping[str, Path] | None = None,
 ) -> Types:
-    """Return the classes of a folder of definitions or of a schema's text.
+    """Create classes from a folder of definitions or from the text of a schema.
 
     A Path is a folder that contains msg, srv, action or .idl files, and `name` is the package, by default
     the name of the folder. A str is the text of a schema as stored by MCAP ('ros2msg' or 'ros2idl'), and
-    `name` is its type. Definitions of other packages are searched in the folders of `includes`, then among
-    the embedded ones.
+    `name` is its type. Definitions of other packages are searched in the folders of `includes`, then in the
+    embedded packages.
     Raises InterfaceError with all errors in the definitions.
     """
     library = Library(includes=dict(includes or {}))
@@ -104,7 +104,7 @@ def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ..
 
 
 class _Schema:
-    """The definitions of a schema's text, and behind them those of a library."""
+    """The definitions in a schema, with those of a library as a fallback."""
 
     def __init__(self, parsed: Mapping[TypeName, Parsed], library: Library) -> None:
         self._parsed = parsed
@@ -115,7 +115,7 @@ class _Schema:
         return self._parsed.get(name) or self._library.find(name)
 
     def names(self) -> Iterator[TypeName]:
-        """Yield all names there are, for hints."""
+        """Yield all available names, for hints."""
         yield from self._parsed
         yield from self._library.names()
 

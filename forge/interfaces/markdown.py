@@ -1,4 +1,4 @@
-"""A package's interfaces as one Markdown page."""
+"""The target 'docs': one Markdown page with the interfaces of a package."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _IN_FILES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "
 
 @frozen
 class Section:
-    """A message: a part of a service or an action, or, without a title, all there is."""
+    """A message; without a title unless it is a part of a service or an action."""
 
     title: str
     doc: tuple[str, ...]
@@ -33,7 +33,7 @@ class Section:
 
 
 def files(catalog: Catalog) -> Iterator[File]:
-    """Yield 'PACKAGE.md'; links to other packages lead to pages beside it."""
+    """Yield 'PACKAGE.md'; links to other packages refer to pages in the same folder."""
     found = hashes(catalog)
     pages = [
         {"name": str(name), "kind": name.kind, "hash": found[name], "sections": list(_sections(interface))}
@@ -71,7 +71,7 @@ def _row(declared: Field | Constant, *cells: str) -> str:
 
 
 def _spell(type_: Type) -> str:
-    """Return the type as definitions have it; a message's name leads to its description."""
+    """Return the type as written in definitions; the names of messages are links."""
     match type_:
         case Primitive(name):
             return _IN_FILES.get(name, name)
@@ -86,7 +86,7 @@ def _spell(type_: Type) -> str:
 
 
 def _shown(value: Value | None) -> str:
-    """Return a value much as definitions have it; nothing for none."""
+    """Return a value as JSON, which is close to its form in definitions; an empty text for None."""
     if value is None:
         return ""
     text = json.dumps(value, ensure_ascii=False)

@@ -52,7 +52,7 @@ class String:
 
 @frozen
 class Named:
-    """Another message."""
+    """A message type, by name."""
 
     name: TypeName
 
@@ -62,7 +62,7 @@ Element = Primitive | String | Named
 
 @frozen
 class Array:
-    """Exactly `size` elements."""
+    """An array of `size` elements."""
 
     of: Element
     size: int
@@ -70,7 +70,7 @@ class Array:
 
 @frozen
 class Sequence:
-    """Any number of elements, at most `bound` unless that is None."""
+    """A sequence of at most `bound` elements; None means unbounded."""
 
     of: Element
     bound: int | None = None
@@ -93,7 +93,7 @@ class Field:
 
 @frozen
 class Constant:
-    """A named value of a bare primitive or unbounded string type."""
+    """A named value of a primitive or unbounded string type."""
 
     name: str
     type: Primitive | String
@@ -104,7 +104,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Message:
-    """A structure. `fields` are those of the definition, `members` those on the wire and in C++."""
+    """A structure. `fields` are those of the definition, `members` those that are serialized."""
 
     name: TypeName
     fields: tuple[Field, ...] = ()
@@ -113,7 +113,7 @@ class Message:
 
     @cached_property
     def members(self) -> tuple[Field, ...]:
-        """The fields, or one hidden uint8 if there are none: C has no empty structs."""
+        """The fields, or one hidden uint8 if there are none, because C has no empty structs."""
         return self.fields or (Field(HIDDEN_MEMBER, Primitive("uint8")),)
 
 
@@ -199,14 +199,14 @@ class Catalog:
 
 @frozen
 class File:
-    """A text to be written below the output folder; `path` is relative and uses '/'."""
+    """A generated file; `path` is relative to the output folder and uses '/'."""
 
     path: str
     text: str
 
 
 def messages_of(interface: Interface) -> Iterator[Message]:
-    """Yield every message that code is generated for, in the order in which they can be defined."""
+    """Yield all messages of an interface, including derived ones, each after those that it contains."""
     match interface:
         case Message():
             yield interface

@@ -1,4 +1,4 @@
-"""What earlier runs left in an output folder, and what they made it from."""
+"""The state of an output folder: the files that earlier runs generated, and hashes of their inputs."""
 
 from __future__ import annotations
 
@@ -20,49 +20,48 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 STATE_FOLDER = ".forge"
-"""The folder for forge's own records in an output folder."""
+"""The folder with the state, inside the output folder."""
 
 _VERSION = 3
 
 FileStat = tuple[int, int]
-"""The size and modification time of a file: if both are unchanged, so is the file."""
+"""The size and modification time of a file; a file is unchanged if both are."""
 
 
 @frozen
 class PartState:
-    """The files of one part of a run, and the digest of what they were made from."""
+    """The files of one part, and the digest of their inputs."""
 
     digest: str | None
-    marks: Mapping[str, FileStat | None]
+    stats: Mapping[str, FileStat | None]
 
 
 @frozen
 class OutputState:
-    """The record of a package in an output folder: its files by part, and referenced types of others."""
+    """The state of a package in an output folder: its files by part, and types of other packages it needs."""
 
     parts: Mapping[str, PartState] = field(default_factory=dict)
     needs: tuple[TypeName, ...] = ()
     folders: Mapping[str, Path] = field(default_factory=dict)
-    """Where the definitions of needed packages were."""
+    """The folders with the definitions of needed packages."""
 
     @property
     def files(self) -> Iterator[str]:
         """Yield the paths of all files."""
         for part in self.parts.values():
-            yield from part.marks
+            yield from part.stats
 
-    def fresh(self, part: str, digest: str | None, out: Path) -> PartState | None:
-        """Return the record of a part if its digest matches and all its files exist unchanged."""
-        made = self.parts.get(part)
-        if made is None or digest is None or made.digest != digest:
+    def up_to_date(self, part: str, digest: str | None, out: Path) -> PartState | None:
+        """Return the state of a part if its digest matches and all its files exist unchanged, else None."""
+        state = self.parts.get(part)
+        if state is None or digest is None or state.digest != digest:
             return None
-        return (
-            made if all(mark and file_stat(out, path) == mark for path, mark in made.marks.items()) else None
-        )
+        unchanged = all(stat and file_stat(out, path) == stat for path, stat in state.stats.items())
+        return state if unchanged else None
 
 
 def file_stat(out: Path, path: str) -> FileStat | None:
-    """Return the mark of a file, or None when it is not there."""
+    """Return size and modification time of a file, or None if it does not exist."""
     try:
         status = os.stat(f"{out}/{path}")  # noqa: PTH116  (thousands of them: Path takes three times as long)
     except OSError:
@@ -71,24 +70,24 @@ def file_stat(out: Path, path: str) -> FileStat | None:
 
 
 def read_states(out: Path) -> dict[str, OutputState]:
-    """Return the records of all packages generated into a folder; unreadable ones are ignored."""
+    """Return the state of each package generated into a folder; unreadable files are ignored."""
     return {path.stem: _read(path) for path in sorted((out / STATE_FOLDER).glob("*.json"))}
 
 
-def write_state(out: Path, package: str, record: OutputState) -> None:
-    """Keep the record of a package's run; raises OSError."""
+def write_state(out: Path, package: str, state: OutputState) -> None:
+    """Write the state of a package; raises OSError."""
     content = {
         "version": _VERSION,
-        "needs": sorted(map(str, record.needs)),
-        "folders": {name: str(folder) for name, folder in sorted(record.folders.items())},
-        "parts": {key: [made.digest, made.marks] for key, made in sorted(record.parts.items())},
+        "needs": sorted(map(str, state.needs)),
+        "folders": {name: str(folder) for name, folder in sorted(state.folders.items())},
+        "parts": {key: [part.digest, part.stats] for key, part in sorted(state.parts.items())},
     }
     write_if_changed(out / STATE_FOLDER / f"{package}.json", json.dumps(content) + "\n")
 
 
 @cache
 def generator_digest() -> str:
-    """Return an identifier of this forge: its version, and the state of its code and templates."""
+    """Return a hash of the generator: the version, and size and time of each module and template."""
     digest = hashlib.sha256(__version__.encode())
     for root in (Path(__file__).parent, templates_folder()):
         for folder, below, names in os.walk(root):
@@ -107,8 +106,8 @@ def _read(path: Path) -> OutputState:
             return OutputState()
         return OutputState(
             {
-                key: PartState(digest, {name: tuple(mark) if mark else None for name, mark in marks.items()})
-                for key, (digest, marks) in written["parts"].items()
+                key: PartState(digest, {name: tuple(stat) if stat else None for name, stat in stats.items()})
+                for key, (digest, stats) in written["parts"].items()
             },
             tuple(TypeName(*name.split("/")) for name in written["needs"]),
             {name: Path(folder) for name, folder in written["folders"].items()},

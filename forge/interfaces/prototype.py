@@ -1,4 +1,4 @@
-"""A message with its defaults as YAML, as `ros2 interface proto` prints it."""
+"""Default values of a message as YAML, as `ros2 interface proto` prints them."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Element, Field, Interface, TypeName
 
 LARGEST = 1_000_000
-"""How many values are printed: an array may have any number of them, and of arrays in arrays."""
+"""The maximum number of values; nested arrays multiply."""
 
 Prototype = bool | int | float | str | list["Prototype"] | dict[str, "Prototype"]
-"""What YAML knows of a value."""
+"""A value in YAML."""
 
 
 def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
-    """Return the YAML of a default message, request or goal; raises InterfaceError where that has no end."""
+    """Return a default message, request or goal as YAML; raises InterfaceError if it is too large."""
     import yaml  # noqa: PLC0415  (only this needs it)
 
     message = _first_message(interface)
@@ -44,7 +44,7 @@ def to_yaml(interface: Interface, known: Mapping[TypeName, Message]) -> str:
 
 
 def _count(message: Message, known: Mapping[TypeName, Message], counts: dict[TypeName, int]) -> int:
-    """Return how many values a message has, however deep; each message is counted once."""
+    """Return the number of values in a message, including nested ones; `counts` is a cache."""
     if message.name not in counts:
         counts[message.name] = sum(_values(member, known, counts) for member in message.fields)
     return counts[message.name]
@@ -57,7 +57,7 @@ def _values(member: Field, known: Mapping[TypeName, Message], counts: dict[TypeN
 
 
 def prototype(message: Message, known: Mapping[TypeName, Message]) -> dict[str, Prototype]:
-    """Return a message's defaults, its fields in their order."""
+    """Return the default values of the fields of a message."""
     return {member.name: _default(member, known) for member in message.fields}
 
 
@@ -100,12 +100,12 @@ def _zero(element: Element, known: Mapping[TypeName, Message]) -> Prototype:
 
 
 def _shown(value: bool | float | str, element: Element) -> bool | int | float | str:  # noqa: FBT001
-    """Return a value as YAML shows it: an octet is the character of that code."""
+    """Return a value for YAML: an octet is the character with that code."""
     return chr(int(value)) if element == Primitive("octet") else value
 
 
 def _in_collection(value: bool | float | str, element: Element) -> bool | int | float | str:  # noqa: FBT001
-    """Return a value as arrays keep it: those of float32 round."""
+    """Return a value as stored in an array: float32 values are rounded."""
     if element == Primitive("float"):
         rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
         return rounded

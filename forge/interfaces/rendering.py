@@ -1,4 +1,4 @@
-"""Render a catalog to files, with the targets in a table."""
+"""Generate the files of a catalog for each target."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ TARGETS = {
     "json": "forge.interfaces.type_description",
     "docs": "forge.interfaces.markdown",
 }
-"""Each target's module; it has `files(catalog) -> Iterator[File]`, paths relative to the target's folder.
+"""The module of each target; it defines `files(catalog) -> Iterator[File]`, with paths relative to a folder.
 
-Where it has `package_files(catalog)` and `interface_files(catalog) -> Callable[[Interface], Iterator[File]]`
-as well, an interface is rendered only if its text, or that of one below it, has changed.
+If it also defines `package_files(catalog)` and
+`interface_files(catalog) -> Callable[[Interface], Iterator[File]]`, an interface is only rendered if its
+definition, or that of a nested message, has changed.
 """
 
 
 _NESTING = frozenset({"python", "cpp", "c"})
-"""The targets whose files import or include those of the messages inside."""
+"""The targets whose files import or include the files of nested messages."""
 
 
 @frozen
 class Part:
-    """The files of one interface, or of a package as a whole, in one language; rendered when asked for.
+    """The files of one interface, or of a whole package, in one language; rendered on demand.
 
-    `digest` is a hash of their inputs, or None if that is unknown.
+    `digest` is a hash of their inputs, or None if the inputs are unknown.
     """
 
     language: str
@@ -63,26 +64,27 @@ class Part:
 def render(catalog: Catalog, target: str) -> tuple[File, ...]:
     """Return all files of a target, below a folder of its name: 'python/std_msgs/msg/_string.py'.
 
-    A target that is not in the table may be provided by another distribution (forge.interfaces.targets).
-    Raises ForgeError when there is no such target, or when it cannot be used.
+    Other distributions can provide further targets (forge.interfaces.targets).
+    Raises ForgeError if the target does not exist or cannot be loaded.
     """
     return tuple(file for part in parts(catalog, target, {}) for file in part.files())
 
 
 def parts(catalog: Catalog, target: str, digests: Mapping[TypeName, str]) -> Iterator[Part]:
-    """Yield the parts that a target generates for a catalog; `digests` are those of its interfaces, if known.
+    """Yield the parts that a target generates for a catalog; `digests` are the known ones of its interfaces.
 
-    Raises ForgeError as `render` does, and if messages are nested too deeply.
+    Raises ForgeError as `render` does, or if messages are nested too deeply.
     """
     if target in _NESTING:
         raise_if_any(nesting_problems(catalog.known), InterfaceError)
     # Import targets by name, so that only the requested one is loaded.
-    view = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
+    module = import_module(TARGETS[target]) if target in TARGETS else find_target(target, TARGETS)
     # The inputs of another distribution's target are unknown.
     whole = fingerprint_of_all(catalog, digests) if digests and target in TARGETS else None
-    of_package, of_interfaces = getattr(view, "package_files", None), getattr(view, "interface_files", None)
-    yield Part(target, catalog.package, whole, partial(of_package or view.files, catalog))
-    if of_package and of_interfaces:
-        files_of = of_interfaces(catalog)
+    package_files = getattr(module, "package_files", None)
+    interface_files = getattr(module, "interface_files", None)
+    yield Part(target, catalog.package, whole, partial(package_files or module.files, catalog))
+    if package_files and interface_files:
+        files_of = interface_files(catalog)
         for name, interface in catalog.interfaces.items():
             yield Part(target, str(name), digests.get(name), partial(files_of, interface))

@@ -1,4 +1,4 @@
-"""A type and all that it refers to as one text, as MCAP and rosbag2 store it: written and read again."""
+"""Write and read schemas: a definition and all referenced ones in one text, as in MCAP files and rosbag2."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ _HEADING = re.compile(r"(MSG|SRV|IDL): (\w+)/(?:(\w+)/)?(\w+)\s*")
 
 
 def schema_text(parsed: Parsed, find: Callable[[TypeName], Parsed], encoding: str = "ros2msg") -> str:
-    """Return the definition of an interface, followed by those of the messages below it, depth first.
+    """Return the definition of an interface, followed by those of nested messages, depth first.
 
-    `find` returns the definition of a message. The texts are as their authors wrote them; 'ros2idl'
-    writes as IDL what is written otherwise. Raises InterfaceError where 'ros2msg' meets what exists
-    only as IDL, and whatever `find` raises.
+    `find` returns the definition of a message. The encoding 'ros2msg' contains the original definitions and
+    raises InterfaceError for one in IDL; 'ros2idl' converts them to IDL. Exceptions of `find` propagate.
     """
     write = _idl if encoding == "ros2idl" else _as_written
     start = f"{_heading(parsed, encoding)}\n" if encoding == "ros2idl" else ""
@@ -38,9 +37,9 @@ def schema_text(parsed: Parsed, find: Callable[[TypeName], Parsed], encoding: st
 
 
 def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
-    """Return the definitions in a schema's text; the first, unless it has a heading, is that of `name`.
+    """Split a schema into its definitions; the first one is that of `name` unless it has a heading.
 
-    Raises InterfaceError where a line of '=' is not followed by the name of a type.
+    Raises InterfaceError if a line of '=' is not followed by the name of a type.
     """
     sections: list[tuple[TypeName, str, list[str]]] = [(name, name.kind, [])]
     lines = iter(enumerate(text.splitlines(), 1))
@@ -63,7 +62,7 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
 
 
 def parse_name(text: str) -> TypeName:
-    """Return the full name that schemas have; a message may go without its 'msg'. Raises InterfaceError."""
+    """Parse the name of a schema; messages may omit 'msg'. Raises InterfaceError."""
     parts = text.split("/")
     if len(parts) == 2:  # noqa: PLR2004  (package and name)
         parts.insert(1, "msg")
@@ -74,13 +73,13 @@ def parse_name(text: str) -> TypeName:
 
 def _source(name: TypeName, ending: str, lines: list[str]) -> Source:
     relative = f"{name.kind}/{name.name}.{ending}"
-    # The blank line before a heading is the schema's, not the definition's.
+    # The blank line before a heading is not part of the definition.
     text = "\n".join(lines).rstrip("\n")
     return Source(name.package, relative, Path(name.package) / relative, f"{text}\n" if text else "")
 
 
 def _below(parsed: Parsed, find: Callable[[TypeName], Parsed], seen: set[TypeName]) -> Iterator[Parsed]:
-    """Yield each message below an interface once, before those below it, in the order of their names."""
+    """Yield each nested message once, sorted by name on each level, depth first."""
     for name in sorted(_references(parsed.interface)):
         if name not in seen:
             seen.add(name)

@@ -1,4 +1,4 @@
-"""The text of an interface with the messages inside it unfolded, as `ros2 interface show` prints it."""
+"""Expand a definition with its nested messages, as `ros2 interface show` prints it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
-LONGEST = 1_000_000
-"""How many lines are printed: a message of two, of two each, and so on, has any number of them."""
+MAX_LINES = 1_000_000
+"""The maximum number of lines, which grows exponentially with the nesting of messages."""
 
-_DEEPEST = 100
+_MAX_NESTING = 100
 
 
 class Comments(Enum):
-    """Which levels keep their comments and blank lines."""
+    """The levels whose comments and blank lines are shown."""
 
     TOP = "top"
     ALL = "all"
@@ -29,7 +29,7 @@ class Comments(Enum):
 
 
 def parse_type_name(text: str) -> TypeName:
-    """Return the name 'package/kind/Name' stands for; raises InterfaceError as ros2 interface words it."""
+    """Parse 'package/kind/Name'; raises InterfaceError with the message of `ros2 interface`."""
     parts = text.split("/")
     if len(parts) != 3:  # noqa: PLR2004  (a full name has three parts)
         raise InterfaceError(Problem(f"Invalid name '{text}'. Expected three parts separated by '/'"))
@@ -41,14 +41,14 @@ def parse_type_name(text: str) -> TypeName:
 
 
 def show(name: TypeName, comments: Comments, text_of: Callable[[TypeName], str]) -> Iterator[str]:
-    """Yield the lines of an interface and of the messages in it, a tab deeper for each level.
+    """Yield the lines of an interface and of its nested messages, indented by one tab per level.
 
-    `text_of` returns a definition. Where a comment goes, all of it goes: upstream leaves its '#'.
-    Raises InterfaceError when a message contains itself or comes to too much, and whatever `text_of` raises.
+    `text_of` returns the text of a definition. Omitted comments include their '#', unlike in ROS.
+    Raises InterfaceError if a message contains itself or is too large; exceptions of `text_of` propagate.
     """
     for number, line in enumerate(_show(name, comments, text_of, ())):
-        if number >= LONGEST:
-            raise InterfaceError(Problem(f"'{name}' expands to more than {LONGEST} lines"))
+        if number >= MAX_LINES:
+            raise InterfaceError(Problem(f"'{name}' expands to more than {MAX_LINES} lines"))
         yield line
 
 
@@ -58,8 +58,10 @@ def _show(
     if name in above:
         path = " -> ".join(f"{each.package}/{each.name}" for each in (*above[above.index(name) :], name))
         raise InterfaceError(Problem(f"a message cannot contain itself: {path}"))
-    if len(above) > _DEEPEST:
-        raise InterfaceError(Problem(f"messages in '{above[0]}' are nested more than {_DEEPEST} levels deep"))
+    if len(above) > _MAX_NESTING:
+        raise InterfaceError(
+            Problem(f"messages in '{above[0]}' are nested more than {_MAX_NESTING} levels deep")
+        )
     keep = comments is Comments.ALL or (comments is Comments.TOP and not above)
     for written in text_of(name).removeprefix("\ufeff").splitlines():
         line = written.rstrip() if keep else written.partition("#")[0].rstrip()
@@ -71,7 +73,7 @@ def _show(
 
 
 def _nested(line: str, package: str) -> TypeName | None:
-    """Return the message that a line declares a field of, if it does."""
+    """Return the message type of the field that a line declares, if any."""
     code = line.partition("#")[0].replace("\t", " ").rstrip()
     if not code:
         return None

@@ -1,6 +1,6 @@
-"""Targets provided by other distributions: entry points of the group 'forge.interfaces.targets'.
+"""Load targets of other distributions: entry points of the group 'forge.interfaces.targets'.
 
-Each refers to a module with `files(catalog) -> Iterator[File]`, like forge's own targets:
+Each refers to a module with `files(catalog) -> Iterator[File]`, as forge's own targets have:
 
     [project.entry-points."forge.interfaces.targets"]
     rust = "my_distribution.rust_target"
@@ -29,9 +29,9 @@ class Target(Protocol):
 
 
 def find_target(name: str, known: Iterable[str]) -> Target:
-    """Return the target of that name from another distribution; `known` are forge's own, for the message.
+    """Load a target of another distribution; `known` are forge's own targets, for the error message.
 
-    Raises ForgeError if it does not exist or cannot be used.
+    Raises ForgeError if it does not exist or cannot be loaded.
     """
     from importlib.metadata import entry_points  # noqa: PLC0415  (needed only for targets of other distributions)
 
@@ -39,8 +39,9 @@ def find_target(name: str, known: Iterable[str]) -> Target:
     if name not in found.names:
         names = sorted({*known, *found.names})
         near = did_you_mean(name, names)
-        there = f"there are {', '.join(names)}"
-        raise ForgeError(Problem(f"unknown target '{name}'", hint=f"{near} {there}" if near else there))
+        available = f"available targets: {', '.join(names)}"
+        hint = f"{near} {available}" if near else available
+        raise ForgeError(Problem(f"unknown target '{name}'", hint=hint))
     chosen = found[name]
     try:
         target: Target = chosen.load()

@@ -1,4 +1,4 @@
-"""The type description of an interface with its hashes, as installed since ROS 2 Iron (REP 2011)."""
+"""The target 'json': type descriptions with hashes, as installed since ROS 2 Iron (REP 2011)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 
 def package_files(_: Catalog) -> Iterator[File]:
-    """Yield nothing: no file is about a whole package."""
+    """Yield nothing: there are no files for the package as a whole."""
     return iter(())
 
 
@@ -40,7 +40,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
 
 
 def describe(hasher: Hasher, name: TypeName) -> Description:
-    """Return the stored object: the type, all that it refers to, and the hash of each."""
+    """Return the description of a type and all referenced types, with the hash of each."""
     referenced = hasher.referenced(name)
     return {
         "type_description_msg": {
@@ -54,7 +54,7 @@ def describe(hasher: Hasher, name: TypeName) -> Description:
 
 
 def _with_defaults(hasher: Hasher, name: TypeName) -> Description:
-    """Return a type's description with the defaults, which are stored but not hashed."""
+    """Return the description of a type with default values, which are not part of the hash."""
     fields = [
         {**described, "default_value": "" if member.default is None else str(member.default)}
         for described, member in zip(hasher.described_fields(name), hasher.fields(name), strict=True)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from forge.interfaces.rendering import Part
 
 _LISTING = ".forge_site"
-"""The file, in the folder of a site, with the paths of all others."""
+"""The file in the folder of a site that lists all others."""
 
 
 @frozen
@@ -30,25 +30,26 @@ class Written:
     total: int
 
 
-def write(parts: Iterable[Part], out: Path, package: str, record: OutputState | None = None) -> Written:
+def write(parts: Iterable[Part], out: Path, package: str, state: OutputState | None = None) -> Written:
     """Write the parts of a package below `out`; parts that are up to date are skipped.
 
-    `record` contains further data to store with the run. Files of an earlier run of the same package are
-    removed, unless this run or another package generates them, or this run does not include their language.
+    `state` contains the needed types to store. Files of an earlier run of the same package are removed,
+    unless this run or another package generates them, or this run does not include their language.
     Raises EnvironmentFault if the folder is not writable.
     """
-    records = read_states(out)
-    before = records.pop(package, OutputState())
+    states = read_states(out)
+    before = states.pop(package, OutputState())
     changed: list[Path] = []
-    made: dict[str, PartState] = {}
+    written: dict[str, PartState] = {}
     try:
         for part in parts:
-            made[part.key] = before.fresh(part.key, part.digest, out) or _make(part, out, changed)
-        languages = {_language(key) for key in made}
-        total = sum(len(each.marks) for each in made.values())
-        made |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
-        new = OutputState(made, *((record.needs, record.folders) if record else ()))
-        kept = {*new.files, *(path for each in records.values() for path in each.files)}
+            current = before.up_to_date(part.key, part.digest, out)
+            written[part.key] = current or _write_part(part, out, changed)
+        languages = {_language(key) for key in written}
+        total = sum(len(each.stats) for each in written.values())
+        written |= {key: each for key, each in before.parts.items() if _language(key) not in languages}
+        new = OutputState(written, *((state.needs, state.folders) if state else ()))
+        kept = {*new.files, *(path for each in states.values() for path in each.files)}
         for path in set(before.files) - kept:
             (out / path).unlink(missing_ok=True)
         write_state(out, package, new)
@@ -57,21 +58,21 @@ def write(parts: Iterable[Part], out: Path, package: str, record: OutputState | 
     return Written(tuple(changed), total)
 
 
-def _make(part: Part, out: Path, changed: list[Path]) -> PartState:
+def _write_part(part: Part, out: Path, changed: list[Path]) -> PartState:
     """Render a part, write its changed files, and add them to `changed`."""
-    marks = {}
+    stats = {}
     for file in part.files():
         path = out / file.path
         if write_if_changed(path, file.text):
             changed.append(path)
-        marks[file.path] = file_stat(out, file.path)
-    return PartState(part.digest, marks)
+        stats[file.path] = file_stat(out, file.path)
+    return PartState(part.digest, stats)
 
 
 def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
-    """Write the files of a site below `out`; what an earlier run wrote and this one does not is removed.
+    """Write the files of a site below `out`, and remove obsolete files of an earlier run.
 
-    Raises EnvironmentFault when the folder cannot be written to, or has another first page already.
+    Raises EnvironmentFault if the folder is not writable, or contains a first page of another origin.
     """
     listing = out / _LISTING
     try:
@@ -80,14 +81,14 @@ def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
             problem = Problem(f"'{first_page}' exists, but forge did not write it", Place(out), hint)
             raise EnvironmentFault(problem)
         before = _listed(listing)
-        made = {file.path: write_if_changed(out / file.path, file.text) for file in files}
+        written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
         # Keep all existing files listed, even if the next steps fail.
-        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | made.keys())))
-        _remove(before - made.keys(), out)
-        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(made)))
+        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(before | written.keys())))
+        _remove(before - written.keys(), out)
+        write_if_changed(listing, "".join(f"{path}\n" for path in sorted(written)))
     except OSError as error:
         raise _unwritable(error, out) from error
-    return Written(tuple(out / path for path, changed in made.items() if changed), len(made))
+    return Written(tuple(out / path for path, changed in written.items() if changed), len(written))
 
 
 def _listed(listing: Path) -> set[str]:
@@ -119,10 +120,10 @@ def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:
     Raises EnvironmentFault for a path that make cannot represent.
     """
     listed = tuple(sources)
-    unfit = [each for each in (target, *listed) if not _fits_a_rule(str(each))]
-    if unfit:
+    invalid = [each for each in (target, *listed) if not _is_valid_in_make(str(each))]
+    if invalid:
         hint = "rename the folder: paths must not contain ';' or line breaks"
-        raise EnvironmentFault(Problem(f"make cannot handle the path {str(unfit[0])!r}", hint=hint))
+        raise EnvironmentFault(Problem(f"make cannot handle the path {str(invalid[0])!r}", hint=hint))
     names = " \\\n  ".join(map(_for_make, listed))
     write_if_changed(path, f"{_for_make(target)}: {names}\n" if names else f"{_for_make(target)}:\n")
 
@@ -137,8 +138,8 @@ def _language(key: str) -> str:
     return key.partition(" ")[0]
 
 
-def _fits_a_rule(path: str) -> bool:
-    return not any(sign in path for sign in "\n\r\0;")
+def _is_valid_in_make(path: str) -> bool:
+    return not any(character in path for character in "\n\r\0;")
 
 
 def _for_make(path: Path) -> str:

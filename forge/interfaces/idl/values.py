@@ -111,7 +111,7 @@ def _number(text: str, offset: int) -> Expression:
 def _unescape(token: Token) -> str:
     """Return the text of a string literal.
 
-    Wide literals support \\u escapes. Like rosidl, replace remaining doubled backslashes by single ones.
+    Wide literals support Unicode escapes. Like rosidl, replace remaining doubled backslashes by single ones.
     """
     wide = token.startswith("L")
     inside = token[2:-1] if wide else token[1:-1]

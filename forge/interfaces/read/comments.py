@@ -20,7 +20,7 @@ BIDI_CONTROLS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 def read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     """Return the documentation and the unit in comment lines, which include their '#'.
 
-    The text inside brackets is the unit if there is exactly one pair of brackets; it is removed from the text.
+    If there is exactly one pair of brackets, its contents are the unit and are removed from the text.
     """
     texts = [line.lstrip("#").rstrip() for line in lines]
     texts, unit = _without_unit(texts)

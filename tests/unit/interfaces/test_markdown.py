@@ -137,5 +137,5 @@ def test_an_unknown_language_gets_a_list_of_those_there_are() -> None:
     (problem,) = caught.value.problems
     assert problem.message == "unknown target 'nams'"
     assert problem.hint is not None
-    assert problem.hint.startswith("did you mean 'names'? there are ")
+    assert problem.hint.startswith("did you mean 'names'? available targets: ")
     assert {*TARGETS, "names"} <= set(re.findall(r"\w+", problem.hint))

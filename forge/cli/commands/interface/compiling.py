@@ -77,11 +77,11 @@ def _generate(options: argparse.Namespace) -> int:
         raise_if_any(undeclared_dependencies(catalog, dict(options.includes)), InterfaceError)
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options)
-    record = OutputState(
+    state = OutputState(
         needs=tuple(name for each in needed for name in each.interfaces), folders=_folders(needed, library)
     )
     keep_compiled(*compiled_templates(os.environ, options.output / STATE_FOLDER / "templates"))
-    written = write(_parts((catalog, *others), options), options.output, catalog.package, record)
+    written = write(_parts((catalog, *others), options), options.output, catalog.package, state)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
         write_depfile(options.depfile, options.stamp or options.output, dict.fromkeys(sources))
@@ -110,15 +110,13 @@ def _others(catalog: Catalog, options: argparse.Namespace) -> tuple[Catalog, ...
     Several packages may share the output folder: one run must not remove files that another package needs.
     Packages that are generated as a whole into the folder are left out.
     """
-    records = read_states(options.output)
-    records.pop(catalog.package, None)
-    whole = {catalog.package, *records}
-    library = library_of(
-        options, dict(pair for record in records.values() for pair in record.folders.items())
-    )
+    states = read_states(options.output)
+    states.pop(catalog.package, None)
+    whole = {catalog.package, *states}
+    library = library_of(options, dict(pair for state in states.values() for pair in state.folders.items()))
     needs = []
-    for package, record in records.items():
-        partial = [name for name in record.needs if name.package not in whole]
+    for package, state in states.items():
+        partial = [name for name in state.needs if name.package not in whole]
         if lost := [name for name in partial if library.find(name) is None]:
             message = f"cannot find '{lost[0]}', which '{package}' needs"
             hint = f"generate '{package}' again, or remove '{options.output}'"

@@ -130,7 +130,7 @@ def test_text_loses_its_quotes_and_its_escapes_once(text: str, value: str) -> No
 
 def test_a_bound_counts_the_text_that_is_meant() -> None:
     assert read_value("'it\\'s'", String(bound=4)) == "it's"
-    with pytest.raises(ParseError, match="5 characters does not fit into 4"):
+    with pytest.raises(ParseError, match="5 characters exceeds the bound 4"):
         read_value('"it\'ss"', String(bound=4))
 
 

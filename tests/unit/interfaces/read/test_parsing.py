@@ -224,9 +224,9 @@ def test_names_of_constants_follow_their_pattern() -> None:
     good = ["A", "A1", "A_B", "A_1", "AB_C2"]
     assert [c.name for c in message("\n".join(f"int8 {n}=1" for n in good)).constants] == good
     for bad in ("A__B", "A_", "_A", "aA", "1A"):
-        assert "cannot be the name of a constant" in problems(f"int8 {bad}=1")[0]
+        assert "invalid constant name" in problems(f"int8 {bad}=1")[0]
 
 
 def test_only_bare_types_have_constants() -> None:
     for type_, value in itertools.product(["int8[]", "string<=3", "Pose"], ["1"]):
-        assert "a constant is a number" in problems(f"{type_} A={value}")[0]
+        assert "a constant must be a number" in problems(f"{type_} A={value}")[0]

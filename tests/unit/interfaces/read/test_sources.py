@@ -38,9 +38,9 @@ def test_a_folder_is_read_in_the_order_of_kinds_and_names(tree: Tree) -> None:
 
 
 def test_a_folder_without_definitions_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InterfaceError, match="no interface in"):
+    with pytest.raises(InterfaceError, match="no interface definitions found in"):
         read_folder("p", tmp_path)
-    with pytest.raises(InterfaceError, match="no interface in"):
+    with pytest.raises(InterfaceError, match="no interface definitions found in"):
         read_folder("p", tmp_path / "missing")
 
 

@@ -178,7 +178,9 @@ def test_what_generated_code_needs_of_others_comes_by_package() -> None:
 
 def test_what_generated_code_needs_and_nobody_has_is_an_error() -> None:
     shelf = Shelf({path: text for path, text in ROS.items() if "CancelGoal" not in path})
-    with pytest.raises(InterfaceError, match="'action_msgs/srv/CancelGoal', which generated code needs"):
+    with pytest.raises(
+        InterfaceError, match="cannot find 'action_msgs/srv/CancelGoal', which generated code requires"
+    ):
         dependency_catalogs(catalog({"action/Go.action": "---\n---"}, shelf), shelf)
 
 
