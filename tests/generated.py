@@ -16,7 +16,8 @@ from forge.interfaces.model import Catalog, Source
 from forge.interfaces.python import modules, target
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
-from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -21,7 +21,8 @@ from forge.base.names import snake_case
 from forge.interfaces.python.target import files
 from forge.interfaces.read.parsing import Parsed, parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
-from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import parse_name, read_schema
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What the functions of a message do in C, member by member."""
+"""The bodies of the C functions of a message: init, fini, are_equal and copy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @frozen
 class FunctionsView:
-    """The lines of each function's body, and whether init() and copy() may run out of memory."""
+    """The lines of each function body, and whether init() and copy() can fail to allocate memory."""
 
     symbol: str
     tables: tuple[str, ...]
@@ -32,7 +32,7 @@ class FunctionsView:
 
 
 def functions_view(message: Message) -> FunctionsView:
-    """Return the finished lines of a message's functions."""
+    """Return the functions of a message."""
     members = message.members
     init = _declare("done", (line for field in members for line in _init(field)))
     copy = _declare("done", (line for field in members for line in _copy(field)))
@@ -49,7 +49,7 @@ def functions_view(message: Message) -> FunctionsView:
 
 
 def _declare(flag: str, lines: Iterable[str]) -> tuple[str, ...]:
-    """Return the lines with the flag declared at its first use."""
+    """Declare the flag at its first use."""
     declared: list[str] = []
     pending = True
     uses = _uses(flag)
@@ -66,7 +66,7 @@ def _declare(flag: str, lines: Iterable[str]) -> tuple[str, ...]:
 
 
 def _uses(flag: str) -> Callable[[str], object]:
-    """Return a pattern that matches the flag in a line, but no member of that name."""
+    """Return a function that finds the flag in a line, ignoring members of that name."""
     return re.compile(rf"(?<![\w>]){flag}\b").search
 
 
@@ -121,7 +121,7 @@ def _fill(field: Field, of: Primitive | String | Named) -> Iterator[str]:
 
 
 def _assign(target: str, value: str, table: str, *, wide: bool) -> str:
-    """Return the step that assigns a string; one that contains NUL is passed with its length."""
+    """Return the statement that assigns a string; one that contains NUL is passed with its length."""
     function = spell(String(wide=wide))
     if wide:
         size = len(value.encode("utf-16-le", "surrogatepass")) // 2
@@ -166,7 +166,7 @@ def _copy(field: Field) -> Iterator[str]:
 
 
 def _step(flag: str, function: str, field: Field, arguments: tuple[str, ...]) -> Iterator[str]:
-    """Yield the call of a member's function, for each element of an array, unless a step before failed."""
+    """Yield the call of a function of a member, or of each element of an array, if no call before failed."""
     if isinstance(field.type, Array):
         call = f"{spell(field.type.of)}__{function}({', '.join(f'{each}[i]' for each in arguments)})"
         yield f"for (size_t i = 0; {flag} && i < {field.type.size}; ++i) {{"

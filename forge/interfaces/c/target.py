@@ -1,6 +1,6 @@
-"""C99 headers of a package, with the paths and names of rosidl_generator_c; C++ can include them, too.
+"""The C target: C99 headers with the paths and names of rosidl_generator_c, which C++ can also include.
 
-Functions are inline, as there is no library to link. Unlike rosidl's, wstring constants are there.
+Functions are inline, so there is no library to link. Unlike with rosidl, wstring constants are supported.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _NEVER_ENUMERATED = frozenset({"boolean", "float", "double", "long double"})
 
 @frozen
 class CommentedLine:
-    """A declaration and the comment above it."""
+    """A declaration with a comment."""
 
     doc: tuple[str, ...]
     text: str
@@ -44,7 +44,7 @@ class StructView:
 
 
 def files(catalog: Catalog) -> Iterator[File]:
-    """Yield the headers of every interface; paths are relative to the include folder."""
+    """Yield the headers of all interfaces; paths are relative to the include folder."""
     yield from package_files(catalog)
     for interface in catalog.interfaces.values():
         yield from _headers_of(interface)
@@ -163,7 +163,7 @@ def _constant(message: Message, constant: Constant) -> CommentedLine:
 
 
 def _numeric(name: str, type_: Primitive, constant: Constant) -> str:
-    """Return the definition of a number: an enumerator if possible, since C treats that as constant."""
+    """Return the definition of a number: an enumerator if possible, which is a constant expression in C."""
     value = number(constant.value, type_)
     if type_.name not in _NEVER_ENUMERATED and fits_int(constant.value):
         return f"enum {{ {name} = {value} }};"

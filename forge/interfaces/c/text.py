@@ -1,4 +1,4 @@
-"""Types and values as C99 writes them."""
+"""Types and values as C99 source text."""
 
 from __future__ import annotations
 
@@ -65,9 +65,9 @@ def numbers(value: Value, of: Primitive) -> str:
 
 
 def units(value: str) -> str:
-    """Return the initializer of an array of UTF-16 units and the zero that ends them; C99 has no u"...".
+    """Return the initializer of a zero-terminated array of UTF-16 code units, as C99 has no u"..." literals.
 
-    Printable ASCII shows as characters.
+    Printable ASCII characters are character literals.
     """
     data = value.encode("utf-16-le", "surrogatepass")
     codes = [int.from_bytes(data[at : at + 2], "little") for at in range(0, len(data), 2)]
@@ -75,17 +75,17 @@ def units(value: str) -> str:
 
 
 def fits_int(value: Value) -> bool:
-    """Tell whether an enumerator of C99 can have the value; it has no wider type than int."""
+    """Return True if an enumerator of C99 can have the value; its type is int."""
     return isinstance(value, int) and value in _INT
 
 
 def is_plain(type_: Type) -> bool:
-    """Tell whether values of the type hold no memory of their own."""
+    """Return True if values of the type own no memory."""
     return isinstance(type_, Primitive) or (isinstance(type_, Array) and isinstance(type_.of, Primitive))
 
 
 def needs_math(value: Value | None, type_: Type) -> bool:
-    """Tell whether the value is written by a macro of <math.h>."""
+    """Return True if the value needs a macro of <math.h>."""
     of: Element = type_.of if isinstance(type_, Array | Sequence) else type_
     if not isinstance(of, Primitive) or of.name not in _REALS or value is None:
         return False

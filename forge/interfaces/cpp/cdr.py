@@ -1,4 +1,4 @@
-"""The wire layout of messages as C++ templates, for the sizer, writer and reader of forge_cdr."""
+"""The serialized layout of messages as C++ templates, for the sizer, writer and reader of forge_cdr."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ if TYPE_CHECKING:
 
 _WIDTH = 100
 _NEVER_COPIED = frozenset({"boolean", "wchar"})
-"""Not every byte is a bool, and a wchar takes twice the bytes that it has in memory."""
+"""Not every byte is a valid bool, and a wchar is serialized with twice its size in memory."""
 
 
 @frozen
 class MembersView:
-    """The specialisation of forge_cdr::Members for a message, as finished strings."""
+    """The specialization of forge_cdr::Members for a message."""
 
     type: str
     constants: tuple[str, ...]
     storage: str
     statements: tuple[str, ...]
     needs: frozenset[TypeName]
-    """The messages whose specialisations this one uses."""
+    """The messages whose specializations this one uses."""
 
 
 @frozen
 class _Leaf:
-    """A unit that is copied as a whole: a value, a small array, or a message without padding."""
+    """A member that is copied in one piece: a value, a small array, or a message without padding."""
 
     path: Path
     alignment: int
@@ -55,26 +55,26 @@ class _Leaf:
 
 @frozen
 class _Shape:
-    """A message's layout; its size and alignment if it is moved in one piece, else zeros."""
+    """The layout of a message; `size` and `alignment` are 0 unless it is copied in one piece."""
 
     layout: MessageLayout
-    least: int
+    min_size: int
     size: int
     alignment: int
 
 
 @frozen
 class MembersViews:
-    """The specialisations for the messages of a catalog."""
+    """Creates the specializations for the messages of a catalog."""
 
     layouts: LayoutBuilder
     _shapes: dict[TypeName, _Shape] = field(default_factory=dict)
 
     def of(self, name: TypeName) -> MembersView:
-        """Return what is said about a message; it holds wherever in other messages it begins."""
+        """Return the specialization for a message, which is valid at any start offset."""
         shape = self._shape(name)
         layout, size = shape.layout, shape.size
-        constants = (f"least = {shape.least};", f"packed = {size};", f"alignment = {shape.alignment};")
+        constants = (f"least = {shape.min_size};", f"packed = {size};", f"alignment = {shape.alignment};")
         wholes = self._wholes(layout)
         needs = chain(wholes.values(), chain.from_iterable(map(_needs, layout.steps)))
         return MembersView(
@@ -88,25 +88,25 @@ class MembersViews:
     def _shape(self, name: TypeName) -> _Shape:
         if name not in self._shapes:
             layout = self.layouts.of(name, UNKNOWN)
-            least = layout.min_size + sum(map(self._more, layout.steps))
-            self._shapes[name] = _Shape(layout, least, *_packed(layout))
+            min_size = layout.min_size + sum(map(self._nested_size, layout.steps))
+            self._shapes[name] = _Shape(layout, min_size, *_packed(layout))
         return self._shapes[name]
 
-    def _more(self, step: LayoutStep) -> int:
-        """Return how much more a step takes at least than its layout says: a shared message is 1 there.
+    def _nested_size(self, step: LayoutStep) -> int:
+        """Return the size to add to the minimum size of a step, which counts a MessageCall as one byte.
 
-        Memory is asked for in proportion to the least size, so it must not be much less than the truth.
+        The reader limits memory in proportion to the minimum size, so it must be accurate.
         """
         match step:
             case MessageCall(_, name):
-                return self._shape(name).least - 1
+                return self._shape(name).min_size - 1
             case Loop(_, Array(_, count), body):
-                return count * sum(map(self._more, body.steps))
+                return count * sum(map(self._nested_size, body.steps))
             case _:
                 return 0
 
     def _wholes(self, layout: MessageLayout) -> dict[Path, TypeName]:
-        """Return the messages inside that are moved in one piece, none of them inside another."""
+        """Return the outermost nested messages that are copied in one piece."""
         wholes: dict[Path, TypeName] = {}
         for inner in layout.inlined:
             if self._shape(inner.name).size and _outermost(inner.path, wholes) is None:
@@ -114,7 +114,7 @@ class MembersViews:
         return wholes
 
     def _statements(self, step: LayoutStep, wholes: Mapping[Path, TypeName]) -> Iterator[str]:
-        """Yield the statements that move what a step is about."""
+        """Yield the statements that serialize a step."""
         match step:
             case Run(members):
                 for group in _groups(self._leaves(members, wholes)):
@@ -131,21 +131,21 @@ class MembersViews:
                 yield _call("message", path)
 
     def _leaves(self, members: Iterable[Member], wholes: Mapping[Path, TypeName]) -> Iterator[_Leaf]:
-        """Yield what is moved; counts belong to what they count."""
-        seen: set[Path] = set()
+        """Yield the members to copy; lengths are serialized with their data."""
+        yielded: set[Path] = set()
         for member in members:
             whole = _outermost(member.path, wholes)
             if whole is None and not isinstance(member, Length):
                 yield _Leaf(member.path, member.alignment)
-            elif whole is not None and whole not in seen:
-                seen.add(whole)
+            elif whole is not None and whole not in yielded:
+                yielded.add(whole)
                 yield _Leaf(whole, self._shape(wholes[whole]).alignment)
 
 
 def _packed(layout: MessageLayout) -> tuple[int, int]:
-    """Return the size and the alignment of a message whose bytes on the wire are those in memory, else zeros.
+    """Return size and alignment of a message whose serialized bytes equal those in memory, else zeros.
 
-    Such messages lie side by side without gaps if the first one is aligned for all its members.
+    Consecutive messages of this kind have no padding between them if the first one is aligned.
     """
     match layout.steps:
         case (Run(members) as run,) if run.length is None and all(map(_is_copied, members)):
@@ -157,7 +157,7 @@ def _packed(layout: MessageLayout) -> tuple[int, int]:
 
 
 def _is_copied(member: Member) -> bool:
-    """Return whether the bytes of a member in memory are those on the wire."""
+    """Return True if the serialized bytes of a member equal those in memory."""
     match member:
         case Scalar(_, of) | InlineArray(_, _, of):
             return of.name not in _NEVER_COPIED
@@ -166,12 +166,12 @@ def _is_copied(member: Member) -> bool:
 
 
 def _outermost(path: Path, wholes: Mapping[Path, TypeName]) -> Path | None:
-    """Return which of the messages a member is inside of, or is."""
+    """Return the path of the message in `wholes` that contains a member, or None."""
     return next((path[:length] for length in range(1, len(path) + 1) if path[:length] in wholes), None)
 
 
 def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
-    """Yield neighbours with known padding between them, wherever the first of them lies."""
+    """Yield groups of members with known padding between them, for any offset of the first one."""
     group: list[_Leaf] = []
     for leaf in leaves:
         if group and leaf.alignment > group[0].alignment:
@@ -183,7 +183,7 @@ def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
 
 
 def _call(word: str, *paths: Path) -> str:
-    """Return the call, its arguments on as many lines as they need."""
+    """Return a call, with its arguments on as many lines as needed."""
     arguments = [".".join(("message", *path)) for path in paths]
     line = f"cdr.{word}({', '.join(arguments)});"
     if len(line) <= _WIDTH - 4:

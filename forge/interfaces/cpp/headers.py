@@ -1,4 +1,4 @@
-"""What headers of C and C++ have in common: where they lie, what they need, which handles they declare."""
+"""Shared by the C and C++ targets: paths of headers, included headers, type support handles."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Handle:
 
     @property
     def symbol(self) -> str:
-        """The name in C of the type whose support it is."""
+        """The C name of the type."""
         return symbol(self.name)
 
     @property
     def macro(self) -> str:
-        """The macro of forge's run time that defines the function, without its language."""
+        """The macro of forge's run time that defines the function, without the prefix for the language."""
         name = self.name
         return f"{self.kind.upper()}_TYPE_SUPPORT({name.package}, {name.kind}, {name.name})"
 
@@ -43,7 +43,7 @@ def main_path(name: TypeName, ending: str) -> str:
 
 
 def detail_path(name: TypeName, part: str, ending: str) -> str:
-    """Return the path of a detail header; the parts of a service or an action live in its own."""
+    """Return the path of a detail header; parts of a service or an action are in its header."""
     stem = _PART.sub("", name.name) if name.kind in {"srv", "action"} else name.name
     return f"{name.package}/{name.kind}/detail/{snake_case(stem)}__{part}.{ending}"
 
@@ -59,7 +59,7 @@ def symbol(name: TypeName) -> str:
 
 
 def needed(interface: Interface) -> tuple[TypeName, ...]:
-    """Return the messages of other headers that members of this one's messages have as types, sorted."""
+    """Return the message types of members that are defined in other headers, sorted."""
     messages = tuple(messages_of(interface))
     own = {message.name for message in messages}
     elements = (element_of(field.type) for message in messages for field in message.members)

@@ -1,4 +1,4 @@
-"""What the struct of a message says in C++: members, constants, and what its constructor does."""
+"""The C++ struct of a message: members, constants and constructors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_
 _ZEROED = "_init == Initialization::ZERO"
 
 _ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", String: "_alloc", Sequence: "_alloc"}
-"""What the members that take an allocator are constructed from."""
+"""The constructor arguments of members that take an allocator."""
 
 
 @frozen
@@ -32,7 +32,7 @@ class MemberView:
 
 @frozen
 class ConstantView:
-    """A constant, as the words of its declaration."""
+    """The parts of the declaration of a constant."""
 
     storage: str
     type: str
@@ -43,7 +43,7 @@ class ConstantView:
 
 @frozen
 class Block:
-    """Statements that only some kinds of initialization run."""
+    """Statements for some kinds of initialization."""
 
     condition: str
     statements: tuple[str, ...]
@@ -74,7 +74,7 @@ class StructView:
 
 
 def struct_view(message: Message) -> StructView:
-    """Return the finished strings of a message's struct."""
+    """Return the struct of a message."""
     members = message.members
     blocks = _blocks(members)
     return StructView(
@@ -92,7 +92,7 @@ def struct_view(message: Message) -> StructView:
 
 
 def struct_needs_numeric_limits(message: Message) -> bool:
-    """Return whether a value of the struct is infinite or NaN."""
+    """Return True if a value of the struct is infinite or NaN."""
     values = [*((f.default, f.type) for f in message.fields), *((c.value, c.type) for c in message.constants)]
     return any(needs_numeric_limits(value, type_) for value, type_ in values)
 
@@ -154,7 +154,7 @@ def _default(field: Field) -> Iterator[str]:
 
 
 def _zero(field: Field) -> Iterator[str]:
-    """Yield what only ZERO does: undo nothing, but skip defaults, those of array elements too."""
+    """Yield the statements for ZERO, which ignores defaults, including those of array elements."""
     if field.default is not None:
         yield from _clear(field)
     elif isinstance(field.type, Array) and isinstance(field.type.of, Named):

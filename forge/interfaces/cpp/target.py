@@ -1,4 +1,4 @@
-"""C++17 headers of a package, with the paths and names of rosidl_generator_cpp."""
+"""The C++ target: C++17 headers with the paths and names of rosidl_generator_cpp."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _LIKELY_MACROS = frozenset(
 
 @frozen
 class BuilderStep:
-    """A step of a builder: the class that sets one member and hands the message on."""
+    """A step of a builder: the class that sets one member and moves the message to the next step."""
 
     name: str
     message: str
@@ -75,7 +75,7 @@ class Headers:
 
     @cached_property
     def needed(self) -> tuple[TypeName, ...]:
-        """The interfaces whose types are members here, sorted, this one left out."""
+        """The other interfaces with types of members, sorted."""
         return needed(self.interface)
 
     def main(self) -> File:
@@ -143,7 +143,7 @@ class Headers:
         )
 
     def cdr(self) -> File:
-        """Return the header that describes the wire layout of messages."""
+        """Return the header that describes the serialized layout of messages."""
         views = [self.wire.of(message.name) for message in self.messages]
         own = _detail(self.name, "cdr")
         needed = {_detail(name, "cdr") for view in views for name in view.needs} - {own}
@@ -160,7 +160,7 @@ class Headers:
 
 
 def files(catalog: Catalog) -> Iterator[File]:
-    """Yield the headers of every interface; paths are relative to the include folder."""
+    """Yield the headers of all interfaces; paths are relative to the include folder."""
     yield from package_files(catalog)
     headers_of = interface_files(catalog)
     for interface in catalog.interfaces.values():
@@ -170,9 +170,9 @@ def files(catalog: Catalog) -> Iterator[File]:
 def package_files(catalog: Catalog) -> Iterator[File]:
     """Yield the header that all interfaces of a package share.
 
-    Raises InterfaceError for a long double, whose bytes on the wire no two platforms agree on.
+    Raises InterfaceError for a long double, whose serialized form depends on the platform.
     """
-    raise_if_any(_impossible(catalog), InterfaceError)
+    raise_if_any(_unsupported(catalog), InterfaceError)
     path = _visibility_path(catalog.package)
     text = render("cpp/visibility_control.hpp.j2", guard=guard(path), package=catalog.package)
     yield File(path, text)
@@ -194,7 +194,7 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     return headers_of
 
 
-def _impossible(catalog: Catalog) -> Iterator[Problem]:
+def _unsupported(catalog: Catalog) -> Iterator[Problem]:
     for interface in catalog.interfaces.values():
         for message in messages_of(interface):
             for field in message.fields:
@@ -212,7 +212,7 @@ def _detail(name: TypeName, part: str) -> str:
 
 
 def _steps(message: Message) -> Iterable[BuilderStep]:
-    """Return the steps, last first, as each names the one that follows it."""
+    """Return the steps in reverse order, because each refers to the next one."""
     names = [f"Init_{message.name.name}_{field.name}" for field in message.fields]
     steps = []
     for position, field in enumerate(message.fields):

@@ -1,4 +1,4 @@
-"""Types, values and comments as C++17 writes them; every text leaves here as printable ASCII or a comment."""
+"""Types, values and comments as C++17 source text; everything outside comments is printable ASCII."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _FIRST_ASTRAL = 0x10000
 
 
 def message_type(name: TypeName, allocator: str = "ContainerAllocator") -> str:
-    """Return the struct template of a message, given its allocator."""
+    """Return the struct template of a message with its allocator."""
     return f"{qualified(name)}_<{allocator}>"
 
 
 def qualified(name: TypeName) -> str:
-    """Return the C++ name, found from inside any namespace."""
+    """Return the fully qualified C++ name."""
     return f"::{name.package}::{name.kind}::{name.name}"
 
 
@@ -63,7 +63,7 @@ def spell(type_: Type) -> str:
 
 
 def literal(value: Value, type_: Type) -> str:
-    """Return an expression of exactly this value, for a member or constant of this type."""
+    """Return an expression for the exact value of a member or constant."""
     match type_:
         case Array(of):
             return f"{{{{{_joined(value, of)}}}}}"
@@ -78,12 +78,12 @@ def literal(value: Value, type_: Type) -> str:
 
 
 def needs_numeric_limits(value: Value | None, type_: Type) -> bool:
-    """Return whether the literal of the value is infinity or NaN."""
+    """Return True if the literal of the value is infinity or NaN."""
     return value is not None and "std::numeric_limits" in literal(value, type_)
 
 
 def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
-    """Return documentation as comment lines that cannot continue on the next line."""
+    """Return documentation as comment lines; none of them continues on the next line."""
     *before, last = lines or [""]
     if unit is not None:
         last = f"{last} [{unit}]".lstrip()
@@ -92,7 +92,7 @@ def comment(lines: Items[str], unit: str | None = None) -> tuple[str, ...]:
 
 
 def _unspliced(line: str) -> str:
-    """Return the line so that no backslash, nor the trigraph for one, joins the next line to it."""
+    """Append a period to a line that ends with a backslash or its trigraph, which would splice lines."""
     return f"{line} ." if line.endswith(("\\", "??/")) else line
 
 

@@ -1,4 +1,4 @@
-"""What the traits header of an interface says: YAML text and the specialisations of rosidl's traits."""
+"""The traits header of an interface: conversion to YAML, and the specializations of rosidl's traits."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Identity:
 
 @frozen
 class TypeTraits:
-    """The specialisations for a type; an action has nothing but `traits`."""
+    """The specializations for a type; an action has only `traits`."""
 
     name: str
     traits: tuple[str, ...]
@@ -58,14 +58,14 @@ class TypeTraits:
 
 
 def yaml_view(message: Message) -> YamlView:
-    """Return the function that writes a message; for an empty message it has nothing to do."""
+    """Return the function that writes a message; it is empty for an empty message."""
     statements = tuple(map(_statement, message.fields))
     named = bool(statements)
     return YamlView(message.name.name, " _out" if named else "", " _message" if named else "", statements)
 
 
 def type_traits(interface: Interface) -> Iterator[TypeTraits]:
-    """Yield the traits of every type in the interface's header, parts before the whole."""
+    """Yield the traits of all types in the header of an interface, parts before the whole."""
     roles = _roles(interface)
     for message in messages_of(interface):
         yield _message_traits(message, ("is_message", *roles.get(message.name, ())))
@@ -76,7 +76,7 @@ def type_traits(interface: Interface) -> Iterator[TypeTraits]:
 
 
 def _roles(interface: Interface) -> dict[TypeName, tuple[str, ...]]:
-    """Return further traits of the messages of an interface."""
+    """Return the additional traits of requests, responses, goals, results and feedback."""
     roles: dict[TypeName, tuple[str, ...]] = {}
     for service in services_of(interface):
         roles[service.request.name] = ("is_service_request",)
@@ -107,7 +107,7 @@ def _identified(name: TypeName, fixed: str, bounded: str, traits: tuple[str, ...
 
 
 def _base(trait: str, types: Iterable[Type], *, own: bool) -> str:
-    """Return the base class of a trait: what the type itself decides, then what its parts say."""
+    """Return the base class of a trait: false if `own` is, else it depends on the types of members."""
     if not own:
         return "std::false_type"
     names = sorted({of.name for of in map(element_of, types) if isinstance(of, Named)})

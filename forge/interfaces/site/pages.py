@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.interfaces.hashing import Hasher, structures_of
 from forge.interfaces.model import Action, Named, element_of, sections_of
-from forge.interfaces.resolve.resolution import ACTION_DEPENDENCIES
+from forge.interfaces.resolve.dependencies import ACTION_DEPENDENCIES
 from forge.interfaces.site.snippets import Snippets, snippets
 from forge.interfaces.site.text import Paragraph, kind_of, paragraphs, type_text, value_text, visible
 from forge.interfaces.wire.sizes import SizeCalculator

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from forge.interfaces.fingerprints import fingerprint_of_all, fingerprints
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:
     from pathlib import Path

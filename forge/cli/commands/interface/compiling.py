@@ -15,7 +15,7 @@ from forge.interfaces.fingerprints import fingerprints
 from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
 from forge.interfaces.read.sources import EMBEDDED, Library, read_runtime
 from forge.interfaces.rendering import Part, parts
-from forge.interfaces.resolve.resolution import dependency_catalogs, undeclared_dependencies
+from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclared_dependencies
 from forge.interfaces.writing import write, write_depfile, write_stamp
 
 if TYPE_CHECKING:

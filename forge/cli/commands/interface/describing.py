@@ -10,7 +10,8 @@ from forge.base.names import did_you_mean
 from forge.cli.commands.interface.inputs import add_includes, add_inputs, catalog_of, library_of
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.resolve.resolution import nested_messages, require
+from forge.interfaces.resolve.dependencies import require
+from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.schema import ENCODINGS, schema_text
 from forge.interfaces.show import parse_type_name
 

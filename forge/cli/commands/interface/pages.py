@@ -14,7 +14,8 @@ from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, names_in, read_folder
-from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.site.generator import PackageInfo, site
 from forge.interfaces.writing import write_site
 from forge.workspace.discovery import ROS_DEFAULTS, discover

@@ -17,7 +17,7 @@ from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.cdr import MembersView, MembersViews
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.sources import EMBEDDED, Library
-from forge.interfaces.resolve.resolution import dependency_catalogs
+from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.wire.flattening import INLINE_LIMIT, LayoutBuilder
 from tests.generated import catalog_of, embedded_catalog
 

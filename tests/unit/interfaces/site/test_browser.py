@@ -9,7 +9,8 @@ import pytest
 
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
-from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
+from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.site.generator import site
 from forge.interfaces.writing import write_site
 from tests.browser import Keys

@@ -1,0 +1,107 @@
+"""The types of other packages that a catalog refers to."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING, Protocol
+
+from forge.base.errors import InterfaceError, Problem
+from forge.interfaces.model import Action, Catalog, Named, TypeName, element_of, messages_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from forge.interfaces.model import Field, Interface
+    from forge.interfaces.read.parsing import Parsed
+
+ACTION_DEPENDENCIES = (
+    TypeName("action_msgs", "srv", "CancelGoal"),
+    TypeName("action_msgs", "msg", "GoalInfo"),
+    TypeName("action_msgs", "msg", "GoalStatusArray"),
+)
+"""The interfaces that the code of every action refers to, in addition to the types of its members."""
+
+
+class DefinitionLookup(Protocol):
+    """The interfaces of other packages, parsed on demand."""
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
+
+    def names(self) -> Iterable[TypeName]:
+        """Return all available names, for hints."""
+
+
+def undeclared_dependencies(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
+    """Return a problem for each field with a type from a package that is not in `declared`.
+
+    Such a type may be found, but generated code may not compile, because its package may not be built yet.
+    """
+    accepted = {catalog.package, *declared}
+    return [
+        Problem(
+            f"'{catalog.package}' does not depend on '{name.package}'",
+            member.place,
+            f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces, "
+            f"and <depend>{name.package}</depend> to package.xml",
+        )
+        for interface in catalog.interfaces.values()
+        for member, name in _references(interface)
+        if member.place and name.package not in accepted
+    ]
+
+
+def dependency_catalogs(
+    catalog: Catalog, known: DefinitionLookup, also: Iterable[TypeName] = ()
+) -> tuple[Catalog, ...]:
+    """Return the interfaces of other packages that generated code needs, as one catalog per package.
+
+    `also` are further interfaces to include. Raises InterfaceError if one does not exist.
+    """
+    waiting = [name for name in catalog.known if name.package != catalog.package]
+    waiting += [name for name in also if name.package != catalog.package]
+    if any(isinstance(interface, Action) for interface in catalog.interfaces.values()):
+        waiting += [name for name in ACTION_DEPENDENCIES if name.package != catalog.package]
+    found: dict[TypeName, Parsed] = {}
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found[name] = require(name, known)
+            waiting += [reference for _, reference in _references(found[name].interface)]
+    return _partial_catalogs(found)
+
+
+def require(name: TypeName, known: DefinitionLookup) -> Parsed:
+    """Return an interface; raises InterfaceError if it does not exist."""
+    parsed = known.find(name)
+    if not parsed:
+        hint = f"add <depend>{name.package}</depend> to package.xml"
+        raise InterfaceError(Problem(f"cannot find '{name}', which generated code requires", hint=hint))
+    return parsed
+
+
+def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
+    """Yield each member with a message type of another file, and that type."""
+    messages = tuple(messages_of(interface))
+    own = {message.name for message in messages}
+    for message in messages:
+        for member in message.fields:
+            element = element_of(member.type)
+            if isinstance(element, Named) and element.name not in own:
+                yield member, element.name
+
+
+def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:
+    messages = {message.name: message for p in found.values() for message in messages_of(p.interface)}
+    packages: dict[str, list[TypeName]] = defaultdict(list)
+    for name in sorted(found):
+        packages[name.package].append(name)
+    return tuple(
+        Catalog(
+            package,
+            {name: found[name].interface for name in names},
+            messages,
+            {name: found[name].source for name in names},
+        )
+        for package, names in packages.items()
+    )
