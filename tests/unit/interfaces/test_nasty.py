@@ -327,7 +327,7 @@ def test_19_chars_of_an_event_are_hashed_as_uint8(forge: Forge, tmp_path: Path) 
 def test_20_a_sequence_of_bounded_wide_texts_is_refused_for_rosidl_bounds_it() -> None:
     with pytest.raises(InterfaceError, match=r"rosidl reads 'wstring<=4\[\]' as 'wstring<=4\[<=4\]'"):
         read("wstring<=4[] a")
-    with pytest.raises(InterfaceError, match="rosidl takes 'sequence<wstring<4>>' for"):
+    with pytest.raises(InterfaceError, match="rosidl reads 'sequence<wstring<4>>' as"):
         read("module tour { module msg { struct A { sequence<wstring<4>> a; }; }; };", "msg/A.idl")
     wide = String(wide=True, bound=4)
     fields = message("wstring<=4[2] a\nwstring<=4[<=3] b\nstring<=4[] c").fields

@@ -111,5 +111,5 @@ def test_a_schemas_name_may_go_without_its_namespace() -> None:
         == TypeName("std_msgs", "msg", "String")
     )
     for text in ("", "String", "a//b", "A/msg/B", "a/b/c/d"):
-        with pytest.raises(InterfaceError, match="is not the name of a type"):
+        with pytest.raises(InterfaceError, match="invalid type name"):
             parse_name(text)

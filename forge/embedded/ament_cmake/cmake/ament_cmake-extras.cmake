@@ -1,2 +1,2 @@
-# Finding 'ament_cmake' defines the whole API but the leaves: gtest, auto, ros and vendor are found by name.
+# 'ament_cmake' defines the whole API except for gtest, auto, ros and vendor, which are found by name.
 include("${ament_cmake_DIR}/ament/main.cmake")

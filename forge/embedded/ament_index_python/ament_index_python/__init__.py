@@ -1,4 +1,4 @@
-"""The ament resource index: what is installed in the prefixes that AMENT_PREFIX_PATH names."""
+"""The ament resource index of the prefixes in AMENT_PREFIX_PATH."""
 
 from ament_index_python.constants import AMENT_PREFIX_PATH_ENV_VAR, RESOURCE_INDEX_SUBFOLDER
 from ament_index_python.packages import (

@@ -1,4 +1,4 @@
-"""Packages: where they are installed, and where their files are."""
+"""Find the prefixes and share folders of packages."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from ament_index_python.search_paths import get_search_paths
 
 
 class PackageNotFoundError(KeyError):
-    """No prefix on AMENT_PREFIX_PATH has the package."""
+    """No prefix in AMENT_PREFIX_PATH contains the package."""
 
     def __str__(self) -> str:
-        """Return the message as it is; a KeyError's own text would quote it."""
+        """Return the message, which KeyError would quote."""
         return str(self.args[0]) if self.args else ""
 
 
@@ -22,9 +22,9 @@ def get_packages_with_prefixes() -> dict[str, str]:
 
 
 def get_package_prefix(package_name: str) -> str:
-    """Return the prefix that a package is installed in.
+    """Return the install prefix of a package.
 
-    Raises PackageNotFoundError when there is none, ValueError for a name that no package can have.
+    Raises PackageNotFoundError if the package is not found, and ValueError if its name is invalid.
     """
     if not package_name:
         raise ValueError("The package name must not be empty")
@@ -39,7 +39,7 @@ def get_package_prefix(package_name: str) -> str:
 
 
 def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:  # noqa: FBT001, FBT002  (ament's signature)
-    """Return the share folder of a package, and warn when it is missing; raises as `get_package_prefix`."""
+    """Return the share folder of a package, and warn if it is missing; raises as `get_package_prefix`."""
     path = Path(get_package_prefix(package_name), "share", package_name)
     if print_warning and not path.is_dir():
         import warnings  # noqa: PLC0415  (a broken install is rare)

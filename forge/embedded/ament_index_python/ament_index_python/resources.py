@@ -1,4 +1,4 @@
-"""Resources: files named by type and name below each prefix; the first prefix that has one wins."""
+"""Find resources: files with a type and a name below each prefix; the first prefix wins."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ament_index_python.search_paths import get_search_paths
 
 
 class InvalidResourceTypeNameError(ValueError):
-    """A resource type whose name would leave the index."""
+    """A resource type with an invalid name, such as one with a path separator."""
 
 
 class InvalidResourceNameError(ValueError):
-    """A resource whose name would leave its folder."""
+    """A resource with an invalid name, such as one with a path separator."""
 
 
 def get_resource(resource_type: str, resource_name: str) -> tuple[str, str]:
-    """Return the content of a resource and the prefix that holds it.
+    """Return the content of a resource and its prefix.
 
-    Raises LookupError when no prefix has it, OSError when it cannot be read, and a ValueError for names
-    that are empty or hold a path separator.
+    Raises LookupError if no prefix contains it, OSError if it cannot be read, and a ValueError for names
+    that are empty or contain a path separator.
     """
     prefix = has_resource(resource_type, resource_name)
     if not prefix:
@@ -60,7 +60,7 @@ def get_resource_types() -> set[str]:
 
 
 def has_resource(resource_type: str, resource_name: str) -> str | Literal[False]:
-    """Return the prefix that holds a resource, or False; raises a ValueError for invalid names."""
+    """Return the prefix of a resource, or False; raises a ValueError for invalid names."""
     _check_type(resource_type)
     _check_name(resource_name)
     for prefix in get_search_paths():

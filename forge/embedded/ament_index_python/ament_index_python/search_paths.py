@@ -1,4 +1,4 @@
-"""The prefixes to search, in the order in which they win."""
+"""The prefixes to search, in order of precedence."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ament_index_python.constants import AMENT_PREFIX_PATH_ENV_VAR
 
 
 def get_search_paths() -> list[str]:
-    """Return the prefixes that AMENT_PREFIX_PATH names and that exist.
+    """Return the existing prefixes in AMENT_PREFIX_PATH.
 
-    Raises OSError when the variable is not set or empty.
+    Raises OSError if the variable is not set or empty.
     """
     paths = os.environ.get(AMENT_PREFIX_PATH_ENV_VAR)
     if not paths:

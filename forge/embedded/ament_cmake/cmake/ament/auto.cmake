@@ -1,4 +1,4 @@
-# ament_auto_*(): CMakeLists.txt files that take their dependencies from package.xml.
+# ament_auto_*(): take dependencies from package.xml.
 
 find_package(ament_cmake QUIET REQUIRED)
 
@@ -8,8 +8,8 @@ cmake_policy(VERSION 3.18)
 
 # ament_auto_find_build_dependencies([REQUIRED <package>...])
 #
-# Find all build dependencies of package.xml. Those that are not found are skipped, for a manifest names
-# system libraries, too; REQUIRED ones must be found.
+# Find all build dependencies of package.xml. Missing ones are skipped, because package.xml also lists
+# system libraries; REQUIRED ones must be found.
 macro(ament_auto_find_build_dependencies)
   cmake_parse_arguments(_ament_auto "" "" "REQUIRED" ${ARGN})
   _ament_refuse_unknown(ament_auto_find_build_dependencies ${_ament_auto_UNPARSED_ARGUMENTS})
@@ -37,7 +37,7 @@ macro(ament_auto_find_test_dependencies)
   _ament_auto_find(TEST_DEPENDS)
 endmacro()
 
-# _ament_auto_find(<list> <required package>...): find what the manifest's list names; keep account.
+# _ament_auto_find(<list> <required package>...): find the packages in a list of the manifest, and record them.
 macro(_ament_auto_find list)
   set(_ament_required ${ARGN})
   foreach(_ament_dependency IN LISTS ${PROJECT_NAME}_${list})
@@ -106,14 +106,14 @@ macro(ament_auto_add_gmock target)
   _ament_auto_equip_test(${target})
 endmacro()
 
-# ament_auto_generate_code(): let the packages that were found generate theirs.
+# ament_auto_generate_code(): run the code generators of all packages that were found.
 macro(ament_auto_generate_code)
   ament_execute_extensions(ament_auto_generate_code)
 endmacro()
 
 # ament_auto_package([INSTALL_TO_PATH] [INSTALL_TO_SHARE <folder>...] [arguments of ament_package]...)
 #
-# Export and install everything that ament_auto_*() commands have made, then call ament_package().
+# Export and install all targets of ament_auto_*() commands, then call ament_package().
 macro(ament_auto_package)
   cmake_parse_arguments(_ament_auto "INSTALL_TO_PATH" "" "INSTALL_TO_SHARE" ${ARGN})
   _ament_auto_run_dependencies(_ament_dependencies)
@@ -141,7 +141,7 @@ macro(ament_auto_package)
   ament_package(${_ament_auto_UNPARSED_ARGUMENTS})
 endmacro()
 
-# _ament_auto_sources(<variable> <target> <folder or nothing> <source>...): sources listed and searched.
+# _ament_auto_sources(<variable> <target> <folder or nothing> <source>...): the listed sources and those in the folder.
 function(_ament_auto_sources variable target folder)
   set(sources "${ARGN}")
   if(folder)
@@ -187,7 +187,7 @@ function(_ament_auto_equip_test target)
   ament_target_dependencies(${target} ${${PROJECT_NAME}_FOUND_BUILD_DEPENDS} ${${PROJECT_NAME}_FOUND_TEST_DEPENDS})
 endfunction()
 
-# _ament_auto_run_dependencies(<variable>): found build dependencies that users of the package need as well.
+# _ament_auto_run_dependencies(<variable>): the build dependencies that users of the package need.
 function(_ament_auto_run_dependencies variable)
   set(exported ${${PROJECT_NAME}_BUILD_EXPORT_DEPENDS} ${${PROJECT_NAME}_BUILDTOOL_EXPORT_DEPENDS}
     ${${PROJECT_NAME}_EXEC_DEPENDS})

@@ -1,4 +1,4 @@
-# What finding one of the further names means: the API, and the leaf of that name if there is one.
+# Included when one of the replaced packages is found: the API, and the optional part of that name.
 
 include("${CMAKE_CURRENT_LIST_DIR}/main.cmake")
 set(${CMAKE_FIND_PACKAGE_NAME}_FOUND_AMENT_PACKAGE TRUE)

@@ -1,6 +1,6 @@
 """Write the entry points of a setup.cfg as entry_points.txt, and its console scripts as programs.
 
-Called as `entry_points.py SETUP_CFG EGG_INFO_FOLDER SCRIPTS_FOLDER`. Needs the standard library only.
+Called as `entry_points.py SETUP_CFG EGG_INFO_FOLDER SCRIPTS_FOLDER`. Uses only the standard library.
 """
 
 # ruff: noqa: INP001  (a program that CMake runs, not a module)
@@ -23,7 +23,7 @@ if __name__ == "__main__":
 
 
 def main(setup_cfg: str, egg_info: str, scripts: str) -> int:
-    """Read the one file, write the others."""
+    """Read setup.cfg, write entry_points.txt and the programs."""
     parser = configparser.ConfigParser(delimiters=("=",))
     parser.optionxform = str  # type: ignore[assignment,method-assign]  # names keep their case
     parser.read(setup_cfg, encoding="utf-8")

@@ -1,4 +1,4 @@
-# Environment files of a package: hooks that edit variables, and the local_setup files that list them.
+# Environment files of a package: hooks that change variables, and local_setup files that run the hooks.
 
 macro(_ament_settle_environment)
   _ament_folder(_ament_templates)
@@ -29,8 +29,8 @@ endmacro()
 # ament_environment_hooks(<file>...)
 #
 # Install the files, expanded if they end in .in, to share/<package>/environment/, where the package's
-# local_setup files run them. A description in AMENT_CMAKE_ENVIRONMENT_HOOKS_DESC_<name> becomes a .dsv file
-# beside them: the same edit as data, which tools prefer to running a shell.
+# local_setup files run them. The text in AMENT_CMAKE_ENVIRONMENT_HOOKS_DESC_<name> becomes a .dsv file
+# beside them: the same change as data, which tools can apply without a shell.
 function(ament_environment_hooks)
   get_property(is_complete GLOBAL PROPERTY ament_${PROJECT_NAME}_environment_is_complete)
   if(is_complete)
@@ -58,7 +58,7 @@ function(_ament_install_hook input name base)
   if("${installed}/${name}" IN_LIST known)
     return()
   endif()
-  # Also a plain hook is copied to the build folder first: a symlink install must not point into ament_cmake.
+  # Copy even an unexpanded hook to the build folder: a symlink install must not point into ament_cmake.
   if(input MATCHES "\\.in$")
     configure_file("${input}" "${folder}/${name}" @ONLY)
   else()
@@ -73,7 +73,7 @@ function(_ament_install_hook input name base)
   _ament_remember(environment_hooks "${installed}/${name}")
 endfunction()
 
-# ament_generate_package_environment(): install the hooks every package has, and local_setup.*.
+# ament_generate_package_environment(): install the common hooks and local_setup.*.
 function(ament_generate_package_environment)
   _ament_refuse_unknown(ament_generate_package_environment ${ARGN})
   ament_environment_hooks(${ament_cmake_package_templates_ENVIRONMENT_HOOK_PACKAGE_LEVEL})
@@ -105,7 +105,7 @@ function(ament_generate_package_environment)
   _ament_describe_environment("${folder}" "${shells}" ${hooks})
 endfunction()
 
-# _ament_describe_environment(<folder> <shells> <hook>...): the environment files once more, as data.
+# _ament_describe_environment(<folder> <shells> <hook>...): write local_setup.dsv and package.dsv.
 function(_ament_describe_environment folder shells)
   set(scripts "")
   set(descriptions "")
@@ -127,13 +127,13 @@ function(_ament_describe_environment folder shells)
   install(FILES "${folder}/local_setup.dsv" "${folder}/package.dsv" DESTINATION "share/${PROJECT_NAME}")
 endfunction()
 
-# ament_generate_environment(): the setup files of a whole prefix belong to the workspace tool.
+# ament_generate_environment(): does nothing, because the build tool writes the setup files of a prefix.
 function(ament_generate_environment)
   _ament_refuse_unknown(ament_generate_environment ${ARGN})
   message(STATUS "The setup files of '${CMAKE_INSTALL_PREFIX}' are left to the workspace tool")
 endfunction()
 
-# _ament_index_environment(): markers that say what to source beside the package.
+# _ament_index_environment(): register the package, its run dependencies and the underlays in the index.
 function(_ament_index_environment)
   ament_index_register_package()
   set(depends

@@ -1,12 +1,12 @@
-# ament_export_*(): what a package offers to those who find it. package.cmake writes it down.
+# ament_export_*(): what a package exports; package.cmake writes it into the CMake config.
 
-# ament_export_dependencies(<package>...): packages that users of this one need as well.
+# ament_export_dependencies(<package>...): packages that users of this package also need.
 function(ament_export_dependencies)
   _ament_refuse_after_package(ament_export_dependencies)
   _ament_remember(dependencies ${ARGN})
 endfunction()
 
-# ament_export_include_directories(<folder>...): relative ones lie below the install prefix.
+# ament_export_include_directories(<folder>...): relative paths refer to the install prefix.
 function(ament_export_include_directories)
   _ament_refuse_after_package(ament_export_include_directories)
   foreach(folder IN LISTS ARGN)
@@ -35,8 +35,8 @@ endfunction()
 
 # ament_export_targets(<export set>... [NAMESPACE <namespace>] [HAS_LIBRARY_TARGET])
 #
-# ament_package() installs the sets. Their targets may be installed later still: CMake looks at them only when
-# it generates. Users load the sets in the order of the calls, so base libraries come first.
+# ament_package() installs the export sets. install(TARGETS) may follow later, because CMake evaluates them when
+# it generates. Users load the sets in the order of the calls, so export base libraries first.
 function(ament_export_targets)
   cmake_parse_arguments(ARG "HAS_LIBRARY_TARGET" "NAMESPACE" "" ${ARGN})
   _ament_refuse_after_package(ament_export_targets)
@@ -66,8 +66,8 @@ endfunction()
 
 # ament_export_libraries([debug|optimized|general] <library>...)
 #
-# Own targets are named by their output and found in <prefix>/lib, imported targets are replaced by their
-# files, absolute paths and linker flags stay, other names are searched for when the package is used.
+# Targets of the project are exported by file name and found in <prefix>/lib. Imported targets are replaced by
+# their files. Absolute paths and linker flags are kept. Other names are searched when the package is used.
 function(ament_export_libraries)
   _ament_refuse_after_package(ament_export_libraries)
   set(keyword "")
@@ -103,7 +103,7 @@ endfunction()
 
 # _ament_library_entries(<variable> <item>)
 #
-# The item as 'own:NAME' (a file in <prefix>/lib), 'name:NAME' (to be searched for) or 'as_is:TEXT'.
+# Convert to 'own:NAME' (a file in <prefix>/lib), 'name:NAME' (to be searched) or 'as_is:TEXT'.
 function(_ament_library_entries variable item)
   if(TARGET "${item}")
     _ament_library_entry_of_target(entries "${item}")
@@ -128,7 +128,7 @@ function(_ament_library_entry_of_target variable target)
   get_target_property(imported ${target} IMPORTED)
   set(entries "")
   if(type STREQUAL "INTERFACE_LIBRARY")
-    # Nothing to link against; ament_export_targets() is how such a target travels.
+    # Nothing to link; ament_export_targets() exports such a target.
   elseif(imported)
     get_target_property(location ${target} LOCATION)
     if(NOT IS_ABSOLUTE "${location}" OR NOT EXISTS "${location}")

@@ -1,6 +1,6 @@
-# Extension points: files that other packages want to be included at certain moments.
+# Extension points: files of other packages to include at certain steps.
 #
-# Both the variable's name and the form of its entries, 'package:file', are read by third parties.
+# Other packages read these variables, so their names and the form of entries, 'package:file', are fixed.
 
 # ament_register_extension(<point> <package> <file>): include <file>, relative to <package>_DIR, at the point.
 macro(ament_register_extension extension_point package_name cmake_filename)

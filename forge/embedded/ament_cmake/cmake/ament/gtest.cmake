@@ -1,7 +1,7 @@
 # Google Test, Google Mock and Google Benchmark.
 #
-# Where they are missing, targets and tests are made all the same: not built by default, reported as skipped.
-# So every line of a package that mentions them keeps its meaning.
+# If they are missing, targets and tests are still defined, but excluded from the default build, and the tests
+# are reported as skipped. CMakeLists.txt files therefore need no conditions.
 
 include_guard(GLOBAL)
 cmake_policy(PUSH)
@@ -20,8 +20,8 @@ endmacro()
 
 # _ament_find_google(<gtest or gmock> <GTEST or GMOCK>)
 #
-# A vendor package or the folder in $GTEST_DIR was meant to be used; what is installed saves some ten seconds
-# per package over sources of the system. CMAKE_DISABLE_FIND_PACKAGE_GTest turns all of them off.
+# A vendor package or the folder in $GTEST_DIR has priority. An installed library comes before system sources,
+# because it saves about ten seconds per package. CMAKE_DISABLE_FIND_PACKAGE_GTest disables all of them.
 macro(_ament_find_google name upper)
   if(NOT ${upper}_FOUND AND NOT CMAKE_DISABLE_FIND_PACKAGE_GTest)
     find_package(${name}_vendor QUIET)
@@ -45,7 +45,7 @@ function(_ament_locate_google variable name)
   set(${variable} "" PARENT_SCOPE)
   foreach(folder IN LISTS ARGN)
     if(folder)
-      if(EXISTS "${folder}/CMakeLists.txt")  # in an if() of its own: CMake looks even if the first part is false
+      if(EXISTS "${folder}/CMakeLists.txt")  # nested, because CMake evaluates both sides of AND
         set(${variable} "${folder}" PARENT_SCOPE)
         return()
       endif()
@@ -53,7 +53,7 @@ function(_ament_locate_google variable name)
   endforeach()
 endfunction()
 
-# _ament_build_google(<folder> <name>): add the sources to this build; only what tests link gets built.
+# _ament_build_google(<folder> <name>): add the sources to this build; only targets that tests link are built.
 function(_ament_build_google folder name)
   get_property(languages GLOBAL PROPERTY ENABLED_LANGUAGES)
   if(NOT "CXX" IN_LIST languages)
@@ -62,12 +62,12 @@ function(_ament_build_google folder name)
   set(INSTALL_GTEST OFF)
   set(INSTALL_GMOCK OFF)
   set(BUILD_SHARED_LIBS OFF)
-  set(CMAKE_POLICY_DEFAULT_CMP0077 NEW)  # the lines above count for what the sources call option()
+  set(CMAKE_POLICY_DEFAULT_CMP0077 NEW)  # the variables above override option() in the sources
   set(CMAKE_WARN_DEPRECATED OFF)
   add_subdirectory("${folder}" "${CMAKE_BINARY_DIR}/${name}" EXCLUDE_FROM_ALL)
 endfunction()
 
-# _ament_name_google(<name> <NAME>): publish the variables for whatever there is now; targets get short names.
+# _ament_name_google(<name> <NAME>): set the result variables for existing targets, and create short aliases.
 macro(_ament_name_google name upper)
   set(${upper}_FOUND FALSE)
   foreach(_ament_target IN ITEMS ${name} ${name}_main)
@@ -87,7 +87,7 @@ endmacro()
 
 # ament_add_gtest(<target> <source>... [SKIP_LINKING_MAIN_LIBRARIES] [options of ament_add_test]...)
 #
-# A program on Google Test, and the test of the same name that runs it.
+# Add an executable with Google Test, and a test of the same name that runs it.
 macro(ament_add_gtest target)
   ament_find_gtest()
   _ament_add_google_executable(${target} GTEST ${ARGN})
@@ -99,7 +99,7 @@ macro(ament_add_gtest_executable target)
   _ament_add_google_executable(${target} GTEST ${ARGN})
 endmacro()
 
-# ament_add_gtest_test(<target> [TEST_NAME <name>] [options]...): nothing happens if the target is missing.
+# ament_add_gtest_test(<target> [TEST_NAME <name>] [options]...): does nothing if the target does not exist.
 macro(ament_add_gtest_test target)
   _ament_add_google_test(${target} ${target} gtest ${ARGN})
 endmacro()
@@ -134,7 +134,7 @@ macro(ament_add_google_benchmark_executable target)
   _ament_add_benchmark_executable(${target} ${ARGN})
 endmacro()
 
-# ament_add_google_benchmark_test(<target> [options]...): nothing happens if the target is missing.
+# ament_add_google_benchmark_test(<target> [options]...): does nothing if the target does not exist.
 macro(ament_add_google_benchmark_test target)
   _ament_add_benchmark_test(${target} ${ARGN})
 endmacro()
@@ -160,7 +160,7 @@ function(_ament_add_google_executable target upper)
   endif()
   add_executable(${target} ${ARG_UNPARSED_ARGUMENTS})
   target_include_directories(${target} SYSTEM PRIVATE ${${upper}_INCLUDE_DIRS})
-  # The plain signature of target_link_libraries(), for packages go on with that.
+  # The plain signature of target_link_libraries(), because packages use it for further libraries.
   if(NOT ARG_SKIP_LINKING_MAIN_LIBRARIES)
     target_link_libraries(${target} ${${upper}_MAIN_LIBRARIES})
   endif()
@@ -235,7 +235,7 @@ function(_ament_add_benchmark_test target)
   endif()
 endfunction()
 
-# _ament_tell_missing(<name>): say once per project that tests are skipped.
+# _ament_tell_missing(<name>): report skipped tests, once per project.
 function(_ament_tell_missing name)
   get_property(told GLOBAL PROPERTY ament_told_missing_${name})
   if(NOT told)

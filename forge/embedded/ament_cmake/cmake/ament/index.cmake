@@ -3,10 +3,10 @@
 # ament_index_register_resource(<type> [CONTENT <text>] [CONTENT_FILE <file>] [PACKAGE_NAME <name>]
 #                               [AMENT_INDEX_BINARY_DIR <folder>] [SKIP_INSTALL])
 #
-# Write a marker, at generate time so that the text may hold generator expressions, and install it. A content
-# file ending in .in is expanded first. The text may have several lines and semicolons and arrives unchanged.
+# Write a marker file at generate time, so the text can contain generator expressions, and install it. A content
+# file ending in .in is configured first. Line breaks and semicolons in the text are kept.
 function(ament_index_register_resource type)
-  # Not PARSE_ARGV: words that a semicolon cut apart here are joined by it again below.
+  # Not PARSE_ARGV: arguments split at semicolons here are joined again below.
   cmake_parse_arguments(ARG "SKIP_INSTALL" "AMENT_INDEX_BINARY_DIR;CONTENT_FILE;PACKAGE_NAME" "CONTENT" ${ARGN})
   _ament_refuse_unknown(ament_index_register_resource ${ARG_UNPARSED_ARGUMENTS})
   if(type STREQUAL "")
@@ -43,14 +43,14 @@ function(ament_index_register_resource type)
   endif()
 endfunction()
 
-# ament_index_register_package([PACKAGE_NAME <name>] ...): the marker by which a package's prefix is found.
+# ament_index_register_package([PACKAGE_NAME <name>] ...): register the package in the index.
 function(ament_index_register_package)
   ament_index_register_resource(packages ${ARGN})
 endfunction()
 
 # ament_index_get_prefix_path(<variable> [SKIP_AMENT_PREFIX_PATH] [SKIP_BINARY_DIR])
 #
-# The prefixes to search: this build's own index, the install prefix, then AMENT_PREFIX_PATH.
+# Return the prefixes to search: the index in the build folder, the install prefix, then AMENT_PREFIX_PATH.
 function(ament_index_get_prefix_path variable)
   cmake_parse_arguments(ARG "SKIP_AMENT_PREFIX_PATH;SKIP_BINARY_DIR" "" "" ${ARGN})
   _ament_refuse_unknown(ament_index_get_prefix_path ${ARG_UNPARSED_ARGUMENTS})
@@ -66,7 +66,7 @@ function(ament_index_get_prefix_path variable)
   set(${variable} "${prefixes}" PARENT_SCOPE)
 endfunction()
 
-# ament_index_has_resource(<variable> <type> <name> [PREFIX_PATH <prefix>...]): the first prefix, or FALSE.
+# ament_index_has_resource(<variable> <type> <name> [PREFIX_PATH <prefix>...]): a prefix, or FALSE.
 function(ament_index_has_resource variable type name)
   _ament_index_prefixes(prefixes ament_index_has_resource ${ARGN})
   set(${variable} FALSE PARENT_SCOPE)
@@ -78,7 +78,7 @@ function(ament_index_has_resource variable type name)
   endforeach()
 endfunction()
 
-# ament_index_get_resource(<variable> <type> <name> [PREFIX_PATH <prefix>...]): the text of the marker.
+# ament_index_get_resource(<variable> <type> <name> [PREFIX_PATH <prefix>...]): the text of the marker file.
 function(ament_index_get_resource variable type name)
   ament_index_has_resource(prefix ${type} ${name} ${ARGN})
   if(NOT prefix)
@@ -88,7 +88,7 @@ function(ament_index_get_resource variable type name)
   set(${variable} "${text}" PARENT_SCOPE)
 endfunction()
 
-# ament_index_get_resources(<variable> <type> [PREFIX_PATH <prefix>...]): all names, each once.
+# ament_index_get_resources(<variable> <type> [PREFIX_PATH <prefix>...]): all names, without duplicates.
 function(ament_index_get_resources variable type)
   _ament_index_prefixes(prefixes ament_index_get_resources ${ARGN})
   set(names "")
@@ -101,7 +101,7 @@ function(ament_index_get_resources variable type)
   set(${variable} "${names}" PARENT_SCOPE)
 endfunction()
 
-# _ament_index_prefixes(<variable> <command> [PREFIX_PATH <prefix>...]): those given, else all.
+# _ament_index_prefixes(<variable> <command> [PREFIX_PATH <prefix>...]): the given prefixes, or all.
 function(_ament_index_prefixes variable command)
   cmake_parse_arguments(ARG "" "" "PREFIX_PATH" ${ARGN})
   _ament_refuse_unknown(${command} ${ARG_UNPARSED_ARGUMENTS})

@@ -1,7 +1,7 @@
-# The workspace's Python: which interpreter, and where packages install modules.
+# The Python interpreter of the workspace, and the install folder of modules.
 #
-# forge hands both over as cache entries. Otherwise the interpreter is asked once per build folder, which is
-# some ten times faster than CMake's FindPython3; projects may still use that for more than the interpreter.
+# forge passes both as cache entries. Otherwise the interpreter is queried once per build folder, which is
+# about ten times faster than FindPython3; projects can still call FindPython3 for other components.
 
 macro(_ament_settle_python)
   if(NOT Python3_EXECUTABLE)
@@ -24,7 +24,7 @@ macro(_ament_settle_python)
   set(Python3_FOUND TRUE)
   set(Python3_Interpreter_FOUND TRUE)
   if(NOT PYTHON_EXECUTABLE)
-    set(PYTHON_EXECUTABLE "${Python3_EXECUTABLE}")  # what older packages read
+    set(PYTHON_EXECUTABLE "${Python3_EXECUTABLE}")  # for older packages
   endif()
   if(NOT TARGET Python3::Interpreter)
     add_executable(Python3::Interpreter IMPORTED)
@@ -35,7 +35,7 @@ macro(_ament_settle_python)
   unset(_ament_python_version)
 endmacro()
 
-# _ament_python_version(<variable>): the interpreter's X.Y.Z, or X.Y if that is all that was handed over.
+# _ament_python_version(<variable>): the version X.Y.Z of the interpreter, or X.Y if only that was passed.
 function(_ament_python_version variable)
   if(NOT FORGE_PYTHON_VERSION STREQUAL "" AND DEFINED FORGE_PYTHON_VERSION)
     set(${variable} "${FORGE_PYTHON_VERSION}" PARENT_SCOPE)
@@ -54,7 +54,7 @@ function(_ament_python_version variable)
   set(${variable} "${CMAKE_MATCH_1}" PARENT_SCOPE)
 endfunction()
 
-# ament_get_python_install_dir(<variable>): where Python modules are installed, relative to the prefix.
+# ament_get_python_install_dir(<variable>): the install folder of Python modules, relative to the prefix.
 function(ament_get_python_install_dir variable)
   set(${variable} "${PYTHON_INSTALL_DIR}" PARENT_SCOPE)
 endfunction()

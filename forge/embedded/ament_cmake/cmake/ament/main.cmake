@@ -1,11 +1,11 @@
-# The ament CMake API: the one door that all config files of this package lead to.
+# The ament CMake API; all config files of this package include this file.
 #
-# Commands are defined once per CMake run, variables once per scope that calls find_package(). What calls
-# accumulate lives in global properties named after the project (state.cmake), so that it does not matter
-# from which function or subdirectory they come.
+# Commands are defined once per CMake run, variables once per scope that calls find_package(). The state of a
+# project is in global properties named after it (state.cmake), so commands can be called from any function or
+# subdirectory.
 
 cmake_policy(PUSH)
-cmake_policy(VERSION 3.18)  # functions and macros keep the policies under which they were defined
+cmake_policy(VERSION 3.18)  # functions and macros use the policies of their definition
 
 set(_ament_modules
   state paths_and_lists extensions interpreter manifest index environment exports target_dependencies

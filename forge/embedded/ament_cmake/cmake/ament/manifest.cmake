@@ -2,11 +2,11 @@
 
 # ament_package_xml([DIRECTORY <folder>])
 #
-# Publish the manifest as _AMENT_PACKAGE_NAME, PACKAGE_XML_DIRECTORY and <package>_VERSION, _MAINTAINER,
-# _BUILD_DEPENDS and so on. Stops when the manifest is not the project's own, or was read before.
+# Set _AMENT_PACKAGE_NAME, PACKAGE_XML_DIRECTORY and <package>_VERSION, _MAINTAINER, _BUILD_DEPENDS and so on
+# from the manifest. Fails if the manifest is not that of the project, or was read before.
 #
-# forge wrote these variables down already (FORGE_MANIFEST); if package.xml has changed since, or forge is not
-# there at all, a small Python program reads it again.
+# forge provides these variables in a file (FORGE_MANIFEST). If package.xml has changed since, or the build runs
+# without forge, a small Python program parses package.xml.
 macro(ament_package_xml)
   cmake_parse_arguments(_ARG "" "DIRECTORY" "" ${ARGN})
   _ament_refuse_unknown(ament_package_xml ${_ARG_UNPARSED_ARGUMENTS})
@@ -27,7 +27,7 @@ macro(ament_package_xml)
   unset(_ament_manifest_file)
 endmacro()
 
-# _ament_manifest_file(<variable> <package.xml>): the file whose variables describe the manifest as it is now.
+# _ament_manifest_file(<variable> <package.xml>): the up-to-date file with the variables of the manifest.
 function(_ament_manifest_file variable package_xml)
   if(NOT EXISTS "${package_xml}")
     message(FATAL_ERROR "there is no '${package_xml}'")

@@ -1,12 +1,12 @@
-# ament_package(): installs what makes a project a package: manifest, CMake config, environment, index markers.
+# ament_package(): install the manifest, the CMake config, environment files and index markers of a package.
 
 # ament_package([CONFIG_EXTRAS <file>...] [CONFIG_EXTRAS_POST <file>...])
 #
-# Extra files are included by the package's config, before and after everything else; those ending in
-# .cmake.in are expanded first (@NAME@ only) and see all variables of the caller. Other calls may add to the
-# variables <project>_CONFIG_EXTRAS and <project>_CONFIG_EXTRAS_POST, even from an extension that runs in here.
+# The CMake config includes the extra files before and after everything else. Files ending in .cmake.in are
+# configured first (@NAME@ only), with all variables of the caller. Other commands can append to the
+# variables <project>_CONFIG_EXTRAS and <project>_CONFIG_EXTRAS_POST, even in extensions that run in here.
 #
-# Statements may follow: only what exports is refused afterwards.
+# Other commands may follow; only commands that export are rejected after this one.
 macro(ament_package)
   if(NOT PROJECT_NAME OR PROJECT_NAME STREQUAL "Project")
     message(FATAL_ERROR "ament_package() needs a project() with the package's name above it")
@@ -30,7 +30,7 @@ endmacro()
 
 # _ament_install_config(<early extras> <arguments of ament_package>...)
 #
-# A function of the caller's scope, so that templates see its variables; own ones begin with _ament_.
+# Templates see the variables of the caller through the scope of this function; its own start with _ament_.
 function(_ament_install_config _ament_early_extras)
   cmake_parse_arguments(_ament "" "" "CONFIG_EXTRAS;CONFIG_EXTRAS_POST" ${ARGN})
   _ament_refuse_unknown(ament_package ${_ament_UNPARSED_ARGUMENTS})
@@ -64,7 +64,7 @@ function(_ament_install_config _ament_early_extras)
   endforeach()
 endfunction()
 
-# _ament_install_extras(<variable> <file>...): expand and install extra files; tell their names.
+# _ament_install_extras(<variable> <file>...): configure and install extra files; return their names.
 function(_ament_install_extras _ament_variable)
   set(_ament_names "")
   set(_ament_files "")
@@ -93,8 +93,8 @@ endfunction()
 
 # _ament_config_text(<variable> <extras before> <extras of extensions> <extras after>)
 #
-# The text of <project>Config.cmake: one section per concern, and only those that the package has. The order
-# matters: an extra may define what exported targets link, targets need those of dependencies.
+# The text of <project>Config.cmake, with only the sections that the package needs. The order matters: extras may
+# define targets that exported targets link, and those need the targets of dependencies.
 function(_ament_config_text variable before hooks after)
   _ament_recall(dependencies dependencies)
   _ament_recall(relative_dirs relative_include_directories)
@@ -142,7 +142,7 @@ function(_ament_config_text variable before hooks after)
   set(${variable} "${text}" PARENT_SCOPE)
 endfunction()
 
-# _ament_add_section(<variable> <section> <condition>): append templates/config/<section>.cmake.in, expanded.
+# _ament_add_section(<variable> <section> <condition>): append the configured templates/config/<section>.cmake.in.
 function(_ament_add_section variable section condition)
   if(condition STREQUAL "")
     return()

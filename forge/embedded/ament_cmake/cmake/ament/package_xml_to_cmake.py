@@ -1,7 +1,7 @@
 """Print a package.xml as the CMake variables that ament_package_xml() publishes.
 
-Called as `package_xml_to_cmake.py PACKAGE_XML` when nobody handed these variables over. Needs the standard
-library only.
+Called as `package_xml_to_cmake.py PACKAGE_XML` if forge does not provide the variables. Uses only the
+standard library.
 """
 
 # ruff: noqa: INP001  (a program that CMake runs, not a module)
@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-# What each tag of REP 149 says in terms of CMake's lists.
+# The CMake lists of each dependency tag of REP 149.
 LISTS = {
     "build_depend": ("BUILD_DEPENDS",),
     "buildtool_depend": ("BUILDTOOL_DEPENDS",),
@@ -40,12 +40,12 @@ OPERATORS = {
 }
 TOKEN = re.compile(r"""\s*([()]|[=!<>]=|[<>]|\$\w+|[\w-]+|"[^"]*"|'[^']*')""", re.ASCII)
 
-# Without a ROS installation nobody says which ROS this is; conditions need to know.
+# The values for conditions if no ROS installation sets these variables.
 VARIABLES = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "humble", **os.environ}
 
 
 class Condition:
-    """A condition of REP 149, read from left to right; 'and' binds tighter than 'or'."""
+    """A parser of conditions of REP 149; 'and' has precedence over 'or'."""
 
     def __init__(self, text: str) -> None:
         """Split the text into tokens; raises ValueError where that is not possible."""
@@ -119,7 +119,7 @@ def _text(element: ET.Element | None) -> str:
 
 
 def _quote(text: str) -> str:
-    """Return a CMake argument that means the text and nothing else."""
+    """Return the text as a quoted CMake argument."""
     return '"' + re.sub(r'([\\"$;])', r"\\\1", text) + '"'
 
 
@@ -143,7 +143,7 @@ def _export_tags(root: ET.Element) -> list[str]:
 
 
 def variables(root: ET.Element) -> dict[str, list[str]]:
-    """Return the variables by the part of their name that follows '<package>_'."""
+    """Return the variables; the names are without the prefix '<package>_'."""
     values: dict[str, list[str]] = {
         "VERSION": [_text(root.find("version"))],
         "MAINTAINER": [_maintainers(root)],

@@ -1,6 +1,6 @@
-# Small public commands about lists, paths and targets that other packages' macros call as well.
+# Public helper commands for lists, paths and targets, which macros of other packages also call.
 
-# list_append_unique(<list> <element>...): append what the list does not hold yet.
+# list_append_unique(<list> <element>...): append elements that the list does not contain.
 macro(list_append_unique list_name)
   foreach(_ament_element ${ARGN})
     if(NOT _ament_element IN_LIST ${list_name})
@@ -10,7 +10,7 @@ macro(list_append_unique list_name)
   unset(_ament_element)
 endmacro()
 
-# normalize_path(<variable> <path>): the path without '.', '..' and doubled slashes; the disk is not asked.
+# normalize_path(<variable> <path>): remove '.', '..' and double slashes from a path, without accessing the disk.
 function(normalize_path variable path)
   if(path STREQUAL "" OR path MATCHES ";")
     message(FATAL_ERROR "normalize_path() takes one path, not '${path}'")
@@ -52,7 +52,7 @@ function(string_ends_with text suffix variable)
   set(${variable} ${answer} PARENT_SCOPE)
 endfunction()
 
-# assert_file_exists(<file> <message>): stop with the message unless the file is there.
+# assert_file_exists(<file> <message>): fail with the message if the file does not exist.
 function(assert_file_exists file message)
   if(NOT IS_ABSOLUTE "${file}")
     set(file "${CMAKE_CURRENT_LIST_DIR}/${file}")
@@ -62,15 +62,15 @@ function(assert_file_exists file message)
   endif()
 endfunction()
 
-# stamp(<file>): configure again when the file changes.
+# stamp(<file>): re-run CMake when the file changes.
 function(stamp file)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${file}")
 endfunction()
 
 # get_executable_path(<variable> <target or path> BUILD|CONFIGURE)
 #
-# A program as a command line names it: at build time a target becomes a generator expression, at configure
-# time the location of an imported one; anything else is passed through.
+# The path of a program for a command line: a generator expression for a target (BUILD), or the location of an
+# imported target (CONFIGURE); other values are returned unchanged.
 function(get_executable_path variable program moment)
   if(NOT moment MATCHES "^(BUILD|CONFIGURE)$")
     message(FATAL_ERROR "get_executable_path() takes BUILD or CONFIGURE, not '${moment}'")
@@ -87,8 +87,8 @@ endfunction()
 
 # ament_include_directories_order(<variable> <folder>...)
 #
-# Sort folders by the entry of AMENT_PREFIX_PATH that holds them, so that an overlay's headers are seen
-# before those of the package it hides. Folders of one prefix keep their order; others come last.
+# Sort folders by the order of their prefixes in AMENT_PREFIX_PATH, so that the headers of an overlay precede
+# those of the underlay. Folders of one prefix keep their order; others come last.
 function(ament_include_directories_order variable)
   string(REPLACE ":" ";" prefixes "$ENV{AMENT_PREFIX_PATH}")
   set(rest "${ARGN}")
@@ -115,7 +115,7 @@ endfunction()
 
 # ament_libraries_deduplicate(<variable> <library>...)
 #
-# Keep the last occurrence of each library, as linkers want it. 'debug', 'optimized' and 'general' belong to
+# Keep the last occurrence of each library, as linkers require. 'debug', 'optimized' and 'general' belong to
 # the library that follows.
 function(ament_libraries_deduplicate variable)
   _ament_pack_libraries(libraries ${ARGN})
@@ -156,8 +156,7 @@ endfunction()
 
 # ament_get_recursive_properties(<folders variable> <libraries variable> <target>...)
 #
-# Tell what lies behind targets in terms of include folders and library files, for those who work without
-# targets.
+# Return the include folders and library files of targets and their dependencies, for users without targets.
 function(ament_get_recursive_properties folders_variable libraries_variable)
   set(folders "")
   set(libraries "")
@@ -167,7 +166,7 @@ function(ament_get_recursive_properties folders_variable libraries_variable)
     list(POP_FRONT todo item)
     string(REGEX REPLACE "^\\$<LINK_ONLY:(.*)>$" "\\1" item "${item}")
     if(item IN_LIST seen OR item MATCHES "^::@|\\$<")
-      continue()  # marks of CMake's own, or a condition that only the generator can settle
+      continue()  # an internal mark of CMake, or a generator expression
     endif()
     list(APPEND seen "${item}")
     if(NOT TARGET "${item}")

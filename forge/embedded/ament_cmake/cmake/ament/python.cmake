@@ -3,7 +3,7 @@
 # ament_python_install_package(<name> [PACKAGE_DIR <folder>] [VERSION <version>] [SETUP_CFG <file>]
 #                              [DESTINATION <folder>] [SCRIPTS_DESTINATION <folder>] [SKIP_COMPILE])
 #
-# Install a Python package with its metadata, found beside the calling file, and byte-compile it. Console
+# Install a Python package from the folder of the calling file, with metadata, and byte-compile it. Console
 # scripts of setup.cfg are installed if a destination is given.
 macro(ament_python_install_package)
   _ament_python_install_package(${ARGN})
@@ -68,7 +68,7 @@ function(_ament_python_install_module file)
   _ament_announce_python("${PYTHON_INSTALL_DIR}")
 endfunction()
 
-# _ament_claim_python_name(<name>): stop when the project installs this Python package or module already.
+# _ament_claim_python_name(<name>): fail if the project already installs this Python package or module.
 function(_ament_claim_python_name name)
   _ament_recall(names python_names)
   if(name IN_LIST names)
@@ -79,18 +79,18 @@ function(_ament_claim_python_name name)
   _ament_remember(python_names "${name}")
 endfunction()
 
-# _ament_announce_python(<folder>): let the environment of the installed package find Python modules.
+# _ament_announce_python(<folder>): add the hook that sets PYTHONPATH.
 function(_ament_announce_python folder)
   if(folder STREQUAL PYTHON_INSTALL_DIR)
     ament_environment_hooks("${ament_cmake_package_templates_ENVIRONMENT_HOOK_PYTHONPATH}")
   endif()
 endfunction()
 
-# _ament_compile_python(<path>): byte-compile what was installed; a failure is the program's to meet.
+# _ament_compile_python(<path>): byte-compile the installed files; errors are ignored.
 function(_ament_compile_python path)
   set(AMENT_COMPILED_PATH "${path}")
   string(CONFIGURE [[
-    # A symlink install shares files with the source folder, which must stay clean.
+    # A symlink install would write the cache into the source folder.
     if(NOT "$ENV{CMAKE_INSTALL_MODE}" MATCHES "SYMLINK")
       set(_ament_path "@AMENT_COMPILED_PATH@")
       if(NOT IS_ABSOLUTE "${_ament_path}")

@@ -1,4 +1,4 @@
-# ament_cmake_ros: what ROS packages share beyond ament. Finding it changes how libraries below are built.
+# ament_cmake_ros: defaults for ROS packages. Libraries are shared by default, and compiled with ROS_PACKAGE_NAME.
 
 find_package(ament_cmake QUIET REQUIRED)
 find_package(ament_cmake_gtest QUIET REQUIRED)
@@ -12,7 +12,7 @@ include_guard(GLOBAL)
 cmake_policy(PUSH)
 cmake_policy(VERSION 3.18)
 
-# ament_add_ros_isolated_gtest(...), ..._gmock(...), ..._pytest_test(...): in a ROS domain of their own.
+# ament_add_ros_isolated_gtest(...), ..._gmock(...), ..._pytest_test(...): tests with an exclusive ROS domain.
 macro(ament_add_ros_isolated_gtest target)
   ament_add_gtest(${target} ${ARGN} RUNNER "${ament_cmake_ros_DIR}/run_test_isolated.py")
 endmacro()
@@ -29,7 +29,7 @@ macro(ament_add_ros_isolated_pytest_test name path)
   ament_add_pytest_test(${name} ${path} ${ARGN} RUNNER "${ament_cmake_ros_DIR}/run_test_isolated.py")
 endmacro()
 
-# ament_add_default_options([EXCLUDE_BUILD_SHARED_LIBS]): later distributions want it called; it is done above.
+# ament_add_default_options([EXCLUDE_BUILD_SHARED_LIBS]): does nothing; the defaults are set above.
 function(ament_add_default_options)
   cmake_parse_arguments(ARG "EXCLUDE_BUILD_SHARED_LIBS" "" "" ${ARGN})
   _ament_refuse_unknown(ament_add_default_options ${ARG_UNPARSED_ARGUMENTS})

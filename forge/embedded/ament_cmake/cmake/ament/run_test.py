@@ -1,11 +1,11 @@
-"""Run a test's command and see to it that there is a result file that tells how it went.
+"""Run the command of a test, and make sure that a result file exists.
 
     run_test.py RESULT_FILE [--package-name P] [--output-file F] [--env K=V ...] [--append-env K=V ...]
                 [--skip-test] [--skip-return-code N] [--generate-result-on-success] --command WORD ...
 
-A command that dies leaves no result, one that never ran an old one: so a failing result is written first, and
-what the command does not replace is replaced here. Exits with the command's code, and with 1 when the
-result file tells of failures. Needs the standard library only.
+A failing result is written first, because a command that crashes leaves none, or an old one. If the command does
+not replace it, this program does. Exits with the code of the command, or with 1 if the result file contains
+failures. Uses only the standard library.
 """
 
 # ruff: noqa: INP001  (a program that CMake runs, not a module)
@@ -30,7 +30,7 @@ RESULT = """\
 </testsuite>
 """
 NOT_RUN = "The test did not leave a result file."
-# Everything XML 1.0 has no place for; colour codes of terminals come first, being longer than a character.
+# Characters that XML 1.0 does not allow; terminal colour codes come first, because they are longer.
 UNPRINTABLE = re.compile("\x1b\\[[0-9;]*m|[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -89,7 +89,7 @@ def _environment(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _pairs(words: list[str]) -> list[tuple[str, str]]:
-    """Return keys and values; CMake cuts at semicolons, so a word without '=' belongs to the one before."""
+    """Return keys and values; CMake splits at semicolons: a word without '=' continues the one before."""
     pairs: list[tuple[str, str]] = []
     for word in words:
         key, equals, value = word.partition("=")
@@ -101,7 +101,7 @@ def _pairs(words: list[str]) -> list[tuple[str, str]]:
 
 
 def _run(options: argparse.Namespace) -> tuple[int, str]:
-    """Run the command and pass on what it prints, to the output file as well."""
+    """Run the command; copy its output to stdout and to the output file."""
     _say(f"-- {' '.join(options.command)}")
     output = Path(options.output_file or os.devnull)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -154,7 +154,7 @@ def _write(result: Path, package: str, name: str, **outcome: str) -> None:
 
 
 def _judge(result: Path, package: str, code: int, skip_code: int | None) -> int:
-    """Return the exit code, which is not 0 when the result file is missing, broken or tells of failures."""
+    """Return the exit code; it is not 0 if the result file is missing, invalid or contains failures."""
     if not result.is_file():
         return code or 1
     try:

@@ -1,7 +1,7 @@
-"""Run a test as run_test.py does, in a ROS domain that no other test of this machine uses meanwhile.
+"""Run a test as run_test.py does, in a ROS domain that no concurrent test on this host uses.
 
-The domain is held by a lock on a local port; DISABLE_ROS_ISOLATION leaves everything as it is, and a
-ROS_DOMAIN_ID that is set already wins.
+A local port locks the domain. DISABLE_ROS_ISOLATION disables this, and an existing ROS_DOMAIN_ID has
+precedence.
 """
 
 # ruff: noqa: INP001  (a program that CMake runs, not a module)
@@ -19,11 +19,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import run_test
 
 FIRST_PORT = 22119
-DOMAINS = range(1, 101)  # domain 0 is where people work
+DOMAINS = range(1, 101)  # domain 0 is the default for users
 
 
 def main(words: list[str]) -> int:
-    """Run the test in a domain of its own."""
+    """Run the test in an unused domain."""
     with ExitStack() as stack:
         if not os.environ.get("DISABLE_ROS_ISOLATION") and not os.environ.get("ROS_DOMAIN_ID"):
             for domain in DOMAINS:

@@ -1,4 +1,4 @@
-# What the target 'uninstall' runs: remove the files of MANIFEST, then folders below PREFIX that became empty.
+# Script of the target 'uninstall': remove the files in MANIFEST, and folders below PREFIX that become empty.
 
 if(NOT EXISTS "${MANIFEST}")
   message(FATAL_ERROR "there is no '${MANIFEST}': nothing was installed from this build folder")

@@ -1,4 +1,4 @@
-# What a project's calls have accumulated so far, and the guards that every command shares.
+# The state of a project, in global properties, and checks shared by all commands.
 
 # _ament_remember(<what> <value>...): append to the project's list.
 function(_ament_remember what)
@@ -7,19 +7,19 @@ function(_ament_remember what)
   endif()
 endfunction()
 
-# _ament_recall(<variable> <what>): the project's list, empty if nothing was remembered.
+# _ament_recall(<variable> <what>): return the project's list, which may be empty.
 function(_ament_recall variable what)
   get_property(values GLOBAL PROPERTY "ament_${PROJECT_NAME}_${what}")
   set(${variable} "${values}" PARENT_SCOPE)
 endfunction()
 
-# _ament_folder(<variable>): where the files of this API are installed.
+# _ament_folder(<variable>): the install folder of this API.
 function(_ament_folder variable)
   get_property(folder GLOBAL PROPERTY ament_cmake_folder)
   set(${variable} "${folder}" PARENT_SCOPE)
 endfunction()
 
-# _ament_refuse_unknown(<command> <unparsed>): stop when a command was given words that it does not know.
+# _ament_refuse_unknown(<command> <unparsed>): fail if a command has unknown arguments.
 function(_ament_refuse_unknown command)
   if(ARGN)
     string(REPLACE ";" "' '" words "${ARGN}")
@@ -27,7 +27,7 @@ function(_ament_refuse_unknown command)
   endif()
 endfunction()
 
-# _ament_refuse_after_package(<command>): stop when ament_package() has run; what follows it is not exported.
+# _ament_refuse_after_package(<command>): fail if ament_package() was called before.
 function(_ament_refuse_after_package command)
   if(_${PROJECT_NAME}_AMENT_PACKAGE)
     message(FATAL_ERROR
@@ -35,7 +35,7 @@ function(_ament_refuse_after_package command)
   endif()
 endfunction()
 
-# _ament_write(<file> <text>): write the text, unless the file already says so.
+# _ament_write(<file> <text>): write the text if it differs from that of the file.
 function(_ament_write file text)
   if(EXISTS "${file}")
     file(READ "${file}" current)

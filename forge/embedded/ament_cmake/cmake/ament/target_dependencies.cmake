@@ -1,8 +1,8 @@
 # ament_target_dependencies(<target> [SYSTEM] [INTERFACE|PUBLIC] <package>...)
 #
-# Give a target all that found packages offer: their targets if they have any, else the classic variables.
-# Without a keyword it links by the plain signature of target_link_libraries(), for CMake refuses to mix it
-# with the other one and most packages call the plain one themselves.
+# Add include folders, libraries and definitions of packages to a target: from their targets, or else from the
+# variables of the package. Without a keyword it uses the plain signature of target_link_libraries(), because
+# CMake does not allow to mix signatures, and most packages use the plain one.
 function(ament_target_dependencies target)
   if(NOT TARGET "${target}")
     message(FATAL_ERROR "ament_target_dependencies() was given '${target}', which is no target")
@@ -56,7 +56,7 @@ function(ament_target_dependencies target)
   endforeach()
 endfunction()
 
-# _ament_check_found(<target> <package>): stop unless the package was found.
+# _ament_check_found(<target> <package>): fail if the package was not found.
 function(_ament_check_found target package)
   if(package MATCHES "^(SYSTEM|INTERFACE|PUBLIC)$")
     message(FATAL_ERROR "ament_target_dependencies() takes '${package}' only right behind the target")
@@ -68,7 +68,7 @@ function(_ament_check_found target package)
   endif()
 endfunction()
 
-# _ament_targets_of(<variable> <package>): the package's targets that exist here.
+# _ament_targets_of(<variable> <package>): the targets of a package that exist in this scope.
 function(_ament_targets_of variable package)
   set(targets "")
   foreach(kind IN ITEMS TARGETS INTERFACES)
@@ -89,7 +89,7 @@ endfunction()
 
 # _ament_use_targets(<target> <SYSTEM or nothing> <keyword or nothing> <used target>...)
 #
-# The include folders are repeated in the overlay's order; linking alone would order them by the calls.
+# Also add the include folders in the order of overlays; linking alone would order them by the calls.
 function(_ament_use_targets target system visibility)
   if(NOT ARGN)
     return()
@@ -108,7 +108,7 @@ function(_ament_use_targets target system visibility)
   target_link_libraries(${target} ${visibility} ${ARGN})
 endfunction()
 
-# _ament_classic_libraries(<variable> <package>): its libraries, those without a folder looked up in its folders.
+# _ament_classic_libraries(<variable> <package>): the libraries of a package as paths.
 function(_ament_classic_libraries variable package)
   set(libraries "")
   foreach(library IN LISTS ${package}_LIBRARIES)

@@ -1,4 +1,4 @@
-# Tests: each is a command run by run_test.py, which guarantees that a result file says how it went.
+# Tests: commands that run through run_test.py, which always writes a result file.
 
 macro(_ament_settle_testing)
   if(BUILD_TESTING)
@@ -8,7 +8,7 @@ macro(_ament_settle_testing)
   option(AMENT_RUN_PERFORMANCE_TESTS "Run performance tests instead of skipping them" OFF)
 endmacro()
 
-# _ament_write_ctest_files(): CTest shall not cut off the output of tests.
+# _ament_write_ctest_files(): configure CTest not to truncate the output of tests.
 function(_ament_write_ctest_files)
   _ament_write("${CMAKE_BINARY_DIR}/CTestCustom.cmake"
     "set(CTEST_CUSTOM_MAXIMUM_PASSED_TEST_OUTPUT_SIZE 0)\nset(CTEST_CUSTOM_MAXIMUM_FAILED_TEST_OUTPUT_SIZE 0)\n")
@@ -51,7 +51,7 @@ function(ament_add_test name)
   endif()
   if(ARG_SKIP_TEST)
     list(APPEND words --skip-test)
-    set(ARG_SKIP_RETURN_CODE 0)  # so that CTest, too, reports it as skipped
+    set(ARG_SKIP_RETURN_CODE 0)  # CTest reports it as skipped as well
   elseif(DEFINED ARG_SKIP_RETURN_CODE)
     list(APPEND words --skip-return-code "${ARG_SKIP_RETURN_CODE}")
   endif()
@@ -131,7 +131,7 @@ function(ament_add_pytest_test name path)
   set_tests_properties("${name}" PROPERTIES LABELS "pytest")
 endfunction()
 
-# ament_has_pytest(<variable> [QUIET] [PYTHON_EXECUTABLE <python>]): asked once per interpreter.
+# ament_has_pytest(<variable> [QUIET] [PYTHON_EXECUTABLE <python>]): cached per interpreter.
 function(ament_has_pytest variable)
   cmake_parse_arguments(ARG "QUIET" "PYTHON_EXECUTABLE" "" ${ARGN})
   _ament_ask_python(answer pytest "${ARG_PYTHON_EXECUTABLE}")
@@ -168,7 +168,7 @@ function(_ament_ask_python variable module python)
       COMMAND "${python}" -c "import ${module}; print(getattr(${module}, '__version__', 'unknown'))"
       OUTPUT_VARIABLE answer OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE code)
     if(NOT code EQUAL 0)
-      # Not remembered: the user may install it before the next run.
+      # Not cached: the user may install it before the next run.
       set(${variable} "" PARENT_SCOPE)
       return()
     endif()
@@ -177,7 +177,7 @@ function(_ament_ask_python variable module python)
   set(${variable} "${AMENT_PYTHON_HAS_${key}}" PARENT_SCOPE)
 endfunction()
 
-# ament_add_nose_test(...): nose is no more.
+# ament_add_nose_test(...): not supported, nose is obsolete.
 function(ament_add_nose_test name)
   message(WARNING "'${name}' is left out: nose is obsolete, call ament_add_pytest_test()")
 endfunction()

@@ -1,4 +1,4 @@
-# The targets 'uninstall' and '<project>_uninstall': remove what the last installation put into the prefix.
+# The targets 'uninstall' and '<project>_uninstall': remove the files of the last installation.
 
 macro(_ament_settle_uninstall)
   if(AMENT_CMAKE_UNINSTALL_TARGET)
@@ -19,7 +19,7 @@ function(_ament_add_uninstall_target name)
     -P "${folder}/run_uninstall.cmake")
 endfunction()
 
-# ament_cmake_uninstall_target_append_uninstall_code(<code>... [COMMENTS <text>]): run more code as well.
+# ament_cmake_uninstall_target_append_uninstall_code(<code>... [COMMENTS <text>]): run additional code.
 function(ament_cmake_uninstall_target_append_uninstall_code)
   cmake_parse_arguments(ARG "" "COMMENTS" "" ${ARGN})
   set(file "${CMAKE_BINARY_DIR}/ament_cmake_uninstall.cmake")

@@ -1,4 +1,4 @@
-# ament_vendor(): packages that bring a foreign CMake project along when the machine lacks it.
+# ament_vendor(): build a third-party CMake project if it is not installed.
 
 find_package(ament_cmake QUIET REQUIRED)
 
@@ -10,8 +10,8 @@ cmake_policy(VERSION 3.18)
 #              [PATCHES <file or folder>...] [CMAKE_ARGS <argument>...] [SOURCE_SUBDIR <folder>] [SKIP_INSTALL]
 #              [GLOBAL_HOOK])
 #
-# Build the project and install it to opt/<package>; users of the package find it there. With SATISFIED true
-# nothing happens unless FORCE_BUILD_VENDOR_PKG is on.
+# Build the project and install it to opt/<package>, where users of the package find it. If SATISFIED is true,
+# do nothing unless FORCE_BUILD_VENDOR_PKG is on.
 macro(ament_vendor name)
   cmake_parse_arguments(_ament_vendor "SKIP_INSTALL;GLOBAL_HOOK"
     "VCS_URL;VCS_TYPE;VCS_VERSION;SATISFIED;SOURCE_SUBDIR" "PATCHES;CMAKE_ARGS" ${ARGN})
@@ -29,7 +29,7 @@ macro(ament_vendor name)
   endif()
 endmacro()
 
-# _ament_vendor_check(<name>): stop when the options contradict each other.
+# _ament_vendor_check(<name>): fail if options are contradictory.
 function(_ament_vendor_check name)
   if(NOT _ament_vendor_VCS_URL)
     message(FATAL_ERROR "ament_vendor() needs the VCS_URL of '${name}'")
@@ -42,7 +42,7 @@ function(_ament_vendor_check name)
   endif()
 endfunction()
 
-# _ament_vendor_build(<name>): fetch by CMake's own means, build, stage below the build folder.
+# _ament_vendor_build(<name>): fetch, build and stage the project with ExternalProject.
 function(_ament_vendor_build name)
   include(ExternalProject)
   set(stage "${CMAKE_CURRENT_BINARY_DIR}/${name}-prefix/install")
@@ -77,7 +77,7 @@ function(_ament_vendor_build name)
   endif()
 endfunction()
 
-# _ament_vendor_patch_command(<variable>): PATCH_COMMAND for all patches, folders searched.
+# _ament_vendor_patch_command(<variable>): the PATCH_COMMAND for all patches, including those in folders.
 function(_ament_vendor_patch_command variable)
   set(command "")
   foreach(patch IN LISTS _ament_vendor_PATCHES)
@@ -98,7 +98,7 @@ function(_ament_vendor_patch_command variable)
   set(${variable} "${command}" PARENT_SCOPE)
 endfunction()
 
-# _ament_vendor_export(): let users of the package find what it brought along.
+# _ament_vendor_export(): let users of the package find the vendored project.
 macro(_ament_vendor_export)
   get_property(_ament_vendor_is_exported GLOBAL PROPERTY ament_${PROJECT_NAME}_vendor_is_exported)
   if(NOT _ament_vendor_is_exported)
@@ -116,7 +116,7 @@ macro(_ament_vendor_export)
         "prepend-non-duplicate;CMAKE_PREFIX_PATH;opt/${PROJECT_NAME}")
       ament_environment_hooks("${_ament_templates}/templates/vendor_prefix.sh.in")
     else()
-      # Among the early extras: they are included before the package's dependencies are looked up.
+      # An early extra: it is included before the dependencies of the package are found.
       list(APPEND ${PROJECT_NAME}_CONFIG_EXTRAS "${_ament_templates}/templates/vendor_prefix.cmake.in")
     endif()
     unset(_ament_templates)

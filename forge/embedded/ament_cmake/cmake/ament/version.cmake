@@ -1,9 +1,9 @@
-# The package's version as a header, and development versions.
+# Version headers, and development versions.
 
 # ament_generate_version_header(<target> [HEADER_PATH <path>] [INSTALL_PATH <folder>] [SKIP_INSTALL])
 #
-# Give the target a header with the manifest's version, by default <project>/version.h; it may stand after
-# ament_package(). A changed package.xml configures again, which is what writes the header.
+# Add a header with the version of the manifest to the target, by default <project>/version.h; can be called after
+# ament_package(). A change of package.xml re-runs CMake, which writes the header.
 function(ament_generate_version_header target)
   cmake_parse_arguments(ARG "SKIP_INSTALL" "HEADER_PATH;INSTALL_PATH" "" ${ARGN})
   _ament_refuse_unknown(ament_generate_version_header ${ARG_UNPARSED_ARGUMENTS})
@@ -22,7 +22,7 @@ function(ament_generate_version_header target)
   set(folder "${CMAKE_CURRENT_BINARY_DIR}/ament_generate_version_header/${target}")
   _ament_write_version_header("${folder}/${ARG_HEADER_PATH}" "${${PROJECT_NAME}_VERSION}")
 
-  # The header is there before anything is built; the target exists because others name it.
+  # CMake has already written the header; the target exists for add_dependencies().
   add_custom_target(ament_generate_version_header__${target} DEPENDS "${folder}/${ARG_HEADER_PATH}")
   add_dependencies(${target} ament_generate_version_header__${target})
   get_target_property(type ${target} TYPE)
@@ -68,7 +68,7 @@ endfunction()
 
 # ament_export_development_version_if_higher_than_manifest(<version>)
 #
-# Report a higher version than package.xml does, as development branches want it.
+# Export a higher version than that of package.xml, for development branches.
 macro(ament_export_development_version_if_higher_than_manifest development_version)
   _ament_refuse_after_package(ament_export_development_version_if_higher_than_manifest)
   if(NOT _AMENT_PACKAGE_NAME)

@@ -1,6 +1,6 @@
-# Linters as tests: one command per tool, made from the table below.
+# Linters as tests: one command per tool, generated from the table below.
 #
-# ament's public commands only, so that it serves on any ament.
+# Uses only public commands of ament, so it works with any ament.
 
 find_package(ament_cmake QUIET REQUIRED)
 
@@ -8,7 +8,7 @@ include_guard(GLOBAL)
 cmake_policy(PUSH)
 cmake_policy(VERSION 3.18)
 
-# Which files wake a linter up when ament_lint_auto runs all of them.
+# The files for which ament_lint_auto runs each linter.
 set(cpp_files "*.c;*.cc;*.cpp;*.cxx;*.h;*.hh;*.hpp;*.hxx")
 set_property(GLOBAL PROPERTY ament_lint_files_of_clang_format "${cpp_files}")
 set_property(GLOBAL PROPERTY ament_lint_files_of_clang_tidy "${cpp_files}")
@@ -26,7 +26,7 @@ set_property(GLOBAL PROPERTY ament_lint_files_of_uncrustify "${cpp_files}")
 set_property(GLOBAL PROPERTY ament_lint_files_of_xmllint "*.xml")
 unset(cpp_files)
 
-# What people have installed where ament's own programs, ament_<tool>, are missing. run_linter.py speaks to them.
+# Alternatives if ament's programs, ament_<tool>, are missing; run_linter.py runs them.
 set_property(GLOBAL PROPERTY ament_lint_name_of_clang_format "clang-format")
 set_property(GLOBAL PROPERTY ament_lint_name_of_cppcheck "cppcheck")
 set_property(GLOBAL PROPERTY ament_lint_name_of_cpplint "cpplint")
@@ -61,7 +61,7 @@ endmacro()
 
 # ament_copyright(...), ament_cppcheck(...), ... [TESTNAME <name>] [TIMEOUT <seconds>] [<keyword> <value>...]
 #
-# A linter as a test. Keywords of one tool are accepted for all: packages mix them up.
+# Add a linter as a test. All keywords are accepted for all tools, because packages mix them up.
 function(ament_clang_format)
   _ament_lint(clang_format ${ARGN})
 endfunction()
@@ -105,7 +105,7 @@ function(ament_xmllint)
   _ament_lint(xmllint ${ARGN})
 endfunction()
 
-# _ament_lint(<tool> <argument>...): add the test; where the tool is missing, a skipped one of the same name.
+# _ament_lint(<tool> <argument>...): add the test, which is skipped if the tool is missing.
 function(_ament_lint tool)
   cmake_parse_arguments(ARG ""
     "TESTNAME;TIMEOUT;LANGUAGE;MAX_LINE_LENGTH;ROOT;CONFIG_FILE;LNT_FILE"
@@ -124,7 +124,7 @@ function(_ament_lint tool)
   endif()
   set(paths ${ARG_UNPARSED_ARGUMENTS})
   if(paths)
-    list(INSERT paths 0 --)  # options may take any number of words
+    list(INSERT paths 0 --)  # options may have any number of values
   endif()
   set(result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${ARG_TESTNAME}.xunit.xml")
   set(command ${program} --xunit-file "${result}")
@@ -143,7 +143,7 @@ function(_ament_lint tool)
   set_tests_properties("${ARG_TESTNAME}" PROPERTIES LABELS "${tool};linter")
 endfunction()
 
-# _ament_lint_option(<variable> <tool> <keyword>): the keyword as the tool's command line spells it.
+# _ament_lint_option(<variable> <tool> <keyword>): the option of the tool's command line for a keyword.
 function(_ament_lint_option variable tool keyword)
   string(TOLOWER "--${keyword}" option)
   string(REPLACE "_" "-" option "${option}")
@@ -162,7 +162,7 @@ function(_ament_lint_option variable tool keyword)
   set(${variable} "${option}" PARENT_SCOPE)
 endfunction()
 
-# _ament_lint_program(<variable> <tool>): the words that start the linter, looked for once per run of CMake.
+# _ament_lint_program(<variable> <tool>): the command of the linter, searched once per run of CMake.
 function(_ament_lint_program variable tool)
   get_property(is_known GLOBAL PROPERTY ament_lint_program_of_${tool} SET)
   if(NOT is_known)
@@ -187,7 +187,7 @@ function(_ament_lint_program variable tool)
   set(${variable} "${words}" PARENT_SCOPE)
 endfunction()
 
-# _ament_lint_hook(<tool>): what ament_lint_auto does for a linter: nothing if it or its files are missing.
+# _ament_lint_hook(<tool>): run a linter for ament_lint_auto, unless it or its files are missing.
 function(_ament_lint_hook tool)
   _ament_lint_program(program ${tool})
   if(NOT program)

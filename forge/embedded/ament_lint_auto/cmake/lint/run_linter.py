@@ -1,13 +1,12 @@
-"""Run a linter as anybody has it installed on the files of a package, and leave a result file.
+"""Run an installed linter on the files of a package, and write a result file.
 
     run_linter.py TOOL PROGRAM --xunit-file FILE [--exclude PATH ...] [--language L] [--linelength N]
                   [--root R] [--config FILE] [--filters F ...] [--include_dirs D ...] [--libraries L ...]
                   [-- PATH ...]
 
-TOOL is what ament calls the linter, PROGRAM what the machine has for it. The options are those of ament's
-own programs; what a linter has no use for is ignored, because packages mix them up. Style is ROS's where a
-few words on the command line can say so. Exits with 1 when there are complaints. Needs the standard library
-only.
+TOOL is the name of the linter in ament, PROGRAM the installed program. The options are those of ament's
+programs; options of other linters are ignored, because packages mix them up. The style is that of ROS as far
+as command-line options support it. Exits with 1 if there are findings. Uses only the standard library.
 """
 
 # ruff: noqa: INP001  (a program that CMake runs, not a module)
@@ -29,9 +28,9 @@ if TYPE_CHECKING:
 
 CPP = (".c", ".cc", ".cpp", ".cxx", ".h", ".hh", ".hpp", ".hxx")
 UNPRINTABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-# As pydocstyle numbers them: a docstring may be missing, and the first line may follow either custom.
+# Codes of pydocstyle: missing docstrings are allowed, and both styles of the first line.
 DOCSTRINGS = "D100,D101,D102,D103,D104,D105,D106,D107,D203,D212,D404"
-# What ROS's style has otherwise, or another linter looks at.
+# Codes that contradict the style of ROS, or that another linter checks.
 CPPLINT = (
     *("-build/c++11", "-build/header_guard", "-legal/copyright", "-runtime/references"),
     *("-whitespace/braces", "-whitespace/indent", "-whitespace/parens", "-whitespace/semicolon"),
@@ -69,7 +68,7 @@ def _parse(words: list[str]) -> argparse.Namespace:
     parser.add_argument("--config", "-c")
     for option in ("--exclude", "--filters", "--include_dirs", "--libraries", "--compile-defs"):
         parser.add_argument(option, nargs="*", default=[])
-    # Paths may follow an option that takes any number of words; CMake puts '--' before them.
+    # Paths may follow an option with any number of values; CMake adds '--' before them.
     at = words.index("--") if "--" in words else len(words)
     options, more = parser.parse_known_args(words[:at])
     options.more = more
@@ -78,7 +77,7 @@ def _parse(words: list[str]) -> argparse.Namespace:
 
 
 def _files(paths: Iterable[str], suffixes: tuple[str, ...], exclude: Iterable[str]) -> Iterable[str]:
-    """Yield the files to look at, relative to here; folders that begin with '.' or '_' are left out."""
+    """Yield the files to check as relative paths, without folders that start with '.' or '_'."""
     excluded = {os.path.normpath(path) for path in exclude}
     for path in paths:
         found = [path]
@@ -96,7 +95,7 @@ def _files(paths: Iterable[str], suffixes: tuple[str, ...], exclude: Iterable[st
 
 
 def _by_file(output: str, files: list[str]) -> dict[str, str]:
-    """Give each complaint, a line that begins with a file's name, to the file; what follows belongs to it."""
+    """Group findings by file: a line that starts with a file name, and the lines after it."""
     known = {name: file for file in files for name in (file, f"./{file}", str(Path.cwd() / file))}
     complaints: dict[str, list[str]] = defaultdict(list)
     current = ""
@@ -109,7 +108,7 @@ def _by_file(output: str, files: list[str]) -> dict[str, str]:
 
 
 def _write(options: argparse.Namespace, results: dict[str, str], skipped: str = "") -> None:
-    """Write one case per file; without files, one that says why nothing was done."""
+    """Write one test case per file, or a skipped one if there are no files."""
     suite = quoteattr(f"{Path.cwd().name}.{options.tool}")
     cases = [
         (file, f"<failure message={_attribute(text)}/>" if text else "") for file, text in results.items()
@@ -163,7 +162,7 @@ def _flake8(options: argparse.Namespace) -> list[str]:
 
 
 def _cmakelint(options: argparse.Namespace) -> list[str]:
-    # ROS writes the closing bracket of a long call on a line of its own.
+    # In ROS style, the closing bracket of a long call is on a separate line.
     filters = ",".join(("-linelength", "-package/stdargs", "-whitespace/extra", *options.filters))
     return [f"--filter={filters}", *([f"--linelength={options.linelength}"] if options.linelength else [])]
 
@@ -189,7 +188,7 @@ def _pyflakes(_: argparse.Namespace) -> list[str]:
 
 def _uncrustify(options: argparse.Namespace) -> list[str]:
     if not options.config:
-        return []  # its own defaults are nobody's style
+        return []  # the tool's defaults are not the style of ROS
     words = ["-c", options.config, "-q", "--check"]
     if options.language:
         words += ["-l", {"c++": "CPP", "c": "C"}.get(options.language.lower(), options.language)]

@@ -1,4 +1,4 @@
-# Cut each .srv file that SERVICES lists into OUTPUT/X_Request.msg and X_Response.msg, untouched if unchanged.
+# Split each .srv file in SERVICES into OUTPUT/X_Request.msg and X_Response.msg; unchanged files are not written.
 
 cmake_policy(VERSION 3.18)
 

@@ -1,6 +1,6 @@
-# The build step that calls forge's interface compiler, and the targets that stand for what it writes.
+# The build step that calls forge's interface compiler, and the targets for generated code.
 
-# _rosidl_generate(<target> <tuples> <interface packages>): add the custom target, and what it runs.
+# _rosidl_generate(<target> <tuples> <interface packages>): add the custom target and its command.
 function(_rosidl_generate target tuples packages)
   _rosidl_output_folder(output "${target}")
   _rosidl_place_code("${target}")
@@ -17,7 +17,7 @@ function(_rosidl_generate target tuples packages)
   endforeach()
   string(REPLACE ";" "\n" text "${words}")
   _rosidl_write("${output}/generate.args" "${text}\n")
-  # A new forge writes new code, though nothing else has changed.
+  # A new version of forge may generate different code.
   _rosidl_write("${output}/forge_version" "${FORGE_VERSION}\n")
 
   _rosidl_forge_command(forge)
@@ -30,7 +30,7 @@ function(_rosidl_generate target tuples packages)
   _rosidl_service_command(cut_services byproducts "${output}" ${tuples})
   add_custom_command(
     OUTPUT "${output}/stamp"
-    BYPRODUCTS ${headers} ${byproducts}  # Ninja must know them, or it looks at their dates before they are written
+    BYPRODUCTS ${headers} ${byproducts}  # otherwise Ninja may check them before they are written
     COMMAND ${forge} interface generate "@${output}/generate.args"
     ${cut_services}
     ${track_inputs}
@@ -38,7 +38,7 @@ function(_rosidl_generate target tuples packages)
     VERBATIM)
   add_custom_target(${target} ALL DEPENDS "${output}/stamp")
   foreach(part IN ITEMS cpp py)
-    # Names that other packages use in add_dependencies(); one command must not belong to several targets.
+    # Names for add_dependencies() in other packages; a command must not belong to several targets.
     add_custom_target(${target}__${part})
     add_dependencies(${target}__${part} ${target})
   endforeach()
@@ -46,9 +46,9 @@ endfunction()
 
 # _rosidl_place_code(<target>)
 #
-# Some packages include generated code not by a target but from where rosidl's own generators write it:
-# rosidl_generator_cpp and so on, in the build folder. The code of a folder's first target lies there, too; the
-# compiler gets to it by links in its output folder.
+# Some packages include generated code not through a target, but from the output folders of rosidl's generators:
+# rosidl_generator_cpp and so on in the build folder. The code of the first target of a folder is written there,
+# through symbolic links in the output folder of the compiler.
 function(_rosidl_place_code target)
   set(is_first FALSE)
   get_property(first DIRECTORY PROPERTY rosidl_first_target)
@@ -62,7 +62,7 @@ function(_rosidl_place_code target)
     set(has_links TRUE)
   endif()
   if(NOT has_links STREQUAL is_first)
-    file(REMOVE_RECURSE "${output}")  # an older forge wrote here, or another target was the first
+    file(REMOVE_RECURSE "${output}")  # remove output of an older forge, or of another first target
   endif()
   if(is_first)
     file(MAKE_DIRECTORY "${output}")
@@ -74,7 +74,7 @@ function(_rosidl_place_code target)
   endif()
 endfunction()
 
-# _rosidl_code_folder(<variable> <target> <cpp, c or python>): the folder that holds the target's <project>/.
+# _rosidl_code_folder(<variable> <target> <cpp, c or python>): the parent folder of the target's <project>/.
 function(_rosidl_code_folder variable target language)
   get_property(first DIRECTORY PROPERTY rosidl_first_target)
   if(NOT first STREQUAL target)
@@ -90,8 +90,8 @@ endfunction()
 
 # _rosidl_add_targets(<target> <interface packages>)
 #
-# Everything is header-only, so every target is an INTERFACE library. Those of a kind link the same kind of
-# the dependencies; whoever links one of this project waits for the generation.
+# All targets are INTERFACE libraries, because everything is header-only. A target links the targets of the same
+# kind of the dependencies. Targets of this project that link one are built after the generation.
 function(_rosidl_add_targets target packages)
   foreach(kind IN ITEMS
       rosidl_generator_c rosidl_typesupport_introspection_c rosidl_typesupport_fastrtps_c rosidl_typesupport_c
@@ -116,15 +116,15 @@ function(_rosidl_add_targets target packages)
       endif()
     endif()
     if(kind MATCHES "_cpp$" AND CMAKE_VERSION VERSION_GREATER_EQUAL 3.22)
-      # Set as a property: target_compile_features() refuses where C++ is not enabled. Older CMake refuses the
-      # property, too, when a program in C links all that a package exports.
+      # A property, because target_compile_features() fails if C++ is not enabled. Before CMake 3.22, the
+      # property is an error if a C program links all exported targets.
       set_property(TARGET ${library} PROPERTY INTERFACE_COMPILE_FEATURES cxx_std_17)
     endif()
     set_property(GLOBAL APPEND PROPERTY rosidl_libraries_of_${target} ${library})
   endforeach()
 endfunction()
 
-# _rosidl_forge_command(<variable>): the words that start forge.
+# _rosidl_forge_command(<variable>): the command of forge.
 function(_rosidl_forge_command variable)
   if(FORGE_COMMAND)
     set(command "${FORGE_COMMAND}")
@@ -142,7 +142,7 @@ function(_rosidl_forge_command variable)
   set(${variable} "${command}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_known_inputs(<variable> <output folder> <tuples> <package>...): what generation reads, as known so far.
+# _rosidl_known_inputs(<variable> <output folder> <tuples> <package>...): the known inputs of the generation.
 function(_rosidl_known_inputs variable output tuples)
   set(inputs "${output}/generate.args" "${output}/forge_version")
   foreach(tuple IN LISTS tuples)
@@ -150,7 +150,7 @@ function(_rosidl_known_inputs variable output tuples)
     list(APPEND inputs "${file}")
   endforeach()
   if(CMAKE_VERSION VERSION_LESS 3.20)
-    # Older CMake does not take the list that the compiler writes: all files of the dependencies count.
+    # Older versions of CMake do not support depfiles: depend on all definitions of the dependencies.
     foreach(package IN LISTS ARGN)
       foreach(file IN LISTS ${package}_INTERFACE_FILES ${package}_IDL_FILES)
         get_filename_component(file "${${package}_DIR}/../${file}" ABSOLUTE)
@@ -163,7 +163,7 @@ function(_rosidl_known_inputs variable output tuples)
   set(${variable} "${inputs}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_headers(<variable> <target> <tuple>...): the headers that generation writes.
+# _rosidl_headers(<variable> <target> <tuple>...): the generated headers.
 function(_rosidl_headers variable target)
   _rosidl_code_folder(in_cpp ${target} cpp)
   _rosidl_code_folder(in_c ${target} c)
@@ -190,7 +190,7 @@ endfunction()
 
 # _rosidl_service_command(<command variable> <byproducts variable> <output folder> <tuple>...)
 #
-# ROS tools list the two halves of a service as messages of their own.
+# ROS tools list requests and responses of services as messages.
 function(_rosidl_service_command command_variable byproducts_variable output)
   set(services "")
   set(byproducts "")
@@ -213,7 +213,7 @@ function(_rosidl_service_command command_variable byproducts_variable output)
   set(${byproducts_variable} "${byproducts}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_write(<file> <text>): write the text, unless the file already says so.
+# _rosidl_write(<file> <text>): write the text if it differs from that of the file.
 function(_rosidl_write file text)
   if(EXISTS "${file}")
     file(READ "${file}" current)

@@ -1,6 +1,6 @@
-# What an interface package installs, and how others find it.
+# Installation and exports of interface packages.
 
-# _rosidl_install(<target> <tuples>): code, definitions, targets.
+# _rosidl_install(<target> <tuples>): install code, definitions and targets.
 function(_rosidl_install target tuples)
   _rosidl_output_folder(output "${target}")
   foreach(language IN ITEMS cpp c)
@@ -26,7 +26,7 @@ function(_rosidl_install target tuples)
   install(TARGETS ${libraries} EXPORT export_${target}__rosidl)
 endfunction()
 
-# _rosidl_install_python(<target>): the generated package and its metadata.
+# _rosidl_install_python(<target>): install the generated Python package with its metadata.
 function(_rosidl_install_python target)
   _rosidl_output_folder(output "${target}")
   _rosidl_code_folder(code "${target}" python)
@@ -48,7 +48,7 @@ endfunction()
 
 # _rosidl_describe(<target> <tuples>)
 #
-# What the package exports. A macro: ament may keep its account in variables of the caller.
+# Export the package. A macro, because ament may store state in variables of the caller.
 macro(_rosidl_describe target tuples)
   ament_export_targets("export_${target}__rosidl")
   ament_export_include_directories("include/${PROJECT_NAME}")
@@ -62,7 +62,7 @@ endmacro()
 
 # _rosidl_list_files(<idl variable> <interface variable> <all variable> <tuples>)
 #
-# Files relative to the package's share folder: as .idl, as written, and the lines of the index entry.
+# Files relative to the share folder: .idl files, original files, and the lines of the index entry.
 function(_rosidl_list_files idl_variable interface_variable all_variable tuples)
   _rosidl_names(names ${tuples})
   set(idl "${names}")
@@ -86,7 +86,7 @@ function(_rosidl_list_files idl_variable interface_variable all_variable tuples)
   set(${all_variable} "${all}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_write_extras(<target> <idl files> <interface files>): the template that ament_package() expands.
+# _rosidl_write_extras(<target> <idl files> <interface files>): write the extra file that ament_package() configures.
 function(_rosidl_write_extras target idl_files interface_files)
   get_property(libraries GLOBAL PROPERTY rosidl_libraries_of_${target})
   set(lines "")
@@ -96,7 +96,7 @@ function(_rosidl_write_extras target idl_files interface_files)
   endforeach()
   string(REPLACE ";" "\n  " idl_files "${idl_files}")
   string(REPLACE ";" "\n  " interface_files "${interface_files}")
-  set(more "@rosidl_typesupport_EXPORTS@")  # of rosidl_export_typesupport_*(), known later
+  set(more "@rosidl_typesupport_EXPORTS@")  # from rosidl_export_typesupport_*(), called later
   get_property(folder GLOBAL PROPERTY rosidl_folder)
   configure_file("${folder}/templates/rosidl_interfaces-extras.cmake.in"
     "${CMAKE_CURRENT_BINARY_DIR}/rosidl/rosidl_interfaces-extras.cmake.in" @ONLY)

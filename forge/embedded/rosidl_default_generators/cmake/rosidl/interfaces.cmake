@@ -1,14 +1,14 @@
-# rosidl_generate_interfaces(): from the files that a package names to targets, installed files and exports.
+# rosidl_generate_interfaces(): generate, install and export the interfaces of a package.
 
 # rosidl_generate_interfaces(<target> <file>... [DEPENDENCIES <package>...] [LIBRARY_NAME <name>]
 #                            [SKIP_INSTALL] [SKIP_GROUP_MEMBERSHIP_CHECK] [ADD_LINTER_TESTS])
 #
-# A file is relative to the current source folder, or reads BASE:msg/X.msg. Gives the custom target <target>,
+# A file is relative to the current source folder, or BASE:msg/X.msg. Creates the custom target <target>,
 # header-only targets <target>__rosidl_typesupport_cpp and so on (also as <project>::...), and a Python
-# package. A macro, because extensions and the packages it finds must be seen by the caller.
+# package. A macro, so that the caller sees the packages that it finds, and extensions see the caller's variables.
 #
-# LIBRARY_NAME is accepted and passed on, but nothing generated here has a file of that name; generated code
-# needs no linters either.
+# LIBRARY_NAME is passed on to extensions, but has no effect on header-only code. ADD_LINTER_TESTS has no effect
+# either.
 macro(rosidl_generate_interfaces target)
   cmake_parse_arguments(_rosidl
     "SKIP_INSTALL;SKIP_GROUP_MEMBERSHIP_CHECK;ADD_LINTER_TESTS" "LIBRARY_NAME" "DEPENDENCIES" ${ARGN})
@@ -17,7 +17,7 @@ macro(rosidl_generate_interfaces target)
   endif()
   _rosidl_read_files(_rosidl_tuples "${target}" ${_rosidl_UNPARSED_ARGUMENTS})
 
-  # An action's messages refer to these packages, and hardly anybody declares them.
+  # Actions use these packages; most packages do not declare them.
   if(_rosidl_tuples MATCHES ":action/|\\.action(;|$)")
     if(NOT action_msgs_FOUND)
       find_package(action_msgs QUIET)
@@ -62,7 +62,7 @@ macro(rosidl_generate_interfaces target)
     _rosidl_describe("${target}" "${_rosidl_tuples}")
   endif()
 
-  # What third-party generators read.
+  # Variables for third-party generators.
   _rosidl_output_folder(_rosidl_output "${target}")
   _rosidl_idl_tuples(rosidl_generate_interfaces_IDL_TUPLES "${_rosidl_output}" ${_rosidl_tuples})
   string(REGEX REPLACE "(^|;)([^;]*):([^;:]*)" "\\1\\2/\\3"
@@ -75,7 +75,7 @@ macro(rosidl_generate_interfaces target)
   ament_execute_extensions(rosidl_generate_idl_interfaces)
 endmacro()
 
-# _rosidl_read_files(<variable> <target> <file>...): the files as BASE:NAMESPACE/NAME.EXT, checked.
+# _rosidl_read_files(<variable> <target> <file>...): check the files, and return them as BASE:NAMESPACE/NAME.EXT.
 function(_rosidl_read_files variable target)
   if(TARGET "${target}")
     message(FATAL_ERROR
@@ -110,7 +110,7 @@ function(_rosidl_read_files variable target)
   set(${variable} "${tuples}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_tell_of_forgotten_files(<tuples>): definitions that lie there and that CMakeLists.txt does not name.
+# _rosidl_tell_of_forgotten_files(<tuples>): warn about definitions that CMakeLists.txt does not list.
 function(_rosidl_tell_of_forgotten_files tuples)
   file(READ "${CMAKE_CURRENT_LIST_FILE}" text)
   file(GLOB found RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}"
@@ -129,7 +129,7 @@ function(_rosidl_tell_of_forgotten_files tuples)
   endforeach()
 endfunction()
 
-# _rosidl_interface_packages(<variable> <package>...): those with interfaces among them and their dependencies.
+# _rosidl_interface_packages(<variable> <package>...): the packages with interfaces, including dependencies.
 function(_rosidl_interface_packages variable)
   set(packages "")
   foreach(package IN LISTS ARGN)
@@ -143,7 +143,7 @@ function(_rosidl_interface_packages variable)
   set(${variable} "${packages}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_names(<variable> <tuple>...): each interface as NAMESPACE/NAME; the extension names the namespace.
+# _rosidl_names(<variable> <tuple>...): each interface as NAMESPACE/NAME, with the namespace from the extension.
 function(_rosidl_names variable)
   set(names "")
   foreach(tuple IN LISTS ARGN)
@@ -156,7 +156,7 @@ function(_rosidl_names variable)
   set(${variable} "${names}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_idl_tuples(<variable> <output folder> <tuple>...): where each interface is to be had as .idl.
+# _rosidl_idl_tuples(<variable> <output folder> <tuple>...): the paths of the .idl files.
 function(_rosidl_idl_tuples variable output)
   _rosidl_names(names ${ARGN})
   list(TRANSFORM names PREPEND "${output}/idl/${PROJECT_NAME}:")
@@ -164,7 +164,7 @@ function(_rosidl_idl_tuples variable output)
   set(${variable} "${names}" PARENT_SCOPE)
 endfunction()
 
-# _rosidl_output_folder(<variable> <target>): where the target's code is generated.
+# _rosidl_output_folder(<variable> <target>): the output folder of a target.
 function(_rosidl_output_folder variable target)
   set(${variable} "${CMAKE_CURRENT_BINARY_DIR}/rosidl/${target}" PARENT_SCOPE)
 endfunction()

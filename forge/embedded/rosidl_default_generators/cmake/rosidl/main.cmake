@@ -1,7 +1,7 @@
-# The rosidl CMake API: the one door that all config files of this package lead to.
+# The rosidl CMake API; all config files of this package include this file.
 #
-# Written against ament's public commands only, so that it serves on any ament. Whoever finds it has found
-# ament_cmake, too: some packages never ask for that themselves.
+# Uses only public commands of ament, so it works with any ament. Also finds ament_cmake, because some packages
+# do not.
 
 find_package(ament_cmake QUIET REQUIRED)
 find_package(rosidl_default_runtime QUIET REQUIRED)
@@ -9,7 +9,7 @@ find_package(rosidl_default_runtime QUIET REQUIRED)
 cmake_policy(PUSH)
 cmake_policy(VERSION 3.18)
 if(POLICY CMP0116)
-  cmake_policy(SET CMP0116 NEW)  # Ninja: the generator's depfile is relative to where it is written
+  cmake_policy(SET CMP0116 NEW)  # Ninja: paths in depfiles are relative to the build folder
 endif()
 get_property(_rosidl_is_loaded GLOBAL PROPERTY rosidl_is_loaded)
 if(NOT _rosidl_is_loaded)

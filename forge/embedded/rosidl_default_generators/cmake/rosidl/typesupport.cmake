@@ -1,8 +1,8 @@
-# Type supports: the targets by kind, and what third-party generators call.
+# Type supports: targets by kind, and commands for third-party generators.
 
 # rosidl_get_typesupport_target(<variable> <target> <typesupport>)
 #
-# The target to link for the interfaces of <target>; ends in -NOTFOUND if there is none.
+# Return the target to link for the interfaces of <target>; it ends in -NOTFOUND if there is none.
 function(rosidl_get_typesupport_target variable target typesupport)
   if(NOT TARGET "${target}")
     message(FATAL_ERROR "rosidl_get_typesupport_target() was given '${target}', which is no target")
@@ -14,7 +14,7 @@ function(rosidl_get_typesupport_target variable target typesupport)
   set(${variable} "${answer}" PARENT_SCOPE)
 endfunction()
 
-# rosidl_target_interfaces(<target> <interface target> <typesupport>): the old way to link generated code.
+# rosidl_target_interfaces(<target> <interface target> <typesupport>): deprecated command to link generated code.
 function(rosidl_target_interfaces target interface_target typesupport)
   message(DEPRECATION
     "rosidl_target_interfaces() is deprecated, link what rosidl_get_typesupport_target() returns")
@@ -27,19 +27,19 @@ function(rosidl_target_interfaces target interface_target typesupport)
   target_link_libraries(${target} ${interface_target}__${typesupport})
 endfunction()
 
-# rosidl_export_typesupport_targets(<kind> <target>...): add own targets to <project>_TARGETS__<kind>.
+# rosidl_export_typesupport_targets(<kind> <target>...): add targets to <project>_TARGETS__<kind>.
 macro(rosidl_export_typesupport_targets kind)
   _rosidl_typesupport_lines(_rosidl_lines rosidl_export_typesupport_targets TARGETS__${kind} "::" ${ARGN})
   string(APPEND rosidl_typesupport_EXPORTS "${_rosidl_lines}")
 endmacro()
 
-# rosidl_export_typesupport_libraries(<kind> <target>...): add own libraries to <project>_LIBRARIES__<kind>.
+# rosidl_export_typesupport_libraries(<kind> <target>...): add libraries to <project>_LIBRARIES__<kind>.
 macro(rosidl_export_typesupport_libraries kind)
   _rosidl_typesupport_lines(_rosidl_lines rosidl_export_typesupport_libraries LIBRARIES__${kind} "" ${ARGN})
   string(APPEND rosidl_typesupport_EXPORTS "${_rosidl_lines}")
 endmacro()
 
-# _rosidl_typesupport_lines(<variable> <command> <list> <namespace mark> <target>...): lines for the extra file.
+# _rosidl_typesupport_lines(<variable> <command> <list> <namespace mark> <target>...): the lines for the extra file.
 function(_rosidl_typesupport_lines variable command list mark)
   if(_${PROJECT_NAME}_AMENT_PACKAGE)
     message(FATAL_ERROR "${command}() must be called before ament_package()")
@@ -64,7 +64,7 @@ function(_rosidl_typesupport_lines variable command list mark)
   set(${variable} "${lines}" PARENT_SCOPE)
 endfunction()
 
-# string_camel_case_to_lower_case_underscore(<text> <variable>): rosidl's snake case.
+# string_camel_case_to_lower_case_underscore(<text> <variable>): convert to snake case as rosidl does.
 function(string_camel_case_to_lower_case_underscore text variable)
   string(REGEX REPLACE "(.)([A-Z][a-z]+)" "\\1_\\2" text "${text}")
   string(REGEX REPLACE "([a-z0-9])([A-Z])" "\\1_\\2" text "${text}")
@@ -72,7 +72,7 @@ function(string_camel_case_to_lower_case_underscore text variable)
   set(${variable} "${text}" PARENT_SCOPE)
 endfunction()
 
-# get_used_typesupports(<variable> <index type>): the type supports that the index knows, or the chosen one.
+# get_used_typesupports(<variable> <index type>): the type supports in the index, or the selected one.
 function(get_used_typesupports variable type)
   string(TOUPPER "STATIC_${type}" choice)
   if(NOT "${${choice}}" STREQUAL "")
@@ -85,7 +85,7 @@ function(get_used_typesupports variable type)
   set(${variable} "${names}" PARENT_SCOPE)
 endfunction()
 
-# rosidl_generator_py_get_typesupports(<variable>): generated Python needs no type support of C.
+# rosidl_generator_py_get_typesupports(<variable>): none, generated Python needs no C type support.
 function(rosidl_generator_py_get_typesupports variable)
   get_used_typesupports(names rosidl_typesupport_c)
   set(${variable} "${names}" PARENT_SCOPE)
@@ -93,7 +93,7 @@ endfunction()
 
 # rosidl_write_generator_arguments(<file> PACKAGE_NAME <name> <KEY> <value>...)
 #
-# The arguments of a third-party generator as JSON, keys in lower case.
+# Write the arguments of a third-party generator as JSON, with keys in lower case.
 function(rosidl_write_generator_arguments file)
   set(single PACKAGE_NAME OUTPUT_DIR TEMPLATE_DIR)
   set(multiple IDL_TUPLES NON_IDL_TUPLES ROS_INTERFACE_FILES ROS_INTERFACE_DEPENDENCIES TARGET_DEPENDENCIES
@@ -129,8 +129,8 @@ endfunction()
 
 # rosidl_adapt_interfaces(<variable> <arguments file> TARGET <target>)
 #
-# Write the .msg, .srv and .action files that rosidl_write_generator_arguments() noted as NON_IDL_TUPLES as .idl
-# files, now, and return these as tuples. Definitions may refer to any package that was found.
+# Convert the .msg, .srv and .action files in NON_IDL_TUPLES of rosidl_write_generator_arguments() to .idl files
+# at configure time, and return them as tuples. Definitions may refer to any package that was found.
 function(rosidl_adapt_interfaces variable arguments_file)
   cmake_parse_arguments(ARG "" "TARGET" "" ${ARGN})
   if(ARG_UNPARSED_ARGUMENTS OR NOT ARG_TARGET)

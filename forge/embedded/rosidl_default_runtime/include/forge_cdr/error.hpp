@@ -6,7 +6,7 @@
 namespace forge_cdr
 {
 
-/// Bytes that hold no such message, or a place too small for one; what() says what and where.
+/// Invalid data, or a buffer that is too small; what() contains the reason and the offset.
 class Error : public std::runtime_error
 {
 public:

@@ -1,4 +1,4 @@
-// What generated headers say about messages, so that forge_cdr/forge_cdr.hpp can write and read them.
+// The description of messages in generated headers, for forge_cdr/forge_cdr.hpp.
 
 #ifndef FORGE_CDR__MEMBERS_HPP_
 #define FORGE_CDR__MEMBERS_HPP_
@@ -8,12 +8,12 @@
 namespace forge_cdr
 {
 
-/// How a message lies on the wire; specialised beside every message.
+/// The serialized layout of a message; generated headers specialize it for each message.
 /**
- * least      the fewest bytes that such a message takes
- * packed     how many bytes every such message takes if it never has padding inside, else 0
- * alignment  with that, what the offset of its first byte is a multiple of
- * visit      hands all members to a sizer, a writer or a reader, in the order of the bytes
+ * least      the minimum serialized size in bytes
+ * packed     the serialized size if it is fixed and without padding, else 0
+ * alignment  if packed, the alignment of the first byte
+ * visit      passes all members to a sizer, a writer or a reader, in serialization order
  */
 template<typename Message>
 struct Members;

@@ -1,9 +1,9 @@
-// A sequence of a message that stays where the message's bytes are: nothing of it is copied.
+// A view of a sequence inside serialized data, without copying it.
 //
 //   sensor_msgs::msg::Image rest;
 //   const auto pixels = forge_cdr::view(data, size, rest, &sensor_msgs::msg::Image::data);
 //
-// The rest of the message is read as always. The view is good for as long as the bytes are there.
+// All other members are read as usual. The view is valid as long as the data.
 
 #ifndef FORGE_CDR__VIEW_HPP_
 #define FORGE_CDR__VIEW_HPP_
@@ -19,7 +19,7 @@
 namespace forge_cdr
 {
 
-/// Elements of fixed size within a message's bytes, whatever their byte order and alignment are there.
+/// Elements of fixed size inside serialized data, of any byte order and alignment.
 template<typename Value>
 class View
 {
@@ -31,7 +31,7 @@ public:
   {
   }
 
-  /// How many elements there are.
+  /// The number of elements.
   std::size_t size() const noexcept
   {
     return _size;
@@ -42,7 +42,7 @@ public:
     return _size == 0;
   }
 
-  /// The element at a position below size(), by value: it may lie at an odd address.
+  /// The element at an index less than size(), by value, because it may be unaligned.
   Value operator[](std::size_t position) const
   {
     constexpr std::size_t size = detail::Leaf<Value>::size;
@@ -56,13 +56,13 @@ public:
     return value;
   }
 
-  /// Where the first element begins; the bytes are as in memory unless swapped().
+  /// The first byte of the first element; the bytes are in host order unless swapped().
   const std::uint8_t * bytes() const noexcept
   {
     return _bytes;
   }
 
-  /// Tell if the bytes of each number have the other order than this machine's.
+  /// True if the byte order differs from that of the host.
   bool swapped() const noexcept
   {
     return _swapped;
@@ -77,7 +77,7 @@ private:
 namespace detail
 {
 
-/// Reads members as a Reader does, all but one sequence, which it only finds.
+/// Reads members like a Reader, except for one sequence, whose position it records.
 template<bool Swap, typename Wanted>
 class Viewer
 {
@@ -149,9 +149,9 @@ View<typename Wanted::value_type> read_around(
 
 }  // namespace detail
 
-/// Read a message but for one of its own sequences, which is left empty, and return a view of that.
+/// Read a message except for one of its direct sequences, which is left empty, and return a view of that sequence.
 /**
- * The sequence has elements of fixed size: numbers, or messages without padding. Throws as deserialize().
+ * The elements must be of fixed size: numbers, or messages without padding. Throws as deserialize().
  */
 template<typename Message, typename Sequence>
 View<typename Sequence::value_type> view(

@@ -11,7 +11,7 @@ extern "C"
 
 typedef struct rosidl_action_type_support_t rosidl_action_type_support_t;
 
-/* The services and topics that an action is made of. */
+/* The type supports of the services and topics of an action. */
 struct rosidl_action_type_support_t
 {
   const rosidl_service_type_support_t * goal_service_type_support;
@@ -21,12 +21,12 @@ struct rosidl_action_type_support_t
   const rosidl_message_type_support_t * status_message_type_support;
 };
 
-/* The type support of an action, from a program in C. */
+/* Returns the C type support of an action. */
 #define ROSIDL_GET_ACTION_TYPE_SUPPORT(PkgName, ActionName) \
   ROSIDL_TYPESUPPORT_INTERFACE__ACTION_SYMBOL_NAME( \
     rosidl_typesupport_c, PkgName, action, ActionName)()
 
-/* Generated headers define by this the function that the macro above calls. */
+/* Defines the function that the macro above calls; used in generated headers. */
 #define FORGE_C_ACTION_TYPE_SUPPORT(package, kind, name) \
   static inline const rosidl_action_type_support_t * \
   rosidl_typesupport_c__get_action_type_support_handle__ ## package ## __ ## kind ## __ ## name(void) \

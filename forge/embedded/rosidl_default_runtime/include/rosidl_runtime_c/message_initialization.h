@@ -1,7 +1,7 @@
 #ifndef ROSIDL_RUNTIME_C__MESSAGE_INITIALIZATION_H_
 #define ROSIDL_RUNTIME_C__MESSAGE_INITIALIZATION_H_
 
-/* What initializing a message does to its members; the values are those of the C++ enumeration. */
+/* How to initialize the members of a message; the values equal those of the C++ enumeration. */
 enum rosidl_runtime_c__message_initialization
 {
   ROSIDL_RUNTIME_C_MSG_INIT_ALL = 0,

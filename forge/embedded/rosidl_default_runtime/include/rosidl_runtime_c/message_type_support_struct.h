@@ -6,7 +6,7 @@
 
 #include "rosidl_typesupport_interface/macros.h"
 
-/* What handles of generated C are called here. They hold the type's name, "pkg/msg/Name", and no code. */
+/* The identifier of handles in generated C. Their data is the name of the type, "pkg/msg/Name". */
 #define FORGE_TYPESUPPORT_C "forge_typesupport_c"
 
 #ifdef __cplusplus
@@ -16,40 +16,40 @@ extern "C"
 
 typedef struct rosidl_message_type_support_t rosidl_message_type_support_t;
 
-/* Finds the type support that has this identifier, starting from one that may hold several. */
+/* Returns the type support with this identifier; a handle may contain several. */
 typedef const rosidl_message_type_support_t * (* rosidl_message_typesupport_handle_function)(
   const rosidl_message_type_support_t *, const char *);
 
-/* How a middleware gets at the code for a message. */
+/* The type support of a message, for middlewares. */
 struct rosidl_message_type_support_t
 {
-  /* Tells what `data` points to. */
+  /* Identifies the type of `data`. */
   const char * typesupport_identifier;
   const void * data;
   rosidl_message_typesupport_handle_function func;
 };
 
-/* Ask a handle for the type support that has this identifier; NULL if it knows none. */
+/* Return the type support of a handle with this identifier, or NULL. */
 static inline const rosidl_message_type_support_t * get_message_typesupport_handle(
   const rosidl_message_type_support_t * handle, const char * identifier)
 {
   return handle->func(handle, identifier);
 }
 
-/* The answer of a handle that holds nothing but itself: its `func`. */
+/* The `func` of a handle with a single type support. */
 static inline const rosidl_message_type_support_t * get_message_typesupport_handle_function(
   const rosidl_message_type_support_t * handle, const char * identifier)
 {
   return strcmp(handle->typesupport_identifier, identifier) == 0 ? handle : NULL;
 }
 
-/* The type support of a message, from a program in C. */
+/* Returns the C type support of a message. */
 #define ROSIDL_GET_MSG_TYPE_SUPPORT(PkgName, MsgSubfolder, MsgName) \
   ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME( \
     rosidl_typesupport_c, PkgName, MsgSubfolder, MsgName)()
 
-/* Generated headers define by this the function that the macro above calls. Where it is missing, the run time
- * is not forge's and brings libraries with those functions. */
+/* Defines the function that the macro above calls; used in generated headers. It is not defined by other run
+ * times, which provide libraries with these functions. */
 #define FORGE_C_MESSAGE_TYPE_SUPPORT(package, kind, name) \
   static inline const rosidl_message_type_support_t * \
   rosidl_typesupport_c__get_message_type_support_handle__ ## package ## __ ## kind ## __ ## name(void) \

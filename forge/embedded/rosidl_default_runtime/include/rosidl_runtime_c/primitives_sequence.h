@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* A sequence of a basic type, called by its name in IDL: `size` numbers, in memory for `capacity`. */
+/* A sequence of a primitive type, named as in IDL: `size` numbers, and memory for `capacity` numbers. */
 #define ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE(NAME, TYPE) \
   typedef struct rosidl_runtime_c__ ## NAME ## __Sequence \
   { \
@@ -30,7 +30,7 @@ ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE(float, float)
 ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE(double, double)
 ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE(long_double, long double)
 
-/* Older programs call some by their names in .msg files. */
+/* Aliases with the names of .msg files, for older programs. */
 typedef rosidl_runtime_c__boolean__Sequence rosidl_runtime_c__bool__Sequence;
 typedef rosidl_runtime_c__octet__Sequence rosidl_runtime_c__byte__Sequence;
 typedef rosidl_runtime_c__float__Sequence rosidl_runtime_c__float32__Sequence;

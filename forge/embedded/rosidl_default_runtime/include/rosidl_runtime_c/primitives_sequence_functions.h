@@ -9,15 +9,15 @@
 
 #include "rosidl_runtime_c/primitives_sequence.h"
 
-/* Defines, for the sequence of a basic type:
+/* Defines, for sequences of a primitive type:
  *
- *   init       `size` zeros; false without memory, and then nothing is left behind
- *   fini       gives the memory back; empty afterwards
- *   are_equal  compares numbers as == does, so that one that is not a number equals none
- *   copy       allocates only if the output has too little room; false without memory, the output then
- *              being as it was
+ *   init       creates `size` zeros; returns false if memory runs out, without leaks
+ *   fini       frees the memory; the sequence is empty afterwards
+ *   are_equal  compares numbers with ==, so NaN is not equal to itself
+ *   copy       allocates only if the capacity is insufficient; returns false if memory runs out, and leaves
+ *              the output unchanged
  *
- * What is initialized, or all zero, may be finished, even twice, and copied to. */
+ * fini() and copy() accept initialized and zeroed sequences; fini() may be called twice. */
 #define ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(NAME, TYPE) \
   static inline bool rosidl_runtime_c__ ## NAME ## __Sequence__init( \
     rosidl_runtime_c__ ## NAME ## __Sequence * sequence, size_t size) \
@@ -96,7 +96,7 @@ ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(float, float)
 ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(double, double)
 ROSIDL_RUNTIME_C__PRIMITIVE_SEQUENCE_FUNCTIONS(long_double, long double)
 
-/* The functions of sequences by their older names. */
+/* Aliases of the functions with older names. */
 #define rosidl_runtime_c__bool__Sequence__init rosidl_runtime_c__boolean__Sequence__init
 #define rosidl_runtime_c__bool__Sequence__fini rosidl_runtime_c__boolean__Sequence__fini
 #define rosidl_runtime_c__byte__Sequence__init rosidl_runtime_c__octet__Sequence__init

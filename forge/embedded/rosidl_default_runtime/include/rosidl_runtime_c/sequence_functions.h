@@ -8,16 +8,16 @@
 
 /* Defines the functions of TYPE__Sequence from those of TYPE:
  *
- *   bool TYPE__Sequence__init(TYPE__Sequence *, size_t size)       `size` initialized elements
- *   void TYPE__Sequence__fini(TYPE__Sequence *)                    gives all memory back; empty afterwards
- *   TYPE__Sequence * TYPE__Sequence__create(size_t size)           one on the heap; NULL without memory
- *   void TYPE__Sequence__destroy(TYPE__Sequence *)                 what create() made, or NULL
+ *   bool TYPE__Sequence__init(TYPE__Sequence *, size_t size)       creates `size` initialized elements
+ *   void TYPE__Sequence__fini(TYPE__Sequence *)                    frees all memory; empty afterwards
+ *   TYPE__Sequence * TYPE__Sequence__create(size_t size)           allocates one; NULL if memory runs out
+ *   void TYPE__Sequence__destroy(TYPE__Sequence *)                 frees one of create(), or NULL
  *   bool TYPE__Sequence__are_equal(const TYPE__Sequence *, const TYPE__Sequence *)
  *   bool TYPE__Sequence__copy(const TYPE__Sequence * input, TYPE__Sequence * output)
  *
- * What is initialized, or all zero, may be finished, even twice, and copied to. Elements between size and
- * capacity stay initialized, so that a shorter copy allocates nothing. Without memory the answer is false:
- * init() then has left nothing behind, and copy() a sequence that is whole, though not equal to its input. */
+ * fini() and copy() accept initialized and zeroed sequences; fini() may be called twice. Elements between size
+ * and capacity stay initialized, so a shorter copy allocates nothing. If memory runs out, functions return
+ * false: init() then leaks nothing, and copy() leaves a valid sequence that differs from its input. */
 #define ROSIDL_RUNTIME_C__SEQUENCE_FUNCTIONS(TYPE) \
   static inline void TYPE ## __Sequence__fini(TYPE ## __Sequence * sequence) \
   { \
@@ -35,7 +35,7 @@
     sequence->capacity = 0; \
   } \
   \
-  /* Make room for `size` elements and initialize the new ones. */ \
+  /* Allocate memory for `size` elements and initialize the new ones. */ \
   static inline bool TYPE ## __Sequence__grow(TYPE ## __Sequence * sequence, size_t size) \
   { \
     if (size <= sequence->capacity) { \

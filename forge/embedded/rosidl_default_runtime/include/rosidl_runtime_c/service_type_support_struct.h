@@ -14,40 +14,40 @@ extern "C"
 
 typedef struct rosidl_service_type_support_t rosidl_service_type_support_t;
 
-/* Finds the type support that has this identifier, starting from one that may hold several. */
+/* Returns the type support with this identifier; a handle may contain several. */
 typedef const rosidl_service_type_support_t * (* rosidl_service_typesupport_handle_function)(
   const rosidl_service_type_support_t *, const char *);
 
-/* How a middleware gets at the code for a service. */
+/* The type support of a service, for middlewares. */
 struct rosidl_service_type_support_t
 {
-  /* Tells what `data` points to. */
+  /* Identifies the type of `data`. */
   const char * typesupport_identifier;
   const void * data;
   rosidl_service_typesupport_handle_function func;
 };
 
-/* Ask a handle for the type support that has this identifier; NULL if it knows none. */
+/* Return the type support of a handle with this identifier, or NULL. */
 static inline const rosidl_service_type_support_t * get_service_typesupport_handle(
   const rosidl_service_type_support_t * handle, const char * identifier)
 {
   return handle->func(handle, identifier);
 }
 
-/* The answer of a handle that holds nothing but itself: its `func`. */
+/* The `func` of a handle with a single type support. */
 static inline const rosidl_service_type_support_t * get_service_typesupport_handle_function(
   const rosidl_service_type_support_t * handle, const char * identifier)
 {
   return strcmp(handle->typesupport_identifier, identifier) == 0 ? handle : NULL;
 }
 
-/* The type support of a service, from a program in C. */
+/* Returns the C type support of a service. */
 #define ROSIDL_GET_SRV_TYPE_SUPPORT(PkgName, SrvSubfolder, SrvName) \
   ROSIDL_TYPESUPPORT_INTERFACE__SERVICE_SYMBOL_NAME( \
     rosidl_typesupport_c, PkgName, SrvSubfolder, SrvName)()
 
-/* Generated headers define by this the function that the macro above calls. Where it is missing, the run time
- * is not forge's and brings libraries with those functions. */
+/* Defines the function that the macro above calls; used in generated headers. It is not defined by other run
+ * times, which provide libraries with these functions. */
 #define FORGE_C_SERVICE_TYPE_SUPPORT(package, kind, name) \
   static inline const rosidl_service_type_support_t * \
   rosidl_typesupport_c__get_service_type_support_handle__ ## package ## __ ## kind ## __ ## name(void) \

@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-/* A text of `size` bytes, then a NUL, in memory for `capacity` bytes. All zero is a text, too: an empty one. */
+/* A string of `size` bytes and a NUL, with memory for `capacity` bytes. A zeroed struct is an empty string. */
 typedef struct rosidl_runtime_c__String
 {
   char * data;
@@ -11,7 +11,7 @@ typedef struct rosidl_runtime_c__String
   size_t capacity;
 } rosidl_runtime_c__String;
 
-/* `size` texts, in memory for `capacity`, of which every one is initialized. */
+/* `size` strings, with memory for `capacity` strings, all of which are initialized. */
 typedef struct rosidl_runtime_c__String__Sequence
 {
   rosidl_runtime_c__String * data;

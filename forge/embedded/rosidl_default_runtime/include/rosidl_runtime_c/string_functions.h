@@ -10,9 +10,9 @@
 #include "rosidl_runtime_c/sequence_functions.h"
 #include "rosidl_runtime_c/string.h"
 
-/* Functions that answer bool say false when there is no memory, or a NULL where there must be none. */
+/* Functions return false if memory runs out or an argument is NULL. */
 
-/* Make an empty text. */
+/* Initialize an empty string. */
 static inline bool rosidl_runtime_c__String__init(rosidl_runtime_c__String * str)
 {
   if (!str) {
@@ -24,7 +24,7 @@ static inline bool rosidl_runtime_c__String__init(rosidl_runtime_c__String * str
   return str->data != NULL;
 }
 
-/* Give the memory back. The text may be assigned to afterwards. */
+/* Free the memory. The string can be assigned to afterwards. */
 static inline void rosidl_runtime_c__String__fini(rosidl_runtime_c__String * str)
 {
   if (!str) {
@@ -36,7 +36,7 @@ static inline void rosidl_runtime_c__String__fini(rosidl_runtime_c__String * str
   str->capacity = 0;
 }
 
-/* Make the text that of the `n` bytes at `value`, which may be part of the text itself. */
+/* Assign the `n` bytes at `value`, which may be a part of the string itself. */
 static inline bool rosidl_runtime_c__String__assignn(
   rosidl_runtime_c__String * str, const char * value, size_t n)
 {
@@ -60,7 +60,7 @@ static inline bool rosidl_runtime_c__String__assignn(
   return true;
 }
 
-/* Make the text that of `value`, up to its NUL. */
+/* Assign `value`, up to its NUL. */
 static inline bool rosidl_runtime_c__String__assign(rosidl_runtime_c__String * str, const char * value)
 {
   return value && rosidl_runtime_c__String__assignn(str, value, strlen(value));

@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* A text of `size` units of UTF-16, then a zero, in memory for `capacity` units. */
+/* A string of `size` UTF-16 code units and a zero, with memory for `capacity` units. */
 typedef struct rosidl_runtime_c__U16String
 {
   uint_least16_t * data;
@@ -12,7 +12,7 @@ typedef struct rosidl_runtime_c__U16String
   size_t capacity;
 } rosidl_runtime_c__U16String;
 
-/* `size` texts, in memory for `capacity`, of which every one is initialized. */
+/* `size` strings, with memory for `capacity` strings, all of which are initialized. */
 typedef struct rosidl_runtime_c__U16String__Sequence
 {
   rosidl_runtime_c__U16String * data;

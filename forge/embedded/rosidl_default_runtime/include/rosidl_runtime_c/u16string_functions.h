@@ -10,10 +10,10 @@
 #include "rosidl_runtime_c/sequence_functions.h"
 #include "rosidl_runtime_c/u16string.h"
 
-/* Functions that answer bool say false when there is no memory, or a NULL where there must be none.
- * Sizes count units of UTF-16, not bytes. */
+/* Functions return false if memory runs out or an argument is NULL.
+ * Sizes are in UTF-16 code units, not bytes. */
 
-/* Make an empty text. */
+/* Initialize an empty string. */
 static inline bool rosidl_runtime_c__U16String__init(rosidl_runtime_c__U16String * str)
 {
   if (!str) {
@@ -25,7 +25,7 @@ static inline bool rosidl_runtime_c__U16String__init(rosidl_runtime_c__U16String
   return str->data != NULL;
 }
 
-/* Give the memory back. The text may be assigned to afterwards. */
+/* Free the memory. The string can be assigned to afterwards. */
 static inline void rosidl_runtime_c__U16String__fini(rosidl_runtime_c__U16String * str)
 {
   if (!str) {
@@ -37,7 +37,7 @@ static inline void rosidl_runtime_c__U16String__fini(rosidl_runtime_c__U16String
   str->capacity = 0;
 }
 
-/* Make the text that of the `n` units at `value`, which may be part of the text itself. */
+/* Assign the `n` code units at `value`, which may be a part of the string itself. */
 static inline bool rosidl_runtime_c__U16String__assignn(
   rosidl_runtime_c__U16String * str, const uint_least16_t * value, size_t n)
 {
@@ -61,7 +61,7 @@ static inline bool rosidl_runtime_c__U16String__assignn(
   return true;
 }
 
-/* Make the text that of the `n` bytes at `value`, an even number of them, which need no alignment. */
+/* Assign the `n` bytes at `value`; `n` is even, and `value` may be unaligned. */
 static inline bool rosidl_runtime_c__U16String__assignn_from_char(
   rosidl_runtime_c__U16String * str, const char * value, size_t n)
 {
@@ -81,7 +81,7 @@ static inline bool rosidl_runtime_c__U16String__assignn_from_char(
   return true;
 }
 
-/* Count the units before the zero; none in NULL. */
+/* Return the number of code units before the zero; 0 for NULL. */
 static inline size_t rosidl_runtime_c__U16String__len(const uint_least16_t * value)
 {
   size_t size = 0;
@@ -91,14 +91,14 @@ static inline size_t rosidl_runtime_c__U16String__len(const uint_least16_t * val
   return size;
 }
 
-/* Make the text that of `value`, up to its zero. */
+/* Assign `value`, up to its zero. */
 static inline bool rosidl_runtime_c__U16String__assign(
   rosidl_runtime_c__U16String * str, const uint_least16_t * value)
 {
   return rosidl_runtime_c__U16String__assignn(str, value, rosidl_runtime_c__U16String__len(value));
 }
 
-/* Cut the text to `n` units, or lengthen it by zeros. */
+/* Truncate the string to `n` code units, or extend it with zeros. */
 static inline bool rosidl_runtime_c__U16String__resize(rosidl_runtime_c__U16String * str, size_t n)
 {
   if (!str || n >= SIZE_MAX / sizeof(*str->data)) {

@@ -1,8 +1,8 @@
 #ifndef ROSIDL_RUNTIME_C__VISIBILITY_CONTROL_H_
 #define ROSIDL_RUNTIME_C__VISIBILITY_CONTROL_H_
 
-/* Marks for what a library shows to others. The functions here are inline and carry none; those who
- * wrap them in a library of their own use these. */
+/* Visibility macros. The functions here are inline and do not use them; they are for libraries that wrap
+ * these functions. */
 
 #if defined _WIN32 || defined __CYGWIN__
 #ifdef __GNUC__

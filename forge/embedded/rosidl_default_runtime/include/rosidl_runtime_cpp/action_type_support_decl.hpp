@@ -6,7 +6,7 @@
 namespace rosidl_runtime_cpp
 {
 
-/// Defined by a type support library for the actions that it knows.
+/// Specialized by type support libraries for actions.
 template<typename T>
 const rosidl_action_type_support_t * get_action_type_support_handle();
 

@@ -13,10 +13,10 @@
 namespace rosidl_runtime_cpp
 {
 
-/// A std::vector that refuses, by std::length_error, to hold more than UpperBound values.
+/// A std::vector of at most UpperBound values; exceeding the bound throws std::length_error.
 /**
- * It derives from the vector out of sight, so that nobody can grow it by a reference to its base.
- * What would exceed the bound leaves the vector as it was.
+ * It inherits privately, so that the bound cannot be exceeded through a reference to the base class.
+ * An operation that would exceed the bound leaves the vector unchanged.
  */
 template<typename Value, std::size_t UpperBound, typename Allocator = std::allocator<Value>>
 class BoundedVector : protected std::vector<Value, Allocator>
@@ -126,7 +126,7 @@ public:
   using Base::back;
   using Base::front;
 
-  /// The values in a row; there is none for bool, whose values are bits.
+  /// Pointer to the values; not available for bool, whose values are bits.
   template<typename Element = Value, std::enable_if_t<!std::is_same_v<Element, bool>, int> = 0>
   Element * data() noexcept
   {
@@ -313,7 +313,7 @@ private:
     return checked(static_cast<size_type>(std::distance(first, last)));
   }
 
-  /// The values of a range that can be walked only once, unless they are more than `room`.
+  /// Collect the values of a single-pass range; throws if there are more than `room`.
   template<typename Iterator>
   Base collected(Iterator first, Iterator last, size_type room) const
   {

@@ -6,11 +6,11 @@
 namespace rosidl_runtime_cpp
 {
 
-/// Specialised beside every message: FirstStep is what build() begins with.
+/// Specialized by generated headers: FirstStep is the first step of build().
 template<typename Message>
 struct Builder;
 
-/// Begin a message; setting the last member returns it.
+/// Start to build a message; setting the last member returns it.
 template<typename Message>
 typename Builder<Message>::FirstStep build()
 {

@@ -1,4 +1,4 @@
-// The containers that generated messages are made of, given the allocator of the message.
+// The containers in generated messages, with the allocator of the message.
 
 #ifndef ROSIDL_RUNTIME_CPP__MEMBER_TYPES_HPP_
 #define ROSIDL_RUNTIME_CPP__MEMBER_TYPES_HPP_
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-// Code that counted on message headers to bring the headers below can ask for them here.
+// The headers below are included for code that relies on message headers to do so.
 #ifdef ROSIDL_RUNTIME_CPP_GENEROUS_INCLUDES
 #include <algorithm>
 #include <functional>
@@ -36,7 +36,7 @@ using U16String =
 template<typename Value, typename ContainerAllocator>
 using Sequence = std::vector<Value, Rebound<ContainerAllocator, Value>>;
 
-/// Needs rosidl_runtime_cpp/bounded_vector.hpp.
+/// Requires rosidl_runtime_cpp/bounded_vector.hpp.
 template<typename Value, std::size_t UpperBound, typename ContainerAllocator>
 using BoundedSequence = BoundedVector<Value, UpperBound, Rebound<ContainerAllocator, Value>>;
 

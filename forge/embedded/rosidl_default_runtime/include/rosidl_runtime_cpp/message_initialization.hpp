@@ -4,16 +4,16 @@
 namespace rosidl_runtime_cpp
 {
 
-/// What the constructor of a message does to its members.
+/// How the constructor of a message initializes its members.
 enum class MessageInitialization
 {
-  /// Give defaults to the members that have one, zero to the others.
+  /// Set members to their defaults, others to zero.
   ALL = 0,
-  /// Leave every member as it happens to be.
+  /// Leave all members uninitialized.
   SKIP = 1,
-  /// Give zero to every member, defaults or not.
+  /// Set all members to zero and ignore defaults.
   ZERO = 2,
-  /// Give defaults to the members that have one, leave the others as they happen to be.
+  /// Set members to their defaults, and leave others uninitialized.
   DEFAULTS_ONLY = 3
 };
 

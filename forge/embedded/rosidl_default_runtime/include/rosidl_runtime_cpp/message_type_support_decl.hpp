@@ -6,7 +6,7 @@
 namespace rosidl_runtime_cpp
 {
 
-/// Defined by a type support library for the messages that it knows.
+/// Specialized by type support libraries for messages.
 template<typename T>
 const rosidl_message_type_support_t * get_message_type_support_handle();
 

@@ -6,7 +6,7 @@
 namespace rosidl_runtime_cpp
 {
 
-/// Defined by a type support library for the services that it knows.
+/// Specialized by type support libraries for services.
 template<typename T>
 const rosidl_service_type_support_t * get_service_type_support_handle();
 

@@ -1,4 +1,4 @@
-// What templates can ask about the types of generated headers, which specialise these.
+// Traits of generated types; generated headers specialize these.
 
 #ifndef ROSIDL_RUNTIME_CPP__TRAITS_HPP_
 #define ROSIDL_RUNTIME_CPP__TRAITS_HPP_
@@ -8,19 +8,19 @@
 namespace rosidl_generator_traits
 {
 
-/// The name as C++ writes it: "pkg::msg::Name".
+/// The C++ name: "pkg::msg::Name".
 template<typename T>
 constexpr const char * data_type();
 
-/// The name as ROS writes it: "pkg/msg/Name".
+/// The ROS name: "pkg/msg/Name".
 template<typename T>
 constexpr const char * name();
 
-/// Neither a string nor a sequence inside, however deep.
+/// True if the type contains no string or sequence, at any depth.
 template<typename T>
 struct has_fixed_size : std::false_type {};
 
-/// No string or sequence without a bound inside, however deep.
+/// True if the type contains no unbounded string or sequence, at any depth.
 template<typename T>
 struct has_bounded_size : std::false_type {};
 

@@ -12,7 +12,7 @@
 namespace rosidl_runtime_cpp
 {
 
-/// Collects the text of a message; the function write_yaml beside every message names its members.
+/// Collects the text of a message; the generated function write_yaml passes its members.
 class YamlWriter
 {
 public:
@@ -21,7 +21,7 @@ public:
   {
   }
 
-  /// A whole message, where the text stands now.
+  /// Write a whole message at the current position.
   template<typename Message>
   void root(const Message & message)
   {
@@ -117,7 +117,7 @@ private:
     _indentation -= 2;
   }
 
-  /// Every value by `write`; in block style on lines of its own, behind `dash`.
+  /// Write each value with `write`; in block style, each on a separate line after `dash`.
   template<typename Range, typename Write>
   void items(const char * name, const Range & values, const char * dash, Write write)
   {
@@ -220,7 +220,7 @@ private:
     }
   }
 
-  /// The program's locale may have put something else where YAML has a point.
+  /// Replace the decimal separator of the program's locale by a point, as YAML requires.
   void append_real(const char * digits, int length)
   {
     bool foreign = false;
@@ -243,7 +243,7 @@ private:
   std::size_t _indentation;
 };
 
-/// The message as text: a block of lines, or one line such as {x: 1, y: [2, 3]}.
+/// Return the message as text: several lines, or one line such as {x: 1, y: [2, 3]}.
 template<typename Message>
 auto to_yaml(const Message & message, bool use_flow_style = false)
 -> decltype(write_yaml(std::declval<YamlWriter &>(), message), std::string())

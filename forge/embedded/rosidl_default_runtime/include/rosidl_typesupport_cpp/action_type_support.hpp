@@ -8,7 +8,7 @@
 namespace rosidl_typesupport_cpp
 {
 
-/// The type support of an action whose generated header is included.
+/// Returns the type support of an action; requires its generated header.
 template<typename T>
 const rosidl_action_type_support_t * get_action_type_support_handle()
 {
@@ -24,7 +24,7 @@ const rosidl_action_type_support_t * get_action_type_support_handle()
 
 }  // namespace rosidl_typesupport_cpp
 
-/// Generated headers define by this the same as a function for C.
+/// Defines the same function for C; used in generated headers.
 #define FORGE_CPP_ACTION_TYPE_SUPPORT(package, kind, name) \
   inline const rosidl_action_type_support_t * \
   rosidl_typesupport_cpp__get_action_type_support_handle__ ## package ## __ ## kind ## __ ## name() \

@@ -4,7 +4,7 @@
 namespace rosidl_typesupport_cpp
 {
 
-/// What handles of generated C++ are called here. They hold the type's name, "pkg/msg/Name", and no code.
+/// The identifier of handles in generated C++. Their data is the name of the type, "pkg/msg/Name".
 inline constexpr const char * typesupport_identifier = "forge_typesupport_cpp";
 
 }  // namespace rosidl_typesupport_cpp

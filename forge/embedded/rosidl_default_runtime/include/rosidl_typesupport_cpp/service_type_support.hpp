@@ -8,7 +8,7 @@
 namespace rosidl_typesupport_cpp
 {
 
-/// The type support of a service whose generated header is included; its data is the service's name.
+/// Returns the type support of a service; requires its generated header. Its data is the name of the service.
 template<typename T>
 const rosidl_service_type_support_t * get_service_type_support_handle()
 {
@@ -19,8 +19,8 @@ const rosidl_service_type_support_t * get_service_type_support_handle()
 
 }  // namespace rosidl_typesupport_cpp
 
-/// Generated headers define by this the same as a function for C. Where it is missing, the run time is not
-/// forge's and brings libraries with those functions.
+/// Defines the same function for C; used in generated headers. It is not defined by other run times, which
+/// provide libraries with these functions.
 #define FORGE_CPP_SERVICE_TYPE_SUPPORT(package, kind, name) \
   inline const rosidl_service_type_support_t * \
   rosidl_typesupport_cpp__get_service_type_support_handle__ ## package ## __ ## kind ## __ ## name() \

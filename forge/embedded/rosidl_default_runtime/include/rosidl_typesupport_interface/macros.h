@@ -1,7 +1,7 @@
 #ifndef ROSIDL_TYPESUPPORT_INTERFACE__MACROS_H_
 #define ROSIDL_TYPESUPPORT_INTERFACE__MACROS_H_
 
-/* The names of the functions that hand out type support:
+/* The names of the functions that return type supports:
  * KIND__get_message_type_support_handle__PACKAGE__msg__Name, and so on. */
 
 #define ROSIDL_TYPESUPPORT_INTERFACE__SYMBOL_NAME( \

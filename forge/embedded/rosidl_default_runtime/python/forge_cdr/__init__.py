@@ -1,16 +1,15 @@
-"""ROS 2 messages to bytes and back: classic CDR (XCDR1), as on the wire and in rosbag2 files.
+"""Serialize and deserialize ROS 2 messages: classic CDR (XCDR1), as used by middlewares and in rosbag2 files.
 
     data = forge_cdr.serialize(message)
     message = forge_cdr.deserialize(data, PointCloud2)
 
-Little endian is written, both byte orders are read. What follows a message's last byte is ignored, as
-are the options in the header; bytes that are no such message raise CdrError, which is a ValueError.
+Writes little-endian data and reads both byte orders. Bytes after the message and the options in the
+header are ignored; invalid data raises CdrError, a subclass of ValueError.
 
-`deserialize(data, type, copy=False)` leaves sequences of numbers of 4096 bytes and more in `data`
-until a field is looked at; that takes data nobody can change, and keeps it alive. `view` looks at such
-a field without a copy.
+`deserialize(data, type, copy=False)` leaves sequences of numbers of 4096 bytes and more in `data` until
+the field is accessed; `data` must be immutable and stays alive. `view` returns such a field without a copy.
 
-forge brings this package along with its own run time; rosidl's has none of this name.
+This package is part of forge's run time; rosidl has no counterpart.
 """
 
 from __future__ import annotations
@@ -30,21 +29,21 @@ __all__ = ["CdrError", "deserialize", "serialize", "view"]
 
 _M = TypeVar("_M")
 _LAZY: Final = 4095
-"""A copy of so many bytes costs no more than to put it off."""
+"""Copying up to this many bytes is as fast as deferring the copy."""
 
 _NO_LIMIT: Final = sys.maxsize
 _REFUSALS: Final = (
     *(_StructError, BufferError, OverflowError, ValueError),
     *(AttributeError, LookupError, TypeError),
 )
-"""What the fast way fails with when it meets something else than it expects."""
+"""The errors of generated code for unexpected values or data."""
 
 
 def serialize(message: object) -> bytes:
-    """Return a message's bytes, header included.
+    """Return the serialized message, including the header.
 
-    Raises CdrError when a field holds what cannot be written, such as more elements than its bound
-    allows; TypeError when this is no message.
+    Raises CdrError if the value of a field cannot be serialized, such as more elements than its bound, and
+    TypeError if it is not a message.
     """
     try:
         return _WRITERS[message.__class__](message)
@@ -53,10 +52,10 @@ def serialize(message: object) -> bytes:
 
 
 def deserialize(data: bytes | bytearray | memoryview, type: type[_M], copy: bool = True) -> _M:  # noqa: A002, FBT001, FBT002  (the words of rclpy)
-    """Return the message of a type that the data hold.
+    """Deserialize a message of a type.
 
-    Raises CdrError when they hold none, and never asks for more memory than the data can fill;
-    TypeError when the type is no message class, or when `copy` is false and the data could change.
+    Never allocates more memory than the data can fill. Raises CdrError if the data is invalid, and TypeError
+    if the type is not a message class, or if `copy` is False and the data is mutable.
     """
     if data.__class__ is not bytes:
         data = memoryview(data).cast("B")
@@ -69,9 +68,9 @@ def deserialize(data: bytes | bytearray | memoryview, type: type[_M], copy: bool
 
 
 def view(message: object, field: str) -> memoryview:
-    """Return a field with a sequence of numbers without copying it; read-only where it is still in the data.
+    """Return a sequence of numbers without copying it; read-only if it is still in the data.
 
-    Raises AttributeError when there is no such field, TypeError when it holds no numbers.
+    Raises AttributeError if there is no such field, and TypeError if it is not a sequence of numbers.
     """
     from forge_cdr.lazy import postponed  # noqa: PLC0415  (few programs ask)
 
@@ -81,11 +80,11 @@ def view(message: object, field: str) -> memoryview:
 
 _WRITERS: Final[dict[type, Callable[[Any], bytes]]] = {}
 _READERS: Final[dict[type, Callable[[Any, int], Any]]] = {}
-"""What forge has generated for the classes that have been asked for so far, on machines that can use it."""
+"""Cached generated functions by class; empty on machines that cannot use them."""
 
 
 def _serialize_exactly(message: object) -> bytes:
-    """Serialize a message of a new class, or one that generated code has refused."""
+    """Serialize a message of a new class, or one that generated code has rejected."""
     class_ = message.__class__
     if class_ not in _WRITERS and (made := _generated(class_, "writer")):
         _WRITERS[class_] = made
@@ -96,7 +95,7 @@ def _serialize_exactly(message: object) -> bytes:
 
 
 def _deserialize_exactly(data: bytes | memoryview, class_: type, copy: bool) -> Any:  # noqa: ANN401, FBT001  (any message)
-    """Deserialize a message of a new class, or one that generated code has refused."""
+    """Deserialize a message of a new class, or one that generated code has rejected."""
     if class_ not in _READERS and (made := _generated(class_, "reader")):
         _READERS[class_] = made
         return deserialize(data, class_, copy)
@@ -106,7 +105,7 @@ def _deserialize_exactly(data: bytes | memoryview, class_: type, copy: bool) -> 
 
 
 def _generated(class_: type, word: str) -> Callable[..., Any] | None:
-    """Return the writer or reader of a class, if there is a module with one beside that of the class."""
+    """Return the generated writer or reader of a class, if it exists."""
     module = f"{class_.__module__}__cdr"
     if sys.byteorder != "little" or class_.__module__ not in sys.modules or not _exists(module):
         return None

@@ -1,20 +1,20 @@
-"""The one error of the wire format."""
+"""The error of serialization."""
 
 from __future__ import annotations
 
 
 class CdrError(ValueError):
-    """Bytes that are no message of the type, or a message that cannot be written.
+    """Invalid data, or a message that cannot be serialized.
 
-    `offset` counts all bytes, the header's four included: where reading or writing could not go on.
+    `offset` is the position of the error, including the four bytes of the header.
     """
 
     def __init__(self, problem: str, offset: int = 0) -> None:
-        """Say what is wrong, and where."""
+        """Store the reason, the field and the offset."""
         super().__init__(f"{problem}, at offset {offset}")
         self.problem = problem
         self.offset = offset
 
     def __reduce__(self) -> tuple[type[CdrError], tuple[str, int]]:
-        """Let the error be pickled, as those of worker processes are."""
+        """Support pickling, for errors of worker processes."""
         return type(self), (self.problem, self.offset)

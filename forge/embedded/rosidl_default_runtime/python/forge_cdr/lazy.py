@@ -1,8 +1,8 @@
-"""Sequences of numbers that stay where they were received until somebody looks at them.
+"""Sequences of numbers that stay in the received data until first access.
 
-A message with such sequences is of a hidden class derived from its own: the slots hold where the
-numbers are, and looking at one makes the array. Once all are made, the message is of its own class
-again; `__class__` says so all along. Messages without such sequences pay nothing.
+A message with such sequences has a hidden class derived from its own: the slots contain the positions of the
+numbers, and the first access creates the array. Once all are created, the message has its own class again,
+which `__class__` reports all the time. Messages without such sequences have no overhead.
 """
 
 # ruff: noqa: ANN401  (messages of any class)
@@ -19,21 +19,21 @@ _CLASS: Final = object.__dict__["__class__"]
 
 
 class Postponed(NamedTuple):
-    """What a slot holds until its array is made."""
+    """The value of a slot until its array is created."""
 
     view: memoryview
     code: Any
 
 
 def postpone(message: Any, slot: str, view: memoryview, code: str) -> None:
-    """Leave the numbers of a slot in a buffer that will not change."""
+    """Defer the creation of an array; its numbers stay in an immutable buffer."""
     setattr(message, slot, Postponed(view, code))
     if not isinstance(message, _Lazy):
         message.__class__ = _lazy_class(message.__class__)
 
 
 def postponed(message: Any, slot: str) -> memoryview | None:
-    """Return the numbers of a slot that nobody has looked at or set yet, where they are, or None."""
+    """Return the deferred numbers of a slot inside the data, or None if the slot was accessed or set."""
     if not isinstance(message, _Lazy):
         return None
     held = vars(message.__class__)[slot].__get__(message)
@@ -41,12 +41,12 @@ def postponed(message: Any, slot: str) -> memoryview | None:
 
 
 class _Lazy:
-    """What hidden classes are derived from."""
+    """The base class of hidden classes."""
 
     __slots__ = ()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """Copy and pickle the message as one of its own class."""
+        """Copy and pickle the message as one of its public class."""
         slots: tuple[str, ...] = self.__class__.__slots__
         for slot in slots:
             getattr(self, slot)
@@ -66,19 +66,19 @@ def _lazy_class(class_: Any) -> Any:
 
 
 def _may_wait(type_: Any) -> bool:
-    """Tell if a field is a sequence of primitives, of numbers or not."""
+    """Return True if a field is a sequence of primitives."""
     return isinstance(type_, AbstractSequence) and isinstance(type_.value_type, BasicType)
 
 
 def _property(member: Any, members: dict[str, Any]) -> property:
-    """Return what stands before a slot: it makes the array when the slot is read."""
+    """Return the property for a slot, which creates the array on first access."""
 
     def read(message: Any) -> Any:
         held = member.__get__(message)
         if isinstance(held, Postponed):
             made = array(held.code)
             made.frombytes(held.view)
-            # Another thread may have been faster, but then both have made the same.
+            # Another thread may have been faster; both create the same array.
             store(message, made)
             return made
         return held
@@ -92,7 +92,7 @@ def _property(member: Any, members: dict[str, Any]) -> property:
 
 
 def _held(member: Any, message: Any) -> Any:
-    """Return what a slot holds; a message that is being read has empty ones."""
+    """Return the value of a slot; a message that is being read has empty slots."""
     try:
         return member.__get__(message)
     except AttributeError:

@@ -1,9 +1,9 @@
-"""What generated writers and readers share: tables of Structs, and values that no Struct can move.
+"""Shared by generated writers and readers: tables of Structs, and conversions of other values.
 
-All of it is for little endian, on machines that are. Padding depends on where a Struct begins, so each
-function that makes one takes that offset; it counts from behind the header, which itself is at -4.
-Where only the message tells the offset, there is a Struct for each of its eight remainders, and
-`table[o & 7]` is the one to use: `o` counts all bytes of a message, the header's four included.
+Everything is little-endian, for little-endian machines. Padding depends on the start offset of a Struct, so
+each function that creates one takes that offset, relative to the first byte after the header, which is at -4.
+If the offset is only known at run time, there is a Struct for each of its eight remainders in
+`table[o & 7]`; `o` includes the four bytes of the header.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ HEADER: Final = 0x100
 
 HEADER_BYTES: Final = b"\0\1\0\0"
 LITTLE_ENDIAN: Final = 0x100
-"""The part of a header that says so, as a uint16; its other half holds options that nobody reads."""
+"""The part of a header with the encoding, as a uint16; the other half contains options, which are ignored."""
 
 REMEMBERED: Final = 512
-"""Longer strings have their Struct made anew each time, so that no input can fill the memory."""
+"""The Structs of longer strings are not cached, so that no input can exhaust memory."""
 
 _SIZES: Final = {code: struct.calcsize(f"<{code}") for code in "xc?bBhHiIqQfd"}
 _HIGHEST_UNIT: Final = "\uffff"
@@ -33,26 +33,26 @@ _HIGHEST_CHAR: Final = 127
 
 
 class Refused(ValueError):  # noqa: N818  (it says what happened; users never see it)
-    """The fast way does not take this; the exact one knows better or says why not."""
+    """Generated code does not support the value or data; the generic codec handles it or reports an error."""
 
 
 @cache
 def fixed(codes: str, start: int) -> Struct:
-    """Return the Struct of a run that begins at an offset of that remainder; see `layout`."""
+    """Return the Struct of a run that starts at an offset with this remainder; see `layout`."""
     return Struct(f"<{layout(codes, start)[0]}")
 
 
 @cache
 def phased(codes: str) -> tuple[Struct, ...]:
-    """Return the Structs of a run by the remainder of where it begins."""
+    """Return the Structs of a run by the remainder of its offset."""
     return tuple(fixed(codes, o - 4) for o in range(8))
 
 
 class Texts(dict[int, Struct]):
-    """By the length of a string, the Structs that move it together with its neighbours."""
+    """The Structs for a string and the adjacent runs, by the length of the string."""
 
     def __init__(self, before: str, after: str, start: int, *, reading: bool) -> None:
-        """Take the codes of the runs on both sides, and where the first of them begins."""
+        """Store the formats of both runs, and the offset of the first one."""
         super().__init__()
         text, end = layout(before, start)
         self._before = text
@@ -61,7 +61,7 @@ class Texts(dict[int, Struct]):
         self._reading = reading
 
     def __missing__(self, length: int) -> Struct:
-        """Make the Struct of one length; a reader's includes the NUL, a writer's does not."""
+        """Create the Struct for one length; a reader's length includes the NUL, a writer's does not."""
         if self._reading:
             end = self._end + length
             text = f"{length - 1}sB" if length else "0s0s"
@@ -76,25 +76,25 @@ class Texts(dict[int, Struct]):
 
 @cache
 def texts(before: str, after: str, start: int) -> Texts:
-    """Return the table of Structs to write a string with."""
+    """Return the table of Structs for writing a string."""
     return Texts(before, after, start, reading=False)
 
 
 @cache
 def phased_texts(before: str, after: str) -> tuple[Texts, ...]:
-    """Return such tables by the remainder of where the run before begins."""
+    """Return the tables for writing a string by the remainder of the offset of the run before it."""
     return tuple(texts(before, after, o - 4) for o in range(8))
 
 
 @cache
 def read_texts(after: str, start: int) -> Texts:
-    """Return the table of Structs to read a string with: the text, its last byte, the run behind it."""
+    """Return the table of Structs for reading a string: the text, its last byte, the run after it."""
     return Texts("", after, start, reading=True)
 
 
 @cache
 def phased_read_texts(after: str) -> tuple[Texts, ...]:
-    """Return such tables by the remainder of where the string begins."""
+    """Return the tables for reading a string by the remainder of its offset."""
     return tuple(read_texts(after, o - 4) for o in range(8))
 
 
@@ -104,9 +104,9 @@ def paddings(alignment: int) -> tuple[bytes, ...]:
 
 
 def layout(codes: str, start: int) -> tuple[str, int]:
-    """Return a run with its padding as the struct module spells it, and the offset behind it.
+    """Return the format of a run with padding for the struct module, and the offset after it.
 
-    Codes are the struct module's letters, one for a value; '9d' stands for nine doubles as bytes.
+    Codes are format characters of the struct module, one per value; '9d' means nine doubles as bytes.
     """
     offset, words = start, []
     for code in codes.split():
@@ -121,7 +121,7 @@ def layout(codes: str, start: int) -> tuple[str, int]:
 
 
 def unterminated(text: bytes, last: int) -> bytes:
-    """Return the text of a string whose last byte is no NUL but one more of its own."""
+    """Return the text of a string without terminating NUL, including its last byte."""
     return text + bytes((last,))
 
 
@@ -136,7 +136,7 @@ def from_flags(values: bytes | memoryview) -> list[bool]:
 
 
 def to_octets(values: Collection[bytes]) -> bytes:
-    """Return the octets side by side; refuses others than bytes of length 1."""
+    """Return the octets as bytes; raises Refused unless all are bytes of length 1."""
     if any(map((1).__ne__, map(len, values))):
         raise Refused
     return b"".join(values)
@@ -181,7 +181,7 @@ def to_wide(text: str) -> bytes:
 
 
 def from_wide(units: bytes | memoryview) -> str:
-    """Return the text of UTF-16 code units of four bytes each; raises ValueError where they are none."""
+    """Return the text of UTF-16 code units of four bytes each; raises ValueError if they are invalid."""
     try:
         text = str(units, "utf-32-le")
     except UnicodeDecodeError:  # pairs of units, or no text at all
@@ -195,19 +195,19 @@ def from_wide(units: bytes | memoryview) -> str:
 
 
 def to_char(character: str) -> int:
-    """Return the code of IDL's char; refuses characters that it does not have."""
+    """Return the code of a char; raises Refused if it is out of range."""
     return to_chars((character,))[0]
 
 
 def to_wchar(character: str) -> int:
-    """Return the code unit of a character; refuses those that are two."""
+    """Return the code unit of a wchar; raises Refused if there are two."""
     if character > _HIGHEST_UNIT:
         raise Refused
     return ord(character)
 
 
 def char(code: int) -> str:
-    """Return the character of IDL's char; refuses codes that it does not have."""
+    """Return the character of a code; raises Refused if it is out of range."""
     if code > _HIGHEST_CHAR:
         raise Refused
     return chr(code)

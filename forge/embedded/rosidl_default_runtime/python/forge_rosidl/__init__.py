@@ -1,7 +1,7 @@
-"""What forge's generated Python messages share: their base classes and the checks of their fields.
+"""The run time of forge's generated Python messages: base classes and checks of fields.
 
 messages    base classes and metaclasses of messages, services and actions
-checks      what a field accepts
-empty       what sequences of numbers start as
-arrays      the checks of fixed-size numeric arrays; the one module that imports numpy
+checks      checks of field values
+empty       empty arrays, the default of sequences of numbers
+arrays      checks of fixed-size numeric arrays; the only module that imports numpy
 """

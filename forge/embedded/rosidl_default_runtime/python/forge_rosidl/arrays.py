@@ -1,4 +1,4 @@
-"""What a fixed-size numeric array accepts; the only part of the run time that needs numpy."""
+"""Checks for fixed-size numeric arrays; the only part of the run time that needs numpy."""
 
 # ruff: noqa: ANN401, S101  (users assign anything; assertions, so that python -O turns the checks off and leaves the conversions)
 
@@ -18,14 +18,14 @@ _DTYPES: Final = {
 
 
 def new_array(name: str, value: Any, type_name: str, size: int) -> np.ndarray[Any, Any]:
-    """Return a new array of what a constructor was given, converted by numpy without a look at ranges."""
+    """Return a new array for an argument of a constructor, converted by numpy without range checks."""
     made = array(name, np.array(value, _DTYPES[type_name]), type_name, size)
     assert made.shape == (size,), f"The '{name}' numpy.ndarray() must have a shape of ({size},)"
     return made
 
 
 def array(name: str, value: Any, type_name: str, size: int) -> np.ndarray[Any, Any]:
-    """Accept an ndarray of the right dtype and size as it is, and convert a set or sequence of numbers."""
+    """Return an ndarray of the right dtype and size unchanged, and convert a set or sequence of numbers."""
     dtype = _DTYPES[type_name]
     if isinstance(value, np.ndarray):
         wanted = f"numpy.{dtype.name}"

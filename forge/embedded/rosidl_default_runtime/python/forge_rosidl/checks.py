@@ -1,6 +1,6 @@
-"""What a field accepts: each function returns the value to store, or fails as rosidl's setters do.
+"""Checks of field values: each function returns the value to store, or fails like rosidl's setters.
 
-The checks are assertions, so `python -O` turns them off and leaves the conversions.
+The checks are assertions, so `python -O` disables them, but not the conversions.
 """
 
 # ruff: noqa: ANN401, PT018, S101  (users assign anything; one message for one check; see above)
@@ -28,11 +28,11 @@ class Number(NamedTuple):
     range: str
 
     def admits(self, value: Any) -> bool:
-        """Tell if a value of the right Python type is in the range; nan and infinities of a float are."""
+        """Return True if a value of the right Python type is in range; nan and infinities are in range."""
         return not (value < self.low or value > self.high) or (self.python is float and isinf(value))
 
     def admits_all(self, values: Any) -> bool:
-        """Tell the same of all values, without a look at each where that can be."""
+        """Return True if all values are in range, without checking each one if possible."""
         if self.code == "d" or not values:
             return True
         if self.python is int:
@@ -68,7 +68,7 @@ NUMBERS: Final = {
 
 
 def refuse(unknown: Mapping[str, object]) -> None:
-    """Fail because the constructor got names that are no fields."""
+    """Fail because of unknown arguments of a constructor."""
     assert not unknown, f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
 
 
@@ -158,7 +158,7 @@ def characters(
 
 
 def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> array[Any]:
-    """Accept an `array.array` of the right type code as it is, and convert a set or sequence of numbers."""
+    """Return an `array.array` of the right type code unchanged, and convert a set or sequence of numbers."""
     kind = NUMBERS[type_name]
     if isinstance(value, array):
         assert value.typecode == kind.code, (
@@ -171,7 +171,7 @@ def numbers(name: str, value: Any, type_name: str, bound: int | None = None) -> 
 
 
 def new_numbers(name: str, value: Iterable[Any], type_name: str, bound: int | None = None) -> array[Any]:
-    """Return a new `array.array` of what a constructor was given; raises what the array raises."""
+    """Return a new `array.array` for an argument of a constructor; exceptions of the array propagate."""
     return numbers(name, array(NUMBERS[type_name].code, value), type_name, bound)
 
 
@@ -186,8 +186,8 @@ def elements(
 
 
 def _fits(value: Any, size: int | None, bound: int | None) -> bool:
-    """Tell if the value is a collection, no text, of a length that the field can take."""
-    # A list, as nearly always, is known without a search through abstract classes.
+    """Return True if the value is a collection other than a string, of a valid length."""
+    # A fast path for lists, the most frequent case.
     if value.__class__ is not list and not _is_collection(value):
         return False
     return (size is None or len(value) == size) and (bound is None or len(value) <= bound)
@@ -198,17 +198,17 @@ def _is_collection(value: object) -> bool:
 
 
 def _all_of(value: Any, class_: type) -> bool:
-    """Tell if all elements are of the class; there are few classes, however many elements."""
+    """Return True if all elements are of the class; checks each distinct class once."""
     found = set(map(type, value))
     return found <= {class_} or all(issubclass(each, class_) for each in found)
 
 
 def _is_raw(value: object, kind: Number) -> bool:
-    """Tell if the value is made of bytes that a uint8 can hold by their nature: images, point clouds."""
+    """Return True if all elements are bytes, as in images and point clouds, which are always in range."""
     return kind.code == "B" and isinstance(value, bytes | bytearray)
 
 
 def _must(name: str, size: int | None, bound: int | None) -> str:
-    """Return how messages about collections begin."""
+    """Return the start of messages about collections."""
     length = f" with length {size}" if size is not None else f" with length <= {bound}" if bound else ""
     return f"The '{name}' field must be a set or sequence{length}"

@@ -1,7 +1,7 @@
 """Base classes and metaclasses of generated messages, services and actions.
 
-What a message looks like from outside is rosidl's: read-only constants, `__slots__`, `SLOT_TYPES`,
-and a metaclass through which client libraries find the C side of a type.
+The interface is that of rosidl: read-only constants, `__slots__`, `SLOT_TYPES`, and a metaclass through which
+client libraries find the C type support.
 """
 
 # ruff: noqa: ANN401  (a C extension and the classes of unknown packages hold whatever they hold)
@@ -19,13 +19,13 @@ _NOT_CONSTANT = (property, FunctionType, classmethod, type, tuple)
 
 
 class InterfaceType(type):
-    """The metaclass of all interface classes: constants stay as they are, C support comes late."""
+    """The metaclass of all interface classes: constants are read-only, C type support is loaded on demand."""
 
     _TYPE_SUPPORT: ClassVar[Any] = None
     _CONSTANTS: ClassVar[frozenset[str]]
 
     def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any]) -> None:
-        """Remember the constants of the generated class; those that a user derives have the same."""
+        """Store the constants of the generated class; derived classes share them."""
         super().__init__(name, bases, namespace)
         if "_CONSTANTS" not in type(cls).__dict__:
             type(cls)._CONSTANTS = frozenset(  # noqa: SLF001  (the metaclass is this very code)
@@ -46,14 +46,14 @@ class InterfaceType(type):
 
     @classmethod
     def __import_type_support__(cls) -> None:
-        """Look up what the package's C extension offers for this class, if there is one."""
+        """Load the type support of this class from the package's C extension, if there is one."""
         extension = None if cls._TYPE_SUPPORT else _extension(cls.__module__)
         if extension is not None:
             cls._load(extension)
 
     @classmethod
     def _load(cls, extension: Any) -> None:
-        """Take this class's entries from the extension."""
+        """Set the entries of this class from the extension."""
         raise NotImplementedError
 
 
@@ -101,7 +101,7 @@ class ActionType(InterfaceType):
 
 
 class Message:
-    """The base of all message classes."""
+    """The base class of all message classes."""
 
     __slots__: tuple[str, ...] = ()
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
@@ -113,7 +113,7 @@ class Message:
         return dict(cls._fields_and_field_types)
 
     def __eq__(self, other: object) -> bool:
-        """Tell if the other is a message of this class whose fields are all equal."""
+        """Return True if the other is a message of this class with equal fields."""
         if not isinstance(other, self.__class__):
             return False
         for slot in self.__slots__:
@@ -127,14 +127,14 @@ class Message:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        """Return the message as the call that makes it, with arrays shown as lists."""
+        """Return the message as a constructor call, with arrays as lists."""
         names = [*self.__class__.__module__.split(".")[-3:-1], self.__class__.__name__]
         values = ", ".join(f"{slot[1:]}={_shown(getattr(self, slot))}" for slot in self.__slots__)
         return f"{'.'.join(names)}({values})"
 
 
 class Service:
-    """The base of all service classes: a pair of messages, never an object."""
+    """The base class of all service classes, which cannot be instantiated."""
 
     def __init__(self) -> None:
         """Raise NotImplementedError."""
@@ -142,7 +142,7 @@ class Service:
 
 
 class Action:
-    """The base of all action classes: a set of messages and services, never an object."""
+    """The base class of all action classes, which cannot be instantiated."""
 
     def __init__(self) -> None:
         """Raise NotImplementedError."""
@@ -150,12 +150,12 @@ class Action:
 
 
 def fresh(name: str) -> property:
-    """Return the metaclass's side of a default that could be changed: each reader gets a copy."""
+    """Return a property of the metaclass for a mutable default; each access returns a copy."""
     return property(lambda cls: copy(cls.__dict__[name]), doc="A copy of the default.")
 
 
 def several(class_: type[_M], count: int) -> list[_M]:
-    """Return that many new messages of the class."""
+    """Return a list of new messages."""
     return [class_() for _ in range(count)]
 
 
@@ -178,7 +178,7 @@ def _extension(module: str) -> Any:
 
 
 def _symbol_suffix(cls: type, kind: str) -> str:
-    """Return the end of the C extension's names, such as 'msg__srv__set_bool__request'."""
+    """Return the suffix of names in the C extension, such as 'msg__srv__set_bool__request'."""
     import re  # noqa: PLC0415
 
     name = cls.__name__.partition("_")[2]
@@ -188,19 +188,19 @@ def _symbol_suffix(cls: type, kind: str) -> str:
 
 
 def _instance_of(cls: type) -> Any:
-    """Return the one class whose metaclass this is."""
+    """Return the class with this metaclass."""
     return getattr(sys.modules[cls.__module__], cls.__name__.partition("_")[2])
 
 
 def _nested_messages(message: type[Message]) -> list[Any]:
-    """Return the classes of the message's fields, collections looked into."""
+    """Return the classes of the message's fields and of elements of collections."""
     import importlib  # noqa: PLC0415  (only client libraries come here)
 
     found = []
     for slot_type in message.SLOT_TYPES:
         element = getattr(slot_type, "value_type", slot_type)
         if hasattr(element, "namespaces"):
-            # The parts of an action are in the owner's module; so may be a namesake from elsewhere.
+            # The parts of an action are in its module, which may also import a class of the same name.
             namespace = ".".join(element.namespaces)
             cls: Any = getattr(sys.modules[message.__module__], element.name, None)
             if cls is None or cls.__module__.rpartition(".")[0] != namespace:

@@ -1,7 +1,7 @@
-"""The modules pkg.msg, pkg.srv and pkg.action: they name all classes, and load each when it is asked for.
+"""The modules pkg.msg, pkg.srv and pkg.action, which import their classes on first access.
 
-A program uses a few messages of a package; loading all of them and all that they refer to takes longer
-than starting Python.
+A program uses few messages of a package; importing all of them with their dependencies takes longer than
+starting Python.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def lazy(
     namespace: str, modules: Mapping[str, str]
 ) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """Return `__getattr__` and `__dir__` (PEP 562) for a module; `modules` says where each class is."""
+    """Return `__getattr__` and `__dir__` (PEP 562) for a module; `modules` maps classes to their modules."""
     attributes = sys.modules[namespace].__dict__
 
     def load(name: str) -> object:

@@ -1,10 +1,10 @@
 """Objects that describe the type of a field, as found in a message's `SLOT_TYPES`.
 
     AbstractType
-      AbstractNestableType      what a collection may hold
+      AbstractNestableType      possible elements of collections
         BasicType               int8 ... uint64, float, double, boolean, octet, char, wchar
         NamedType               a type by its bare name
-        NamespacedType          another message
+        NamespacedType          a message
         AbstractGenericString
           AbstractString        BoundedString, UnboundedString
           AbstractWString       BoundedWString, UnboundedWString
@@ -12,7 +12,7 @@
         Array
         AbstractSequence        BoundedSequence, UnboundedSequence
 
-Two descriptions are equal when they say the same.
+Descriptions of the same type are equal.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ BASIC_TYPES: Final = INTEGER_TYPES + FLOATING_POINT_TYPES + CHARACTER_TYPES + BO
 
 
 class AbstractType:
-    """What every description of a type is."""
+    """The base class of all descriptions of types."""
 
     __slots__: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
-        """Tell if the other describes the same type."""
+        """Return True if the other describes the same type."""
         return (
             isinstance(other, AbstractType) and type(self) is type(other) and self._parts() == other._parts()
         )
 
     def __hash__(self) -> int:
-        """Return the same number for the same type."""
+        """Return a hash; it is equal for equal types."""
         return hash((type(self), self._parts()))
 
     def __repr__(self) -> str:
-        """Return the expression that makes this description."""
+        """Return the expression that creates this description."""
         return f"{type(self).__name__}({', '.join(map(repr, self._parts()))})"
 
     def _parts(self) -> tuple[object, ...]:
@@ -62,13 +62,13 @@ class AbstractType:
 
 
 class AbstractNestableType(AbstractType):
-    """A type that a collection may hold."""
+    """A type of the elements of a collection."""
 
     __slots__ = ()
 
 
 class BasicType(AbstractNestableType):
-    """A type of the language, by its IDL name."""
+    """A primitive type, by its IDL name."""
 
     __slots__ = ("typename",)
 
@@ -88,17 +88,17 @@ class NamedType(AbstractNestableType):
 
 
 class NamespacedType(AbstractNestableType):
-    """Another message, by the modules it lives in and its name."""
+    """A message, by its namespaces and its name."""
 
     __slots__ = ("name", "namespaces")
 
     def __init__(self, namespaces: Iterable[str], name: str) -> None:
-        """Describe the message `name` in the package and kind that `namespaces` spell."""
+        """Describe the message `name`; `namespaces` are its package and kind."""
         self.namespaces = tuple(namespaces)
         self.name = name
 
     def __repr__(self) -> str:
-        """Return the expression that makes this description."""
+        """Return the expression that creates this description."""
         return f"NamespacedType({list(self.namespaces)!r}, {self.name!r})"
 
     def namespaced_name(self) -> tuple[str, ...]:
@@ -107,63 +107,63 @@ class NamespacedType(AbstractNestableType):
 
 
 class AbstractGenericString(AbstractNestableType):
-    """Any text."""
+    """The base class of strings."""
 
     __slots__ = ()
 
     def has_maximum_size(self) -> bool:
-        """Tell if the length of the text is bounded."""
+        """Return True if the length is bounded."""
         return False
 
 
 class AbstractString(AbstractGenericString):
-    """Text whose characters are bytes on the wire."""
+    """A string, serialized as UTF-8."""
 
     __slots__ = ()
 
 
 class BoundedString(AbstractString):
-    """Text of at most `maximum_size` characters."""
+    """A string of at most `maximum_size` characters."""
 
     __slots__ = ("maximum_size",)
 
     def __init__(self, maximum_size: int) -> None:
-        """Describe the text."""
+        """Describe the string."""
         self.maximum_size = maximum_size
 
     def has_maximum_size(self) -> bool:
-        """Tell that the length is bounded."""
+        """Return True."""
         return True
 
 
 class UnboundedString(AbstractString):
-    """Text of any length."""
+    """An unbounded string."""
 
     __slots__ = ()
 
 
 class AbstractWString(AbstractGenericString):
-    """Text whose characters are UTF-16 units on the wire."""
+    """A wide string, serialized as UTF-16 code units."""
 
     __slots__ = ()
 
 
 class BoundedWString(AbstractWString):
-    """Wide text of at most `maximum_size` characters."""
+    """A wide string of at most `maximum_size` characters."""
 
     __slots__ = ("maximum_size",)
 
     def __init__(self, maximum_size: int) -> None:
-        """Describe the text."""
+        """Describe the string."""
         self.maximum_size = maximum_size
 
     def has_maximum_size(self) -> bool:
-        """Tell that the length is bounded."""
+        """Return True."""
         return True
 
 
 class UnboundedWString(AbstractWString):
-    """Wide text of any length."""
+    """An unbounded wide string."""
 
     __slots__ = ()
 
@@ -178,7 +178,7 @@ class AbstractNestedType(AbstractType):
         self.value_type = value_type
 
     def has_maximum_size(self) -> bool:
-        """Tell if the number of elements is bounded."""
+        """Return True if the number of elements is bounded."""
         return True
 
 
@@ -194,13 +194,13 @@ class Array(AbstractNestedType):
 
 
 class AbstractSequence(AbstractNestedType):
-    """A collection of some elements."""
+    """A sequence."""
 
     __slots__ = ()
 
 
 class BoundedSequence(AbstractSequence):
-    """A collection of at most `maximum_size` elements."""
+    """A sequence of at most `maximum_size` elements."""
 
     __slots__ = ("maximum_size",)
 
@@ -211,12 +211,12 @@ class BoundedSequence(AbstractSequence):
 
 
 class UnboundedSequence(AbstractSequence):
-    """A collection of any number of elements."""
+    """An unbounded sequence."""
 
     __slots__ = ()
 
     def has_maximum_size(self) -> bool:
-        """Tell that there is no bound."""
+        """Return False."""
         return False
 
 

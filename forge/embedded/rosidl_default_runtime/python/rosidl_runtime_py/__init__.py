@@ -1,4 +1,4 @@
-"""Messages as dictionaries, YAML and CSV; fields from dictionaries; interfaces by name."""
+"""Convert messages to dictionaries, YAML and CSV; set fields from dictionaries; find interfaces by name."""
 
 from rosidl_runtime_py.convert import (
     get_message_slot_types,

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 def message_to_ordereddict(
     msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
 ) -> OrderedDict[str, Any]:
-    """Return the fields of a message and of all messages in it, with arrays as lists and bytes as text.
+    """Return the fields of a message and of nested messages, with arrays as lists and bytes as text.
 
-    `truncate_length` cuts strings and lists and marks the cut with '...'; `no_arr` and `no_str` show
-    the type and the length of collections and strings instead.
+    `truncate_length` truncates strings and lists and appends '...'; `no_arr` and `no_str` replace collections
+    and strings by their type and length.
     """
     return _Abridgement(truncate_length, no_arr, no_str).dictionary(msg)
 
@@ -44,7 +44,7 @@ def message_to_yaml(
     no_str: bool = False,
     flow_style: bool = False,
 ) -> str:
-    """Return a message as YAML, its fields in order, one to a line; `flow_style` puts each list on one line.
+    """Return a message as YAML, with one field per line; `flow_style` writes each list on one line.
 
     The other options are those of `message_to_ordereddict`. Raises ImportError without PyYAML.
     """
@@ -52,7 +52,7 @@ def message_to_yaml(
     yaml = _yaml()
 
     class Dumper(yaml.Dumper):  # type: ignore[misc, name-defined]
-        """YAML's own, with dictionaries in their order."""
+        """A dumper that keeps the order of dictionaries."""
 
     Dumper.add_representer(
         OrderedDict,
@@ -70,7 +70,7 @@ def message_to_yaml(
 def message_to_csv(
     msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
 ) -> str:
-    """Return the values of a message and of all messages in it, separated by commas, without quotes.
+    """Return the values of a message and of nested messages, separated by commas, without quotes.
 
     The options are those of `message_to_ordereddict`.
     """
@@ -84,7 +84,7 @@ def get_message_slot_types(msg: Any) -> OrderedDict[str, Any]:
 
 @dataclass(frozen=True)
 class _Abridgement:
-    """What to leave out of long messages."""
+    """The options of conversions: which parts of long messages to omit."""
 
     length: int | None
     without_arrays: bool
@@ -146,12 +146,12 @@ class _Abridgement:
 
 
 def _joined(parts: Any) -> str:
-    """Join with commas; as in rosidl, parts that are empty count only once something has been said."""
+    """Join with commas; as in rosidl, empty parts at the start are ignored."""
     return ",".join(dropwhile(lambda part: not part, parts))
 
 
 def _outline(value: Any, type_: Any) -> str:
-    """Return what stands for a collection that is left out."""
+    """Return the placeholder for an omitted collection."""
     name = _type_name(type_.value_type)
     if isinstance(type_, Array):
         return f"<array type: {name}[{type_.size}]>"
@@ -175,7 +175,7 @@ def _type_name(type_: Any) -> str:
 
 
 def _yaml() -> ModuleType:
-    """Return PyYAML; raises ImportError with the remedy when this interpreter has none."""
+    """Import PyYAML; raises ImportError with installation instructions."""
     try:
         import yaml  # noqa: PLC0415  (not everybody who converts messages wants YAML)
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""Which interfaces are installed, and where their definitions are; the ament index knows."""
+"""Find installed interfaces and their definitions in the ament index."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def get_interface_packages() -> dict[str, str]:
 
 
 def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """Return the interfaces, such as 'msg/String', of the packages, or of all when none is named.
+    """Return the interfaces, such as 'msg/String', of the packages, or of all packages.
 
-    Halves of services are left out. Raises LookupError for a package that is not installed.
+    Requests and responses of services are omitted. Raises LookupError for a package that is not installed.
     """
     index = _index()
     found = {}
@@ -36,24 +36,24 @@ def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
 
 
 def get_message_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """Return what `get_interfaces` does, messages only."""
+    """Return the messages of `get_interfaces`."""
     return _of_kind("msg", package_names)
 
 
 def get_service_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """Return what `get_interfaces` does, services only."""
+    """Return the services of `get_interfaces`."""
     return _of_kind("srv", package_names)
 
 
 def get_action_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
-    """Return what `get_interfaces` does, actions only."""
+    """Return the actions of `get_interfaces`."""
     return _of_kind("action", package_names)
 
 
 def get_interface_path(interface_name: str) -> str:
-    """Return the path of an interface's definition; without a suffix, the .msg, .srv or .action first.
+    """Return the path of a definition; without a suffix, .msg, .srv or .action files come first.
 
-    Raises ValueError when the name is not 'package/kind/Name', LookupError when it is not installed.
+    Raises ValueError if the name is not 'package/kind/Name', and LookupError if it is not installed.
     """
     parts = _parts(interface_name)
     prefix = _index().has_resource("packages", parts[0])
@@ -68,7 +68,7 @@ def get_interface_path(interface_name: str) -> str:
 
 
 def _index() -> Any:  # noqa: ANN401  (a module of another package)
-    """Return what reads the index of installed packages; conversions work where it is not."""
+    """Import ament_index_python lazily, because conversions work without it."""
     return import_module("ament_index_python")
 
 

@@ -1,4 +1,4 @@
-"""Message classes by the names that SLOT_TYPES gives them."""
+"""Find message classes by their names in SLOT_TYPES."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _PARTS: Final = {
 
 
 def import_message_from_namespaced_type(message_type: NamespacedType) -> Any:  # noqa: ANN401
-    """Return the class of a message, the parts of services and actions included.
+    """Return the class of a message, including parts of services and actions.
 
-    Raises ModuleNotFoundError when the package is not there, AttributeError when it has no such message.
+    Raises ModuleNotFoundError if the package does not exist, and AttributeError if it has no such message.
     """
     namespace: Any = import_module(".".join(message_type.namespaces))
     if hasattr(namespace, message_type.name):

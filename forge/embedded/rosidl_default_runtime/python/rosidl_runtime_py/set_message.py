@@ -1,4 +1,4 @@
-"""Fields of messages from dictionaries, as typed on a command line or read from YAML."""
+"""Set the fields of messages from dictionaries, as on command lines or in YAML."""
 
 # ruff: noqa: ANN401  (a message is any class that a generator made, and values are what a user typed)
 
@@ -30,12 +30,12 @@ def set_message_fields(
     expand_header_auto: bool = False,  # noqa: FBT001, FBT002  (rosidl's signature)
     expand_time_now: bool = False,  # noqa: FBT001, FBT002
 ) -> list[Callable[[Any], None]]:
-    """Set the fields that `values` names, converted to what the fields hold; the others stay.
+    """Set the fields in `values`, converted to the types of the fields; others are unchanged.
 
-    Returns a function for each time that was left open by the value 'auto' of a header (with
-    `expand_header_auto`) or 'now' of a time (with `expand_time_now`); called with a time, it sets it.
-    Raises AttributeError for an unknown field, KeyError for a constant, TypeError where a dictionary
-    should be, and what the fields themselves raise.
+    Returns a function for each time that is set later: the value 'auto' of a header (with
+    `expand_header_auto`) or 'now' of a time (with `expand_time_now`); calling it with a time sets the field.
+    Raises AttributeError for an unknown field, KeyError for a constant, TypeError if a dictionary is
+    expected; exceptions of the fields propagate.
     """
     setting = _Setting(expand_header_auto, expand_time_now)
     setting.fill(msg, values)
@@ -63,7 +63,7 @@ class _Setting:
                 setattr(msg, name, self._converted(now, value, type_))
 
     def _left_open(self, msg: Any, name: str, value: Any) -> bool:
-        """Tell if the value asks for the time of sending; if so, remember where it goes."""
+        """Return True if the value stands for the time of sending, and store its field."""
         now = getattr(msg, name)
         class_ = (type(now).__module__, type(now).__name__)
         if self.headers and class_ == _HEADER and value == "auto":
@@ -75,7 +75,7 @@ class _Setting:
         return False
 
     def _converted(self, now: Any, value: Any, type_: Any) -> Any:
-        """Return the value in the form in which the field holds what is there now."""
+        """Convert the value to the type of the current value of the field."""
         if isinstance(now, array):
             return array(now.typecode, value)
         if hasattr(now, "dtype"):
@@ -85,7 +85,7 @@ class _Setting:
         return _octet(value) if type_ == _OCTET else self._single(now, value)
 
     def _single(self, now: Any, value: Any) -> Any:
-        """Return a value that is no collection: as given, as its type makes it, or as a filled message."""
+        """Convert a single value: unchanged, through its type, or as a message with fields set."""
         if type(value) is type(now):
             return deepcopy(value)
         try:
@@ -94,7 +94,7 @@ class _Setting:
             return self._message(type(now), value)
 
     def _items(self, now: Any, value: Any, element: Any) -> Any:
-        """Return a collection, its messages made of dictionaries."""
+        """Convert a collection, with messages created from dictionaries."""
         if isinstance(element, NamespacedType):
             class_ = import_message_from_namespaced_type(element)
             return [self._message(class_, item) for item in value]
@@ -109,14 +109,14 @@ class _Setting:
 
 
 def _like(now: Any, value: Any) -> Any:
-    """Return a numpy array of the same type, or a number where somebody put one of numpy's into a field."""
+    """Return a numpy array of the same type, or a number if the field contains a numpy scalar."""
     import numpy as np  # noqa: PLC0415  (there is something of numpy's, so it is loaded)
 
     return np.array(value, dtype=now.dtype) if now.shape else type(now)(value)
 
 
 def _octet(value: Any) -> Any:
-    """Return one byte of the number or the character that stands for it in YAML; rosidl refuses both."""
+    """Return one byte for a number or a character in YAML, both of which rosidl rejects."""
     if isinstance(value, int):
         return bytes([value])
     return value.encode("latin-1") if isinstance(value, str) else bytes(value)

@@ -1,4 +1,4 @@
-"""Interface classes by their names, such as 'std_msgs/msg/String'."""
+"""Find interface classes by name, such as 'std_msgs/msg/String'."""
 
 # ruff: noqa: ANN401  (an interface is any class that a generator made)
 
@@ -14,10 +14,10 @@ _FULL_NAME = 3
 
 
 def get_interface(identifier: str) -> Any:
-    """Return the class named by package, kind and name.
+    """Return the class with a name of the form 'package/kind/Name'.
 
-    Raises ValueError for anything but three parts, ModuleNotFoundError and AttributeError when it is
-    not there.
+    Raises ValueError unless the name has three parts, and ModuleNotFoundError or AttributeError if the
+    interface does not exist.
     """
     parts = identifier.split("/")
     if len(parts) != _FULL_NAME or not all(parts):
@@ -41,17 +41,17 @@ def get_action(identifier: str) -> Any:
 
 
 def is_message(interface: Any) -> bool:
-    """Tell if the class is a message, the parts of services and actions included."""
+    """Return True if the class is a message, including parts of services and actions."""
     return hasattr(interface, "get_fields_and_field_types")
 
 
 def is_service(interface: Any) -> bool:
-    """Tell if the class is a service."""
+    """Return True if the class is a service."""
     return hasattr(interface, "Request") and hasattr(interface, "Response")
 
 
 def is_action(interface: Any) -> bool:
-    """Tell if the class is an action."""
+    """Return True if the class is an action."""
     return all(hasattr(interface, part) for part in ("Goal", "Result", "Feedback"))
 
 

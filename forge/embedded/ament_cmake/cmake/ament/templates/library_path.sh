@@ -1,4 +1,4 @@
-# Installed programs carry no search path for libraries of their own.
+# Let installed programs without an RPATH find the libraries of this prefix.
 if [ "$(uname -s)" = Darwin ]; then
   ament_prepend_unique_value DYLD_LIBRARY_PATH "$AMENT_CURRENT_PREFIX/lib"
 else

@@ -1,9 +1,9 @@
-# What it takes to build extension modules for the workspace's Python, asked from that Python itself.
+# Find the headers and suffixes for extension modules of the workspace's Python interpreter.
 #
 # Sets PythonExtra_FOUND, PythonExtra_INCLUDE_DIRS, PythonExtra_LIBRARIES, PythonExtra_EXTENSION_SUFFIX
-# (.cpython-311-x86_64-linux-gnu), PythonExtra_EXTENSION_EXTENSION (.so), PYTHON_SOABI, and what the old
-# FindPythonInterp and FindPythonLibs set. Most who find it want the interpreter only, so missing headers are
-# no failure: folders and libraries are told if they exist.
+# (.cpython-311-x86_64-linux-gnu), PythonExtra_EXTENSION_EXTENSION (.so), PYTHON_SOABI, and the variables of
+# FindPythonInterp and FindPythonLibs. Missing headers are not an error, because most packages only need the
+# interpreter: include folders and libraries are set if they exist.
 
 if(NOT PYTHON_EXECUTABLE)
   set(PYTHON_EXECUTABLE "${Python3_EXECUTABLE}")

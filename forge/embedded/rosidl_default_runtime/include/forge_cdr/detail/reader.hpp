@@ -16,15 +16,15 @@
 namespace forge_cdr::detail
 {
 
-/// Reads members; whatever the bytes are, it stays within them and asks for memory only in proportion.
+/// Reads members; invalid data never causes out-of-bounds reads or disproportionate allocations.
 /**
- * Swap is true where the bytes have the other order than the host.
+ * Swap is true if the byte order of the data differs from that of the host.
  */
 template<bool Swap>
 class Reader
 {
 public:
-  /// `body` is the first byte after the header, from which alignment counts.
+  /// `body` is the first byte after the header; alignment is relative to it.
   Reader(const std::uint8_t * body, std::size_t size) noexcept
   : _body(body), _size(size)
   {
@@ -96,7 +96,7 @@ public:
     }
   }
 
-  /// Where the elements of a sequence begin, and how many there are; the sequence itself is left alone.
+  /// Return the first element of a sequence and the number of elements, without reading them.
   template<typename Sequence>
   std::pair<const std::uint8_t *, std::size_t> elements(const Sequence & values)
   {
@@ -111,7 +111,7 @@ public:
   }
 
 private:
-  /// How many elements a sequence is to have, if there can be so many.
+  /// Read and check the length of a sequence.
   template<typename Sequence>
   FORGE_CDR_INLINE std::size_t length(const Sequence & values)
   {
@@ -125,7 +125,7 @@ private:
     return count;
   }
 
-  /// The next bytes, after padding.
+  /// Return the next bytes, after padding.
   template<std::size_t Alignment>
   FORGE_CDR_INLINE const std::uint8_t * take(std::size_t size)
   {
@@ -144,7 +144,7 @@ private:
     return value;
   }
 
-  /// A text of so many bytes, mostly with a NUL at its end.
+  /// Read a string of the given size, which usually ends with a NUL.
   template<typename Text>
   FORGE_CDR_INLINE void narrow(Text & value, std::size_t length)
   {
@@ -156,14 +156,14 @@ private:
     if (value.size() == length) {
       copy_short(value.data(), from, length);
     } else if (value.capacity() < length) {
-      // Made beside it and moved in, which is less work than assign() making room.
+      // Create and move a new string, which is faster than growing with assign().
       value = Text(from, length, value.get_allocator());
     } else {
       value.assign(from, length);
     }
   }
 
-  /// A text of so many UTF-16 units, four bytes each.
+  /// Read a wstring of the given number of UTF-16 code units, four bytes each.
   template<typename Text>
   FORGE_CDR_INLINE void wide(Text & value, std::size_t length)
   {
@@ -193,7 +193,7 @@ private:
     std::memcpy(static_cast<void *>(values.data()), from, count * sizeof(Value));
   }
 
-  /// Texts or messages; those that are there already keep their memory.
+  /// Read strings or messages; existing elements keep their memory.
   template<typename Sequence>
   FORGE_CDR_INLINE void read_each(Sequence & values, std::size_t count)
   {

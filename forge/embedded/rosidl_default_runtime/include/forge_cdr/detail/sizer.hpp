@@ -10,11 +10,11 @@
 namespace forge_cdr::detail
 {
 
-/// Counts the bytes that a Writer is going to write.
+/// Computes the number of bytes that a Writer writes.
 class Sizer
 {
 public:
-  /// The bytes so far; alignment counts from the first one.
+  /// The size so far; alignment is relative to the first byte.
   std::size_t offset() const noexcept
   {
     return _offset;

@@ -1,4 +1,4 @@
-// How many bytes a value takes on the wire, what its offset is a multiple of, and when memory has the same bytes.
+// Serialized size and alignment of values, and whether the serialized bytes equal those in memory.
 
 #ifndef FORGE_CDR__DETAIL__TYPES_HPP_
 #define FORGE_CDR__DETAIL__TYPES_HPP_
@@ -12,7 +12,7 @@
 
 #include "forge_cdr/members.hpp"
 
-// Sizers, writers and readers are fast because they vanish into the code around them.
+// Sizers, writers and readers are fast only if they are inlined.
 #if defined __GNUC__
 #define FORGE_CDR_INLINE inline __attribute__((always_inline))
 #define FORGE_CDR_COLD __attribute__((cold, noinline))
@@ -74,7 +74,7 @@ struct Leaf<std::array<Value, Size>, true>
   static constexpr std::size_t alignment = Leaf<Value>::alignment;
 };
 
-/// Leaves side by side, the first of which has the largest alignment: what lies between them is known.
+/// Adjacent values, the first of which has the largest alignment: all padding between them is known.
 template<typename First, typename ... Others>
 struct Run
 {
@@ -101,7 +101,7 @@ struct IsText<std::basic_string<char, Traits, Allocator>>: std::true_type {};
 template<typename Traits, typename Allocator>
 struct IsText<std::basic_string<char16_t, Traits, Allocator>>: std::true_type {};
 
-/// The fewest bytes that a value takes.
+/// The minimum serialized size of a value.
 template<typename Value>
 constexpr std::size_t least() noexcept
 {
@@ -114,12 +114,12 @@ constexpr std::size_t least() noexcept
   }
 }
 
-/// Tell if values side by side in memory have the bytes that they have on the wire, in the host's order.
+/// True if the bytes of consecutive values in memory equal the serialized ones, in the byte order of the host.
 template<typename Value>
 constexpr bool is_packed() noexcept
 {
   if constexpr (IsText<Value>::value || std::is_same_v<Value, bool>) {
-    return false;  // not every byte is a bool
+    return false;  // not every byte is a valid bool
   } else if constexpr (std::is_arithmetic_v<Value>) {
     return Leaf<Value>::size == sizeof(Value) && !std::is_same_v<Value, long double>;
   } else {
@@ -127,7 +127,7 @@ constexpr bool is_packed() noexcept
   }
 }
 
-/// Copy what is mostly short: one or two moves instead of a call.
+/// Copy mostly short data with one or two moves instead of a call.
 FORGE_CDR_INLINE void copy_short(void * to, const void * from, std::size_t size)
 {
   auto * const target = static_cast<unsigned char *>(to);
@@ -162,7 +162,7 @@ FORGE_CDR_INLINE void copy_short(void * to, const void * from, std::size_t size)
   }
 }
 
-/// Copy so many bytes without a call, however a compiler likes to copy that many.
+/// Copy a fixed number of bytes without a function call.
 template<std::size_t Size>
 FORGE_CDR_INLINE void copy_exactly(void * to, const void * from)
 {
@@ -174,7 +174,7 @@ FORGE_CDR_INLINE void copy_exactly(void * to, const void * from)
   }
 }
 
-/// Copy a number's bytes, the other way round where one side is big endian.
+/// Copy the bytes of a number, and reverse them if the byte orders differ.
 template<std::size_t Size, bool Swap>
 FORGE_CDR_INLINE void copy_number(void * to, const void * from)
 {

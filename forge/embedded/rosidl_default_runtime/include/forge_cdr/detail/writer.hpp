@@ -12,11 +12,11 @@
 namespace forge_cdr::detail
 {
 
-/// Writes members to where a Sizer has found that they have room; little endian, padding zero.
+/// Writes members to a buffer of the size computed by a Sizer; little-endian, with zero padding.
 class Writer
 {
 public:
-  /// `body` is where the first byte after the header goes, from which alignment counts.
+  /// `body` is the position of the first byte after the header; alignment is relative to it.
   explicit Writer(std::uint8_t * body) noexcept
   : _body(body)
   {
@@ -69,12 +69,12 @@ public:
   }
 
 private:
-  /// Move on to a multiple of the alignment and then by a size, which is not less than that.
+  /// Advance to a multiple of the alignment, and then by the size, which is at least the alignment.
   template<std::size_t Alignment>
   FORGE_CDR_INLINE std::uint8_t * room(std::size_t size)
   {
     if constexpr (Alignment > 1) {
-      std::memset(_body + _offset, 0, Alignment);  // covers the padding; what it exceeds is written below
+      std::memset(_body + _offset, 0, Alignment);  // clears the padding; the value is written after it
       _offset = aligned(_offset, Alignment);
     }
     std::uint8_t * const found = _body + _offset;
@@ -110,7 +110,7 @@ private:
     store(to, static_cast<std::uint32_t>(value));
   }
 
-  /// Of the sixteen bytes of an x87 number six are padding.
+  /// Six of the sixteen bytes of an x87 long double are padding.
   static FORGE_CDR_INLINE void store(std::uint8_t * to, long double value)
   {
     static_assert(sizeof(long double) <= 16, "wider than on any wire");
