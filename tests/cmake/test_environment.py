@@ -87,8 +87,8 @@ def test_hooks_may_be_collected_instead_of_run(demo: Project) -> None:
 @pytest.mark.parametrize(
     ("commands", "complaint"),
     [
-        ("ament_environment_hooks(none.sh)", "none.sh', which is no file"),
-        ("ament_environment_hooks(noextension)", "needs an extension that names its shell"),
+        ("ament_environment_hooks(none.sh)", "none.sh', which is not a file"),
+        ("ament_environment_hooks(noextension)", "needs the extension of its shell"),
     ],
 )
 def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:

@@ -126,9 +126,9 @@ def test_a_missing_dependency_stops_the_user(ament: Ament) -> None:
 @pytest.mark.parametrize(
     ("commands", "complaint"),
     [
-        ("ament_target_dependencies(none demo)", "'none', which is no target"),
+        ("ament_target_dependencies(none demo)", "'none', which is not a target"),
         ("ament_target_dependencies(t nowhere)", "uses the package 'nowhere', which was not found"),
-        ("ament_target_dependencies(t ament_cmake PUBLIC)", "takes 'PUBLIC' only right behind the target"),
+        ("ament_target_dependencies(t ament_cmake PUBLIC)", "takes 'PUBLIC' only directly after the target"),
         ("ament_export_libraries(/no/such/lib.so)", "was given '/no/such/lib.so', which does not exist"),
         ("ament_export_interfaces(x UNKNOWN::y)\nament_package()", "UNKNOWN::y"),
     ],

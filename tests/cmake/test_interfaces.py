@@ -368,9 +368,9 @@ def test_third_party_generators_and_typesupports_have_their_turn(rosidl: Ament) 
             "give the library or program another name",
         ),
         ("ament_package()\nrosidl_generate_interfaces(demo msg/X.msg)", MEMBER, "must be called before"),
-        ("rosidl_get_typesupport_target(x none y)", MEMBER, "'none', which is no target"),
+        ("rosidl_get_typesupport_target(x none y)", MEMBER, "'none', which is not a target"),
         ("rosidl_adapt_interfaces(x y)", MEMBER, "takes a variable, a file and TARGET"),
-        ("rosidl_target_interfaces(a b c)", MEMBER, "needs 'a', which is no target"),
+        ("rosidl_target_interfaces(a b c)", MEMBER, "needs 'a', which is not a target"),
         ("rosidl_generate_interfaces(demo action/A.action)", MEMBER, "<depend>action_msgs</depend>"),
     ],
 )

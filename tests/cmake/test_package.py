@@ -53,7 +53,7 @@ def test_run_dependencies_are_recorded_sorted_and_once(ament: Ament) -> None:
     ("commands", "complaint"),
     [
         ("ament_package()\nament_package()", "ament_package() was called before"),
-        ("ament_package(EXTRAS a.cmake)", "does not understand 'EXTRAS' 'a.cmake'"),
+        ("ament_package(EXTRAS a.cmake)", "does not accept 'EXTRAS' 'a.cmake'"),
         ("ament_package(CONFIG_EXTRAS none.cmake)", "none.cmake', which does not exist"),
         ("ament_package(CONFIG_EXTRAS package.xml)", "extras end in .cmake or .cmake.in"),
         ("ament_package_xml()\nament_package_xml()", "ament_package_xml() was called before"),

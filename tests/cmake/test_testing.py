@@ -113,7 +113,7 @@ def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> No
     [
         ("ament_add_test(one)", "needs the COMMAND of the test 'one'"),
         ("ament_add_test(one COMMAND x TIMEOUT 0)", "must be more than 0 seconds"),
-        ("ament_add_test(one COMMAND_ x)", "does not understand 'COMMAND_' 'x'"),
+        ("ament_add_test(one COMMAND_ x)", "does not accept 'COMMAND_' 'x'"),
         ("ament_add_pytest_test(one none.py)", "none.py', which does not exist"),
         ("find_package(ament_cmake_gtest)\nament_add_gtest(one)", "the test 'one' has no source files"),
     ],
@@ -241,7 +241,7 @@ def test_without_pytest_there_is_a_warning_and_no_test(ament: Ament) -> None:
     )
     outcome = demo.configure()
     assert outcome.code == 0, outcome.text
-    assert "'one' is left out: '/bin/false' has no pytest" in outcome.flat
+    assert "'one' is skipped: '/bin/false' has no pytest" in outcome.flat
     assert registered(demo) == {}
 
 

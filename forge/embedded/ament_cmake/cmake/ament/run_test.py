@@ -3,9 +3,9 @@
     run_test.py RESULT_FILE [--package-name P] [--output-file F] [--env K=V ...] [--append-env K=V ...]
                 [--skip-test] [--skip-return-code N] [--generate-result-on-success] --command WORD ...
 
-A failing result is written first, because a command that crashes leaves none, or an old one. If the command does
-not replace it, this program does. Exits with the code of the command, or with 1 if the result file contains
-failures. Uses only the standard library.
+A failing result is written first, because a command that crashes leaves none, or an old one. If the command
+does not replace it, this program does. Exits with the code of the command, or with 1 if the result file
+contains failures. Uses only the standard library.
 """
 
 # ruff: noqa: INP001  (a program that CMake runs, not a module)

@@ -23,7 +23,7 @@ endfunction()
 function(_ament_refuse_unknown command)
   if(ARGN)
     string(REPLACE ";" "' '" words "${ARGN}")
-    message(FATAL_ERROR "${command}() does not understand '${words}'")
+    message(FATAL_ERROR "${command}() does not accept '${words}'")
   endif()
 endfunction()
 

@@ -5,7 +5,7 @@
 # CMake does not allow to mix signatures, and most packages use the plain one.
 function(ament_target_dependencies target)
   if(NOT TARGET "${target}")
-    message(FATAL_ERROR "ament_target_dependencies() was given '${target}', which is no target")
+    message(FATAL_ERROR "ament_target_dependencies() was given '${target}', which is not a target")
   endif()
   set(packages "${ARGN}")
   set(system "")
@@ -59,7 +59,7 @@ endfunction()
 # _ament_check_found(<target> <package>): fail if the package was not found.
 function(_ament_check_found target package)
   if(package MATCHES "^(SYSTEM|INTERFACE|PUBLIC)$")
-    message(FATAL_ERROR "ament_target_dependencies() takes '${package}' only right behind the target")
+    message(FATAL_ERROR "ament_target_dependencies() takes '${package}' only directly after the target")
   endif()
   if(NOT ${package}_FOUND)
     message(FATAL_ERROR

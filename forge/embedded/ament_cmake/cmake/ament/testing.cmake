@@ -106,7 +106,7 @@ function(ament_add_pytest_test name path)
   get_executable_path(python "${ARG_PYTHON_EXECUTABLE}" BUILD)
   ament_has_pytest(has_pytest QUIET PYTHON_EXECUTABLE "${ARG_PYTHON_EXECUTABLE}")
   if(NOT has_pytest)
-    message(WARNING "'${name}' is left out: '${ARG_PYTHON_EXECUTABLE}' has no pytest")
+    message(WARNING "'${name}' is skipped: '${ARG_PYTHON_EXECUTABLE}' has no pytest")
     return()
   endif()
 
@@ -179,7 +179,7 @@ endfunction()
 
 # ament_add_nose_test(...): not supported, nose is obsolete.
 function(ament_add_nose_test name)
-  message(WARNING "'${name}' is left out: nose is obsolete, call ament_add_pytest_test()")
+  message(WARNING "'${name}' is skipped: nose is obsolete, call ament_add_pytest_test()")
 endfunction()
 
 # _ament_collect_test_options(<variable>): ament_add_test()'s options as the calling command's ARG_ variables.
