@@ -149,7 +149,7 @@ def _fish_flag(flag: str) -> str:
 def _fish_expected(expected: Expected) -> str:
     match expected.kind:
         case "packages" | "installed":
-            return f"-x -a '(__forge_answer {expected.kind})'"
+            return f"-x -a '(__forge_list_names {expected.kind})'"
         case "words":
             return f"-x -a {_fish_quoted(' '.join(expected.words))}"
         case "folders":
