@@ -52,7 +52,7 @@ def test_through_the_worker_and_without_it_all_is_the_same(package: Path) -> Non
         asked = [generate(package, name, **variables) for name in ("good", "bad")]
     assert [done.returncode for done in asked] == [0, 2]
     assert (package / "out/python/good/msg/_a.py").read_text() == written
-    assert "bad/msg/B.msg:1:1: error: there is no type 'int23'" in asked[1].stderr
+    assert "bad/msg/B.msg:1:1: error: unknown type 'int23'" in asked[1].stderr
     for one, other in zip(alone, asked, strict=True):
         assert (one.returncode, one.stdout, one.stderr) == (other.returncode, other.stdout, other.stderr)
 

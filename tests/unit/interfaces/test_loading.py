@@ -78,7 +78,7 @@ def test_what_is_wrong_is_told() -> None:
         load("B b", "tour/msg/A")
     with pytest.raises(InterfaceError, match="missing type name of the schema"):
         load("int8 a")
-    with pytest.raises(InterfaceError, match="there is no interface in"):
+    with pytest.raises(InterfaceError, match="no interface definitions found in"):
         load(Path("nowhere"))
     with pytest.raises(KeyError):
         load("int8 a", "tour/msg/A")["tour/msg/B"]
