@@ -82,12 +82,13 @@ def _add_selection(parser: Parser) -> None:
         type=_name,
         default=[],
         metavar=("N", "PKG"),
-        help="process these packages and packages that depend on them over at most N levels",
+        help="process these packages and their dependents, up to N levels",
     )
-    for word, meaning in (("start", "from this one on"), ("end", "up to this one")):
-        group.add_argument(
-            f"--packages-{word}", type=_name, metavar="PKG", help=f"{meaning}, in the order of building"
-        )
+    for word, meaning in (
+        ("start", "skip packages before this one in topological order"),
+        ("end", "skip packages after this one in topological order"),
+    ):
+        group.add_argument(f"--packages-{word}", type=_name, metavar="PKG", help=meaning)
     results = group.add_mutually_exclusive_group()
     for word, meaning in _BY_RESULT.items():
         results.add_argument(f"--packages-{word}", action="store_true", help=meaning)

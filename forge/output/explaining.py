@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def explain(plan: BuildPlan) -> Iterator[str]:
     """Yield a line for each package of the plan with the reason."""
     for name in plan.fresh:
-        yield f"{name}: fresh"
+        yield f"{name}: up to date"
     for name, task in plan.tasks.items():
-        yield f"{name}: {'maybe' if task.conditional else 'build'}, {task.reason}"
+        yield f"{name}: {'maybe build' if task.conditional else 'build'}, {task.reason}"
 
 
 def commands(plan: BuildPlan) -> Iterator[str]:

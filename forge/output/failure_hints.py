@@ -286,7 +286,7 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
         re.compile(r'(?:for|given)\s+target\s+"([^"]+)"\s+which\s+(?:is\s+not\s+built|does\s+not\s+exist)'),
         _no_such_target,
     ),
-    (re.compile(r"was\s+given\s+'([^']+)',\s+which\s+is\s+no\s+target"), _no_such_target),
+    (re.compile(r"was\s+given\s+'([^']+)',\s+which\s+is\s+not\s+a\s+target"), _no_such_target),
     (re.compile(r"uses\s+the\s+package\s+'([^']+)',\s+which\s+was\s+not\s+found"), _not_looked_for),
     (re.compile(r"Cannot\s+find\s+source\s+file:\s+(\S.*)"), _no_such_file),
     (re.compile(r'file\s+INSTALL\s+cannot\s+find\s+"([^"]+)"'), _no_such_file),

@@ -121,7 +121,7 @@ def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: La
         table.changed_files.clear()
         if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
             what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.changed_files)))
-            message = f"'{name}' changed since its last build, which the tests use: {what}"
+            message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
             problems.append(Problem(message, Place(package.path), "forge build"))
     return tuple(problems)
 

@@ -77,7 +77,7 @@ class Workspace:
         ran = self._forge("build", "--explain", *self._options, cwd=self.root, env=self._env)
         assert ran.code == 0, ran.err
         said = next(line for line in (ran.out + ran.err).splitlines() if line.startswith("talk: "))
-        return "" if said == "talk: fresh" else said.removeprefix("talk: build, ")
+        return "" if said == "talk: up to date" else said.removeprefix("talk: build, ")
 
     def is_as_clean(self) -> None:
         """Hold what is installed against what a clean build installs."""

@@ -132,7 +132,7 @@ def watching(root: Path, *options: str, prefix: tuple[str, ...] = ()) -> Iterato
     """Start a watch, wait until it watches, and see it out."""
     watch = Watch(root, *options, prefix=prefix)
     try:
-        while not re.match(r"watching \d+ folders; Ctrl-C ends it", watch.line(60)):
+        while not re.match(r"watching \d+ folders; press Ctrl-C to stop", watch.line(60)):
             pass
         yield watch
     finally:

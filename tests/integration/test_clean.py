@@ -112,7 +112,7 @@ def test_it_asks_first(
     monkeypatch.setattr(sys, "stdin", io.StringIO(answer))
     ran = forge("clean", "workspace", cwd=root)
     assert ran.code == 0
-    assert ran.out.startswith("- build/a (build folder of 'a')\nRemove these 1? [y/N] ")
+    assert ran.out.startswith("- build/a (build folder of 'a')\nRemove these 1 items? [y/N] ")
     assert (root / "build").exists() is not gone
 
 

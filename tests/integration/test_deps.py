@@ -67,7 +67,7 @@ def test_lines_to_paste_and_who_needs_what(forge: Forge, root: Path) -> None:
     assert lines[2] == "sudo apt-get install libfoo-dev"
     assert lines[3].endswith(" -m pip install foo")
     assert lines[4:] == [
-        "# nav2_msgs is a ROS package: source an installation that contains it, needed by a",
+        "# nav2_msgs, needed by a: ROS package; source an installation that contains it",
         "# odd-one is unknown, needed by b",
     ]
 

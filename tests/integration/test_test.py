@@ -276,9 +276,9 @@ def test_edits_that_were_not_built_are_told(forge: Forge, tree: Tree) -> None:
     tree({"src/below/new.txt": "", "src/p/p/__init__.py": "VALUE = 1 # edited\n"})
     ran = forge("test", "--packages-select", "above", cwd=root)
     assert ran.code == 0
-    changed = "'below' changed since its last build, which the tests use"
+    changed = "'below' has changed since its last build, so that tests use outdated files"
     assert ran.err.startswith(f"src/below: warning: {changed}: 'CMakeLists.txt' and 1 more changed\nhint: ")
     # Its tests run in its source folder.
-    assert "changed since" not in forge("test", "--packages-select", "p", cwd=root).err
+    assert "has changed since" not in forge("test", "--packages-select", "p", cwd=root).err
     assert forge("build", cwd=root).code == 0
     assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err

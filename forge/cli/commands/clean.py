@@ -47,10 +47,15 @@ def register(parser: Parser) -> None:
     parser.add_argument(
         "what",
         choices=["workspace", "packages", "stale"],
-        help="the whole workspace; the named or selected packages; packages that are no longer in the "
+        help="what to clean: the whole workspace, the given packages, or packages that are no longer in the "
         "workspace",
     )
-    parser.add_argument("names", nargs="*", metavar="PKG", help="packages to remove, for 'packages'")
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="PKG",
+        help="packages whose build and install files to remove, for 'packages'",
+    )
     parser.add_argument("-y", "--yes", action="store_true", help="do not ask for confirmation")
     parser.add_argument(
         "--base-select",
@@ -78,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             return 0
         for litter in litters:
             print(f"- {_shown(litter, options)}")
-        if not (options.yes or _confirmed(f"Remove these {len(litters)}? [y/N] ")):
+        if not (options.yes or _confirmed(f"Remove these {len(litters)} items? [y/N] ")):
             print("nothing was removed")
             return 0
         for name in names:

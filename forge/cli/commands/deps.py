@@ -80,7 +80,9 @@ def register(parser: Parser) -> None:
         metavar="DIR",
         help="install folder of the workspace (default: install)",
     )
-    parser.add_argument("--python", metavar="PATH", help="interpreter to look for Python modules with")
+    parser.add_argument(
+        "--python", metavar="PATH", help="interpreter whose installed Python packages to check"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -200,7 +202,7 @@ def _lines(
     for need in missing:
         users = ", ".join(need.users)
         if need.ros:
-            yield f"# {need.key} is a ROS package: source an installation that contains it, needed by {users}"
+            yield f"# {need.key}, needed by {users}: ROS package; source an installation that contains it"
         elif not need.manager:
             yield f"# {need.key} is unknown, needed by {users}"
     if not missing:

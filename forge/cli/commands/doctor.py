@@ -48,7 +48,7 @@ def register(parser: Parser) -> None:
     parser.add_argument(
         "--json",
         action="store_true",
-        help="print one JSON object: numbers of errors, warnings and notes; checked; findings",
+        help="print one JSON object with the keys errors, warnings, notes, checked and findings",
     )
 
 

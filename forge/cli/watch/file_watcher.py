@@ -133,7 +133,7 @@ class FileWatcher:
         return len(self._watched)
 
     def watch(self, list_folders: Callable[[], Mapping[str, WatchSpec]]) -> None:
-        """Watch the folders that `look` returns; it is called again if one vanishes.
+        """Watch the folders that `list_folders` returns; call it again if one vanishes.
 
         Raises OSError if folders keep vanishing.
         """

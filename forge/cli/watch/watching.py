@@ -101,7 +101,7 @@ class WatchLoop(BuildMode):
         self._update_folders()
         self.quiet = self.checking = True
         self._build_once()
-        self._print(f"watching {self._watcher.count} folders; Ctrl-C ends it")
+        self._print(f"watching {self._watcher.count} folders; press Ctrl-C to stop")
 
     def wait(self) -> frozenset[str]:
         """Wait for changes and return the changed files; raises KeyboardInterrupt."""

@@ -91,7 +91,9 @@ def clock(subject: Subject) -> CheckResult:
         )
     return CheckResult(
         "clock",
-        "no file is newer than now" if not future else f"{len(future)} newer than now",
+        "no files with modification times in the future"
+        if not future
+        else f"{len(future)} files with modification times in the future",
         warnings=tuple(warnings),
     )
 

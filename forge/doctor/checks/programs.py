@@ -142,10 +142,11 @@ def _minimum(subject: Subject, package: Package, version: tuple[int, ...]) -> It
     shown = ".".join(map(str, version))
     if _numbers(least) > version:
         hint = "install the newest with `pip install -U cmake`"
-        yield Problem(f"'{package.name}' requires CMake {least}, but this is {shown}", place, hint)
+        yield Problem(f"'{package.name}' requires CMake {least}, but CMake {shown} is installed", place, hint)
     elif version >= _POLICIES_GONE and _numbers(most or least) < _LEAST_POLICY:
         hint = f"use VERSION {least}...3.10, or build with --cmake-args -DCMAKE_POLICY_VERSION_MINIMUM=3.5"
-        message = f"'{package.name}' is written for CMake {most or least}, which CMake {shown} rejects"
+        requested = f"requests compatibility with CMake {most or least}"
+        message = f"'{package.name}' {requested}, which CMake {shown} no longer supports"
         yield Problem(message, place, hint)
 
 

@@ -35,7 +35,7 @@ def plain(results: Sequence[CheckResult]) -> dict[str, object]:
             f"{word}s": sum(severity == word for severity, _, _ in found)
             for word in ("error", "warning", "note")
         },
-        "checked": [{"topic": result.topic, "said": result.summary} for result in results],
+        "checked": [{"topic": result.topic, "summary": result.summary} for result in results],
         "findings": [_plain(severity, topic, problem) for severity, topic, problem in found],
     }
 
@@ -54,14 +54,14 @@ def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
         sum(len(getattr(result, word)) for result in results) for word in ("errors", "warnings", "notes")
     )
     if errors:
-        verb = "stops" if errors == 1 else "stop"
-        text = f"{_count(errors, 'error')} {verb} a build" + (
+        verb = "prevents" if errors == 1 else "prevent"
+        text = f"{_count(errors, 'error')} {verb} builds" + (
             f"; {_count(warnings, 'warning')}" if warnings else ""
         )
     elif warnings:
-        text = f"nothing stops a build; {_count(warnings, 'warning')}"
+        text = f"no errors; {_count(warnings, 'warning')}"
     else:
-        text = "no problems found: nothing stops a build"
+        text = "no problems found"
     return text if everything or not notes else f"{text} ({_count(notes, 'note')} more with --all)"
 
 

@@ -108,8 +108,10 @@ def _other_python(root: Path, subject: Subject) -> Iterator[Problem]:
     }
     if versions and ours not in versions:
         theirs = ", ".join("{}.{}".format(*version) for version in sorted(versions))
-        hint = f"build with '--python python{theirs.partition(',')[0]}', or build the underlay for the same"
-        message = f"the underlay '{root}' has modules for python {theirs}, but this is {ours[0]}.{ours[1]}"
+        version = theirs.partition(",")[0]
+        hint = f"build with '--python python{version}', or rebuild the underlay for the same Python"
+        used = f"python {ours[0]}.{ours[1]}"
+        message = f"the underlay '{root}' has modules for python {theirs}, but the build uses {used}"
         yield Problem(message, hint=hint)
 
 
@@ -198,7 +200,7 @@ def _half_sourced(variables: Mapping[str, str]) -> Iterator[Problem]:
     for name in _PASSING:
         if name in variables:
             hint = f"unset {name}"
-            yield Problem(f"'{name}' is set, but is only meant for running setup scripts", hint=hint)
+            yield Problem(f"'{name}' is set, which only setup scripts should do while they run", hint=hint)
 
 
 def _moved(name: str, subject: Subject) -> Iterator[Problem]:

@@ -94,4 +94,4 @@ def command_lines(needs: Iterable[Need], have: frozenset[tuple[str, str]], pytho
         if command and names:
             yield f"{command.format(python=shlex.quote(python))} {' '.join(map(shlex.quote, names))}"
         if others:
-            yield f"# by hand, as {manager}: {' '.join(others)}"
+            yield f"# install manually ({manager}): {' '.join(others)}"

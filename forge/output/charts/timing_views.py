@@ -165,7 +165,7 @@ def _remarks(build: Build) -> Iterator[str]:
         "failed": outcomes.count(FAILED),
         "aborted": outcomes.count(ABORTED),
         "not started": len(build.skipped),
-        "fresh": len(build.fresh),
+        "up to date": len(build.fresh),
     }
     if set(outcomes) != {FINISHED} or build.skipped or build.fresh:
         yield ", ".join(f"{count} {word}" for word, count in counts.items() if count) + "."

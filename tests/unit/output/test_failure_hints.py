@@ -58,7 +58,7 @@ SCENE = FailureContext(
             "ament_target_dependencies(): 'a' uses the package 'shapes', which was not found",
             "add find_package(shapes REQUIRED) before it",
         ),
-        ("ament_target_dependencies() was given 'drvie', which is no target", "did you mean 'drive'?"),
+        ("ament_target_dependencies() was given 'drvie', which is not a target", "did you mean 'drive'?"),
         (
             "was given '/w/src/mine/msg/Status.msg', which does not exist",
             "the package has no 'msg/Status.msg'",
