@@ -189,7 +189,7 @@ def test_a_version_of_cmake_that_nobody_has(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     (root / "src/a/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 99.1)\nproject(a NONE)\n")
     (finding,) = of_topic(findings(forge, root), "cmake")
-    assert finding["message"].startswith("'a' requires CMake 99.1, but this is ")
+    assert finding["message"].startswith("'a' requires CMake 99.1, but CMake ")
     assert (finding["file"], finding["line"]) == ("src/a/CMakeLists.txt", 1)
 
 
@@ -265,7 +265,7 @@ def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
     ours = "{}.{}".format(*sys.version_info[:2])
     assert messages == [
         f"'y' in '{high}' needs 'lost', which no sourced underlay contains",
-        f"the underlay '{low}' has modules for python 3.{OTHER[-1]}, but this is {ours}",
+        f"the underlay '{low}' has modules for python 3.{OTHER[-1]}, but the build uses python {ours}",
         f"'{high}' was built on '{low}', but is sourced before it",
     ]
 

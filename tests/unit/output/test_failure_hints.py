@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from forge.base.layout import PACKAGE
 from forge.output.failure_hints import FailureContext, first_error, hint_of
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
@@ -163,3 +165,11 @@ def test_a_cmakelists_is_named_as_editors_find_it(line: str, shown: str) -> None
     error = first_error([line], "src/a b")
     assert error is not None
     assert error.lines == (shown,)
+
+
+def test_the_embedded_cmake_commands_report_unknown_targets_in_words_that_have_a_hint() -> None:
+    texts = [path.read_text(encoding="utf-8") for path in (PACKAGE / "embedded").rglob("*.cmake")]
+    messages = [found for text in texts for found in re.findall(r'"([^"]*was given \'\$[^"]*target)"', text)]
+    assert len(messages) > 1
+    for message in messages:
+        assert "did you mean 'drive'?" in str(hint_of(re.sub(r"\$\{\w+\}", "drvie", message), SCENE)), message
