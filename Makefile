@@ -9,7 +9,7 @@ PYTEST ?= .venv/bin/python -m pytest
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
-	@echo "make quick   run the unit tests that need no other programs, in about a minute"
+	@echo "make quick   run the unit tests, which start no programs, in less than a minute"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
@@ -30,8 +30,7 @@ test: .venv/.ready
 	$(PYTEST)
 
 quick: .venv/.ready
-	$(PYTEST) --numprocesses 2 --dist loadfile -m "not needs" $(addprefix tests/unit/,base environment workspace \
-	  toolchain build cache execution testing output cli doctor)
+	$(PYTEST) --numprocesses 2 --dist loadfile --hypothesis-profile quick tests/unit
 
 # 'make test' takes the CMake that PATH has; these take the wheels'.
 newest-cmake: .venv/.ready
@@ -49,7 +48,7 @@ fuzz: .venv/.ready
 # shapes, twice and four times as long.
 fuzz-parsers: .venv/.ready
 	.venv/bin/python -m tests.fuzz $(or $(SECONDS),600)
-	FORGE_FUZZ_EXAMPLES=1000 FORGE_FUZZ_SIZE=200000 $(PYTEST) tests/fuzz tests/unit/test_injection.py
+	FORGE_FUZZ_EXAMPLES=1000 FORGE_FUZZ_SIZE=200000 $(PYTEST) tests/fuzz tests/unit/test_injection.py tests/integration/test_injection.py
 
 scale: .venv/.ready
 	FORGE_TEST_SCALE=1 $(PYTEST) -s tests/e2e/test_scale.py
@@ -77,7 +76,7 @@ bench: .venv/.ready .venv-peers/.ready .debian-peers/.ready
 	.venv/bin/python -m tests.bench.page
 
 quick-bench: .venv/.ready .venv-peers/.ready
-	FORGE_TEST_BENCH=1 $(PYTEST) tests/unit/test_bench.py
+	FORGE_TEST_BENCH=1 $(PYTEST) tests/integration/bench/test_bench.py
 
 debian-peers: .debian-peers/.ready
 

@@ -1,4 +1,4 @@
-"""What every test may ask for: a tree of files, a run of forge, a golden folder, a tool of the machine."""
+"""What every test may ask for: files, a run of forge, goldens, generated Python, a tool of the machine."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import tempfile
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -19,6 +20,7 @@ from hypothesis import HealthCheck, settings
 
 from forge.base.files import write_if_changed
 from forge.cli.main import main
+from tests.generated import generate, importable, probe_catalog
 
 # A suite that was started in the background, or below nohup, ignores these, and what it starts would, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -26,10 +28,12 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # How long an example takes says more about the machine than about forge.
 settings.register_profile("forge", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("quick", settings.get_profile("forge"), max_examples=25)
 settings.load_profile("forge")
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from types import ModuleType
 
     from tests.browser import Browser
 
@@ -153,6 +157,22 @@ def golden(request: pytest.FixtureRequest) -> Golden:
                 pytest.fail(f"{differences}\nif that is right: pytest --accept", pytrace=False)
 
     return hold
+
+
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Generate the package 'probe' and let it be imported; gives the folder it is in."""
+    folder = tmp_path_factory.mktemp("python")
+    generate(folder, probe_catalog())
+    with importable(folder):
+        yield folder
+
+
+@pytest.fixture
+def msg(probe: Path) -> ModuleType:
+    """Import probe.msg."""
+    assert (probe / "probe" / "msg").is_dir()
+    return import_module("probe.msg")
 
 
 @pytest.fixture(scope="session")

@@ -314,4 +314,5 @@ class _Reader:
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:
     """Return the properties that identify a dependency element: name, version attributes, condition."""
-    return child.text.strip(), tuple(sorted(child.attributes.items()))
+    known = {name: value for name, value in child.attributes.items() if ":" not in name and name != "xmlns"}
+    return child.text.strip(), tuple(sorted(known.items()))

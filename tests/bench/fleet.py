@@ -22,7 +22,7 @@ from tests.bench.fleet_graph import draw
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from tests.bench.fleet_graph import Parcel, Town
+    from tests.bench.fleet_graph import PackageCost, Town
 
 _BIN = 10.0
 """Seconds over which a peak is taken."""
@@ -88,7 +88,7 @@ class Cost:
     requests: int = 0
     down: int = 0
 
-    def add(self, bundle: Parcel, *, fetched: bool, times: int = 1) -> None:
+    def add(self, bundle: PackageCost, *, fetched: bool, times: int = 1) -> None:
         """Add a package, or take it away with `times` -1; without `fetched` its bytes are here already."""
         self.found += times
         self.requests += times * (3 + bundle.blobs * fetched)
@@ -139,13 +139,13 @@ class World:
         self.based = [0] * fleet.developers
         self.runner_at = [0] * fleet.runners
         self.jobs = 0
-        sizes = [bundle.index + bundle.contents for bundle in town.parcels]
+        sizes = [bundle.index + bundle.contents for bundle in town.costs]
         kept = bisect_right([*accumulate(reversed(sizes))], fleet.runner_bytes)
         self.forgotten = len(sizes) - kept
         """How many packages, the first ones of the order, a CI machine has no room for."""
         self.lost = Cost()
         """What looking up and fetching all of these costs."""
-        for bundle in town.parcels[: self.forgotten]:
+        for bundle in town.costs[: self.forgotten]:
             self.lost.add(bundle, fetched=True)
 
     def live(self) -> None:
@@ -210,7 +210,7 @@ class World:
         changed = self.since(based)
         for each in changed:
             if each not in absent:
-                cost.add(self.town.parcels[each], fetched=self.different.get(each, 0) > based)
+                cost.add(self.town.costs[each], fetched=self.different.get(each, 0) > based)
         self.attempt("pull", begun, cost, absent.intersection(changed))
 
     def edit(self, begun: float, who: int) -> None:
@@ -230,7 +230,7 @@ class World:
             len(self.commits) if merged else based, affected, self.absent(begun) | new, new
         )
         seconds = self.attempt(kind, begun, cost, missing)
-        work = [self.town.parcels[each].seconds for each in new]
+        work = [self.town.costs[each].seconds for each in new]
         ended = begun + seconds + max(sum(work) / self.fleet.runner_cores, max(work, default=0.0))
         self.load.add(ended, *self.upload(self.tallies[kind], new, package), self.fleet)
         if merged:
@@ -247,14 +247,14 @@ class World:
         runner = self.jobs % self.fleet.runners
         self.jobs += 1
         seen, self.runner_at[runner] = self.runner_at[runner], upto
-        cost, parcels = replace(self.lost), self.town.parcels
+        cost, costs = replace(self.lost), self.town.costs
         for each in absent:
             if each < self.forgotten:
-                cost.add(parcels[each], fetched=True, times=-1)
-        changed = set(self.since(min(seen, upto)) if self.forgotten < len(parcels) else ()) | affected
+                cost.add(costs[each], fetched=True, times=-1)
+        changed = set(self.since(min(seen, upto)) if self.forgotten < len(costs) else ()) | affected
         for each in changed.difference(absent):
             if each >= self.forgotten:
-                cost.add(parcels[each], fetched=self.different.get(each, 0) > seen)
+                cost.add(costs[each], fetched=self.different.get(each, 0) > seen)
         return cost, {each for each in absent if each < self.forgotten or each in new or each in changed}
 
     def commit(self, begun: float, affected: frozenset[int], package: int) -> None:
@@ -283,14 +283,14 @@ class World:
         tally.misses += len(missing)
         tally.requests += requests
         tally.down += down
-        tally.seconds += sum(self.town.parcels[each].seconds for each in sorted(missing))
+        tally.seconds += sum(self.town.costs[each].seconds for each in sorted(missing))
         return self.load.add(begun, requests, down, self.fleet)
 
     def upload(self, tally: Tally, packages: set[int], changed: int) -> tuple[int, int]:
         """Send results: for each blob a question and, where it is new, the bytes; return how much."""
         requests = sent = 0
         for each in sorted(packages):
-            bundle = self.town.parcels[each]
+            bundle = self.town.costs[each]
             new = each == changed or self.chance.random() >= self.fleet.same_bytes
             requests += 1 + bundle.blobs + 1 + new * bundle.blobs + 2
             sent += bundle.index + 2 * _REMARK + new * bundle.contents

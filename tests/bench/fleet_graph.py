@@ -20,7 +20,7 @@ INDEX_BYTES = 120
 
 
 @dataclass(frozen=True, slots=True)
-class Parcel:
+class PackageCost:
     """What the cache keeps of a package, and what building it takes."""
 
     small: int
@@ -50,7 +50,7 @@ class Town:
 
     needs: tuple[tuple[int, ...], ...]
     users: tuple[tuple[int, ...], ...]
-    parcels: tuple[Parcel, ...]
+    costs: tuple[PackageCost, ...]
     common: int
     area: int
 
@@ -85,8 +85,8 @@ def draw(packages: int, seed: int, *, common: int = 200, area: int = 100, local:
     for number, wanted in enumerate(needs):
         for need in wanted:
             users[need].append(number)
-    parcels = tuple(_parcel(chance) for _ in needs)
-    return Town(tuple(needs), tuple(map(tuple, users)), parcels, common, area)
+    costs = tuple(_package_cost(chance) for _ in needs)
+    return Town(tuple(needs), tuple(map(tuple, users)), costs, common, area)
 
 
 def between(values: tuple[float, ...], share: float) -> float:
@@ -113,11 +113,11 @@ def _needs(number: int, common: int, area: int, local: float, chance: random.Ran
     return tuple(sorted(found))
 
 
-def _parcel(chance: random.Random) -> Parcel:
+def _package_cost(chance: random.Random) -> PackageCost:
     """Return a package's size and duration; one that is large takes long."""
     share = chance.random()
     sizes, counts = LARGE
     (count,) = chance.choices(range(len(counts)), counts)
     large = tuple(chance.choice(sizes) for _ in range(count))
     small, files = (round(between(values, share)) for values in (SMALL_BYTES, FILES))
-    return Parcel(small, large, files, between(SECONDS, share))
+    return PackageCost(small, large, files, between(SECONDS, share))

@@ -32,7 +32,7 @@ _BIN = 10.0
 def page(fleet: Fleet) -> str:
     """Return the tables as Markdown."""
     town = draw(fleet.packages, fleet.seed)
-    whole = sum(parcel.index + parcel.contents for parcel in town.parcels)
+    whole = sum(package.index + package.contents for package in town.costs)
     worlds = {
         name: simulate(replace(fleet, runner_bytes=share * whole), town) for name, share in _CASES.items()
     }
@@ -57,9 +57,9 @@ def _workspace(town: Town, whole: int) -> dict[str, str]:
         "needs": f"{mean(map(len, town.needs)):.1f}",
         "above": f"{sorted(above)[len(above) // 2]}",
         "most_above": f"{max(above):,}",
-        "files": f"{sum(parcel.files for parcel in town.parcels):,}",
+        "files": f"{sum(package.files for package in town.costs):,}",
         "gigabytes": f"{whole / 1e9:.1f}",
-        "core_hours": f"{sum(parcel.seconds for parcel in town.parcels) / 3600:.0f}",
+        "core_hours": f"{sum(package.seconds for package in town.costs) / 3600:.0f}",
     }
 
 
@@ -100,8 +100,8 @@ def _server(name: str, world: World) -> tuple[str, ...]:
 
 
 def _clones(fleet: Fleet, town: Town) -> Iterator[tuple[str, ...]]:
-    requests = sum(3 + parcel.blobs for parcel in town.parcels)
-    down = sum(800 + parcel.index + parcel.contents for parcel in town.parcels)
+    requests = sum(3 + package.blobs for package in town.costs)
+    down = sum(800 + package.index + package.contents for package in town.costs)
     for name, (link, latency) in _LINKS.items():
         near = replace(fleet, link=link, latency=latency)
         yield (
@@ -124,16 +124,16 @@ def _rebuilds(fleet: Fleet, town: Town) -> Iterator[tuple[str, ...]]:
     }
     for name, package in places.items():
         above = town.above(package)
-        work = sum(town.parcels[each].seconds for each in above)
+        work = sum(town.costs[each].seconds for each in above)
         chain = _longest(town, above)
-        farm = max(chain, work / (fleet.runner_cores * fleet.runners))
+        all_runners = max(chain, work / (fleet.runner_cores * fleet.runners))
         hours = f"{work / 3600:,.1f}"
         yield (
             name,
             f"{len(above):,}",
             hours,
             f"{max(chain, work / fleet.runner_cores) / 60:,.0f}",
-            f"{farm / 60:,.0f}",
+            f"{all_runners / 60:,.0f}",
         )
 
 
@@ -142,7 +142,7 @@ def _longest(town: Town, packages: frozenset[int]) -> float:
     length: dict[int, float] = {}
     for each in sorted(packages):
         below = max((length[need] for need in town.needs[each] if need in length), default=0.0)
-        length[each] = below + town.parcels[each].seconds
+        length[each] = below + town.costs[each].seconds
     return max(length.values())
 
 

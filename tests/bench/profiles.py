@@ -23,6 +23,7 @@ from tests.bench.builds import ANEW, PLAIN, ament
 from tests.bench.commands import QUIET, forge_build
 from tests.bench.definitions import write_definitions
 from tests.bench.figures import as_json, from_json
+from tests.bench.machine import described
 from tests.bench.peers import find_peers
 from tests.bench.sitting import Sitting, run
 from tests.bench.trees import below
@@ -31,13 +32,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 WORDS = """\
-The scenario in which forge takes longest is the build from nothing. The first table says which programs
-work meanwhile, all processors together; the second what forge itself does in it. The others are the two
-scenarios in which all of the work is forge's own.
+The longest scenario is the build from nothing. The first table shows the processor time of each program in
+it, the second the functions of forge itself. The other tables profile the two scenarios in which forge does
+all of the work. Paths, lines and names are those of the commit below each heading.
 
-What these profiles led to: a tenth of the time for 1,000 messages went into going through the whole
-package twice for each message, the square of its size; the names are collected once now. A build of
-nothing is spread over manifests, sources and records, with no function above a few per cent."""
+The profiles led to one change: a tenth of the time for 1,000 messages was spent on reading the names of the
+whole package twice for each message; they are collected once now. The time of a build with nothing changed
+is spread over manifests, sources and state files, with no function above a few per cent."""
 
 _MOST = 12
 _TICK = os.sysconf("SC_CLK_TCK")
@@ -82,8 +83,8 @@ def _programs(argv: Sequence[str], cwd: Path, variables: Mapping[str, str]) -> d
     total = sum(by_name.values())
     jobs = len(os.sched_getaffinity(0))
     words = (
-        f"{taken:.1f} s, in which {jobs} processors worked {total:.1f} s, as seen every few milliseconds; "
-        "what ended between two looks is not in it."
+        f"{taken:.1f} s elapsed, {total:.1f} s of processor time on {jobs} processors, sampled every few "
+        "milliseconds; processes that ended between two samples are missing."
     )
     return {"words": words, "rows": _rows(by_name, total)}
 
@@ -115,7 +116,10 @@ def _functions(words: Sequence[str], cwd: Path, variables: Mapping[str, str]) ->
         place = _place(path, line, name)
         own[place] = own.get(place, 0.0) + seconds
     total = sum(own.values())
-    return {"words": f"{total:.2f} s under cProfile, waiting included.", "rows": _rows(own, total)}
+    return {
+        "words": f"{total:.2f} s under cProfile, including time spent waiting.",
+        "rows": _rows(own, total),
+    }
 
 
 def _place(path: str, line: int, name: str) -> str:
@@ -147,7 +151,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     results = from_json(json.loads(options.output.read_text(encoding="utf-8")))
     with tempfile.TemporaryDirectory(prefix="forge-bench-") as folder:
-        found = profiles(Sitting(Path(folder).resolve(), find_peers(), options.quick))
+        seen = profiles(Sitting(Path(folder).resolve(), find_peers(), options.quick))
+    forge = described()["forge"]
+    found = {title: {"forge": forge, **profile} for title, profile in seen.items()}
     text = json.dumps(as_json(replace(results, profiles=found)), indent=1)
     options.output.write_text(f"{text}\n", encoding="utf-8")
     return 0

@@ -78,7 +78,7 @@ def test_a_merged_install_and_back_is_refused(forge: Forge, workspace: Path) -> 
     assert "--merge-install" in ran.err
 
 
-def test_a_failure_is_told_with_its_place_and_stops_the_rest(forge: Forge, workspace: Path) -> None:
+def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, workspace: Path) -> None:
     (workspace / "src/b/CMakeLists.txt").write_text('project(b NONE)\nmessage(FATAL_ERROR "no luck")\n')
     ran = forge("build", cwd=workspace)
     assert ran.code == 1
@@ -259,7 +259,7 @@ def test_a_damaged_journal_means_building_again(forge: Forge, workspace: Path) -
     assert built(forge, workspace) == []
 
 
-def test_an_empty_folder_is_told_what_to_do(forge: Forge, tmp_path: Path) -> None:
+def test_an_empty_folder_gets_a_hint(forge: Forge, tmp_path: Path) -> None:
     ran = forge("build", cwd=tmp_path)
     assert ran.code == 2
     assert "no packages found below" in ran.err
@@ -277,7 +277,7 @@ def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:
     assert (ran.code, "did you mean 'console_direct'?" in ran.err) == (2, True)
 
 
-def test_a_need_that_nobody_provides_is_told_before_cmake_runs(forge: Forge, tree: Tree) -> None:
+def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
     root = tree(files("node", "<depend>rclcpp</depend>"))
     ran = forge("build", cwd=root)
     assert ran.code == 2
@@ -292,7 +292,9 @@ def test_links_into_the_sources(forge: Forge, tree: Tree) -> None:
     assert (root / "install/a/share/a/data.txt").is_symlink()
 
 
-def test_other_options_configure_again_though_cmake_is_told_the_same(forge: Forge, workspace: Path) -> None:
+def test_other_options_configure_again_even_if_cmake_gets_the_same_arguments(
+    forge: Forge, workspace: Path
+) -> None:
     built(forge, workspace)
     assert built(forge, workspace, "--symlink-install") == ["a", "b", "c"]
     assert (workspace / "install/a/share/a/a.txt").is_symlink()
@@ -413,7 +415,7 @@ def test_a_target_that_a_package_lacks_may_be_skipped(forge: Forge, tree: Tree, 
     assert "Failed   <<< without" not in ran.err
 
 
-def test_a_variable_that_nobody_uses_is_told_once(forge: Forge, tree: Tree) -> None:
+def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
     root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
     ran = forge("build", "--cmake-args", "-DUSED=1", "-DTYPO=1", cwd=root)
     assert ran.code == 0

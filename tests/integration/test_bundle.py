@@ -1,4 +1,4 @@
-"""forge bundle: what running needs, in one archive that is at home anywhere."""
+"""`forge bundle`: an archive with everything that running needs, for any path."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_the_same_tree_makes_the_same_bytes(forge: Forge, tmp_path: Path) -> Non
         assert "install/walker/include/walker/walker.hpp" in archive.getnames()
 
 
-def test_what_is_missing_is_told(forge: Forge, tmp_path: Path) -> None:
+def test_missing_files_and_underlays_are_reported(forge: Forge, tmp_path: Path) -> None:
     """No tree, links that lead nowhere, underlays that are not in it."""
     assert forge("bundle", cwd=tmp_path).err.startswith(
         f"error: '{tmp_path}/install' contains no installed packages"
@@ -130,7 +130,7 @@ def test_what_is_missing_is_told(forge: Forge, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*y.tar.gz*"))
 
 
-def test_a_link_around_itself_is_told(forge: Forge, tmp_path: Path) -> None:
+def test_a_symbolic_link_cycle_is_reported(forge: Forge, tmp_path: Path) -> None:
     """Followed, it would have no end."""
     layout = make_install(tmp_path, [WALKER])
     (layout.install / "walker" / "all").symlink_to(tmp_path)

@@ -175,7 +175,7 @@ def test_packages_are_those_of_the_workspace_around(
     assert capsys.readouterr().out.split() == NAMES
 
 
-def test_a_question_that_nobody_knows_has_no_answer(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_completions_print_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([], {}) == 0
     assert main(["installed"], {"AMENT_PREFIX_PATH": "/nowhere"}) == 0
     assert capsys.readouterr().out == ""

@@ -1,4 +1,4 @@
-"""Options from files: who wins, what is told, what profiles and mixins add."""
+"""Options from files: precedence, messages, profiles and mixins."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_path_on_the_command_line_puts_those_of_files_aside(forge: Forge, root
     assert listed(forge, root, "--base-paths", "src/a") == "a"
 
 
-def test_what_no_option_takes_is_told_and_left_out(forge: Forge, root: Path) -> None:
+def test_invalid_settings_are_reported_and_ignored(forge: Forge, root: Path) -> None:
     (root / "colcon_defaults.yaml").write_text(
         "list: {packages-selekt: [a], packages-skip: a, names-only: 1, metas: [2]}\n"
         "build: {parallel-workers: many, executor: none, jobs: 2, build-base: 1}"

@@ -1,4 +1,4 @@
-"""`forge deps` names what the workspace needs from elsewhere, in lines that can be pasted."""
+"""`forge deps` prints the system dependencies of a workspace as commands to paste."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def deps(forge: Forge, root: Path, *argv: str, system: str = "ubuntu:jammy") -> 
     return forge("deps", "--rosdep-file", "keys.yaml", "--os", system, *argv, cwd=root, env=env)
 
 
-def test_lines_to_paste_and_who_needs_what(forge: Forge, root: Path) -> None:
+def test_lines_to_paste_name_the_packages_that_need_each_key(forge: Forge, root: Path) -> None:
     ran = deps(forge, root)
     assert (ran.code, ran.err) == (0, "")
     lines = ran.out.splitlines()

@@ -1,4 +1,4 @@
-"""`forge doctor` finds what is wrong, where, and says what to do; with nothing wrong it is calm."""
+"""`forge doctor` reports problems with their location and a hint, and none in a correct workspace."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def of_topic(found: dict[str, Any], topic: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.needs("cmake", "g++")
-def test_a_good_workspace_is_told_what_was_looked_at(forge: Forge, tree: Tree) -> None:
+def test_a_workspace_without_problems_lists_the_checks(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **cmake_package("b", "find_package(a REQUIRED)", depends=("a",))})
     found = findings(forge, root)
     assert found["errors"] == 0, found["findings"]
@@ -185,7 +185,7 @@ def test_modules_that_hide_others(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake")
-def test_a_version_of_cmake_that_nobody_has(forge: Forge, tree: Tree) -> None:
+def test_a_required_cmake_version_that_is_too_new(forge: Forge, tree: Tree) -> None:
     root = tree(cmake_package("a"))
     (root / "src/a/CMakeLists.txt").write_text("cmake_minimum_required(VERSION 99.1)\nproject(a NONE)\n")
     (finding,) = of_topic(findings(forge, root), "cmake")
@@ -193,7 +193,7 @@ def test_a_version_of_cmake_that_nobody_has(forge: Forge, tree: Tree) -> None:
     assert (finding["file"], finding["line"]) == ("src/a/CMakeLists.txt", 1)
 
 
-def test_a_compiler_that_cannot_compile_is_an_error_for_who_needs_it(forge: Forge, tree: Tree) -> None:
+def test_a_broken_compiler_is_an_error_for_packages_that_use_it(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), "bin/c++": "#!/bin/sh\necho 'error: no such dialect' >&2\nexit 1\n"})
     broken = {"CXX": str(root / "bin/c++")}
     assert of_topic(findings(forge, root, env=broken), "compiler")[0]["severity"] == "warning"
@@ -243,7 +243,7 @@ def test_an_underlay_that_is_gone(forge: Forge, tmp_path: Path) -> None:
 
 
 def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
-    """Modules for another Python, needs that nobody has, an order that is upside down."""
+    """Modules for another Python, missing dependencies, underlays in the wrong order."""
     root = tree(
         {
             **cmake_package("a"),

@@ -69,7 +69,7 @@ def test_sh_may_evaluate_it(forge: Forge, layout: Layout) -> None:
     assert after == workspace_environment([layout.install], before)
 
 
-def test_an_editor_is_told_where_modules_are(forge: Forge, layout: Layout) -> None:
+def test_dotenv_contains_the_module_path(forge: Forge, layout: Layout) -> None:
     """One variable by its name, though it may be as it was."""
     found = f"{layout.prefix('walker')}/{SITE}"
     ran = forge(
@@ -79,7 +79,7 @@ def test_an_editor_is_told_where_modules_are(forge: Forge, layout: Layout) -> No
     assert as_dotenv({"A": 'x"$y`\\'}, ["B"]) == 'A="x\\"\\$y\\`\\\\"\n'
 
 
-def test_what_a_hook_takes_away_is_told(forge: Forge, tmp_path: Path) -> None:
+def test_variables_that_a_hook_unsets_are_unset(forge: Forge, tmp_path: Path) -> None:
     """Null in JSON, unset in sh."""
     hook = {"share/hooked/hook.sh": "unset TAKEN\n"}
     make_install(tmp_path, [dsv_package("hooked", "source;share/hooked/hook.sh", files=hook)])
@@ -89,7 +89,7 @@ def test_what_a_hook_takes_away_is_told(forge: Forge, tmp_path: Path) -> None:
 
 
 def test_mistakes_are_one_message(forge: Forge, layout: Layout, tmp_path: Path) -> None:
-    """A variable that nobody sets, and a folder into which nothing was built."""
+    """An unset variable, and a folder without a build."""
     ran = forge("env", "PYTONPATH", "ZZZ", cwd=layout.install.parent)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err == (

@@ -1,4 +1,4 @@
-"""Variables that become too long are told before anything is built."""
+"""Variables that would become too long are reported before the build."""
 
 from __future__ import annotations
 

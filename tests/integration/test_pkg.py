@@ -208,7 +208,7 @@ def test_what_is_not_there_is_one_message(
 
 
 @pytest.mark.parametrize("verb", ["list", "executables"])
-def test_without_a_sourced_prefix_the_next_step_is_told(verb: str, forge: Forge, tree: Tree) -> None:
+def test_without_a_sourced_prefix_the_next_step_is_named(verb: str, forge: Forge, tree: Tree) -> None:
     root = tree({"ws/install/setup.bash": "", "ws/install/setup.zsh": "", "ws/src/notes": ""})
     unset = "error: no package can be found: 'AMENT_PREFIX_PATH' is not set\nhint: source "
     assert forge("pkg", verb, cwd=root).err == f"{unset}the setup.bash of an install folder first\n"
@@ -218,7 +218,7 @@ def test_without_a_sourced_prefix_the_next_step_is_told(verb: str, forge: Forge,
     assert in_zsh.err == f"{unset}{root}/ws/install/setup.zsh first\n"
 
 
-def test_a_package_that_was_built_but_not_sourced_is_told_apart(forge: Forge, tree: Tree) -> None:
+def test_a_package_that_is_built_but_not_sourced_has_its_own_message(forge: Forge, tree: Tree) -> None:
     files = {"install/setup.bash": "", f"install/walker/{INDEX}/walker": "", f"other/{INDEX}/arm": ""}
     root = tree(files)
     env = {"AMENT_PREFIX_PATH": str(root / "other"), "SHELL": "/bin/sh"}

@@ -1,4 +1,4 @@
-"""forge run: the program gets everything, and forge gets out of its way."""
+"""`forge run`: the program replaces forge and gets all arguments."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def test_a_program_that_was_not_installed_where_it_belongs(
 
 
 def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> None:
-    """The system would say that there is no 'python3', with a character that nobody sees."""
+    """The system would report a missing 'python3' followed by an invisible character."""
     root = tree({MARK: "", "lib/walker/say": SAY.replace("\n", "\r\n")})
     code, _, err = run(forge, root, "walker", "say")
     assert code == 2

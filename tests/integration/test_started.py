@@ -1,4 +1,4 @@
-"""What a build has started is ended, and nothing else."""
+"""Processes that a build started are ended, and no others."""
 
 from __future__ import annotations
 
@@ -70,7 +70,9 @@ def test_asked_gently_it_may_tidy_up(tmp_path: Path, started: list[subprocess.Po
     assert process.wait(timeout=5) == 3
 
 
-def test_who_merely_has_its_variables_goes_on(tmp_path: Path, started: list[subprocess.Popen[str]]) -> None:
+def test_a_process_with_only_its_variables_keeps_running(
+    tmp_path: Path, started: list[subprocess.Popen[str]]
+) -> None:
     """An editor, started in a shell that has sourced the environment of a step."""
     editor = subprocess.Popen(SLEEP, env={**os.environ, VARIABLE: str(tmp_path)}, text=True)
     process, _ = start(SLEEP, tmp_path, told=True)
@@ -80,7 +82,7 @@ def test_who_merely_has_its_variables_goes_on(tmp_path: Path, started: list[subp
     assert editor.poll() is None
 
 
-def test_who_has_got_the_id_of_an_ended_one_goes_on(
+def test_a_process_with_a_reused_id_keeps_running(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
     process, _ = start(SLEEP, tmp_path, told=True)
@@ -102,7 +104,7 @@ def test_ids_of_another_start_of_the_system_say_nothing(
     assert process.poll() is None
 
 
-def test_spoilt_notes_are_none(tmp_path: Path) -> None:
+def test_corrupt_notes_are_ignored(tmp_path: Path) -> None:
     (tmp_path / PROCESSES_FILE).write_bytes(b"\xff\n1\n1 2 3 4 5 6\n-1 x\n\n12")
     StartedProcesses(tmp_path).end()
 
@@ -149,7 +151,7 @@ print("there still", flush=True)
 """
 
 
-def test_nobody_ends_its_own_line(tmp_path: Path) -> None:
+def test_a_process_never_ends_its_own_parents(tmp_path: Path) -> None:
     """A forge that is started by a step of a killed one ends neither itself nor those that wait for it."""
     line = f'"{sys.executable}" -c "$0" "{tmp_path}"; echo the shell as well'
     done = subprocess.run(

@@ -199,7 +199,7 @@ def test_tests_are_repeated_until_they_pass_or_fail(
     assert len(count.read_text()) == runs
 
 
-def test_what_is_not_built_is_told_and_the_rest_is_tested(forge: Forge, tree: Tree) -> None:
+def test_unbuilt_packages_are_reported_and_the_rest_is_tested(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a", GOOD), **cmake_package("b", GOOD, needs="<depend>a</depend>")})
     ran = forge("test", cwd=root)
     assert ran.code == 2
@@ -242,7 +242,7 @@ def test_pytest_must_be_there_where_it_is_asked_for(forge: Forge, workspace: Pat
     assert "--python-testing unittest" in ran.err
 
 
-def test_tests_of_a_circle_see_what_was_built_later(forge: Forge, tree: Tree) -> None:
+def test_tests_in_a_cycle_see_packages_that_were_built_later(forge: Forge, tree: Tree) -> None:
     """Tests of a need b, which needs a: colcon refuses to order that, though building does not need it."""
     check = 'add_test(NAME sees COMMAND sh -c "echo $CMAKE_PREFIX_PATH | grep -q install/b")'
     root = tree(
@@ -262,7 +262,7 @@ def test_tests_of_a_circle_see_what_was_built_later(forge: Forge, tree: Tree) ->
     assert "2 packages unchanged" in only.out
 
 
-def test_edits_that_were_not_built_are_told(forge: Forge, tree: Tree) -> None:
+def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
             **cmake_package("below", GOOD),

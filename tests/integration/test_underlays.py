@@ -1,4 +1,4 @@
-"""Underlays that are gone, and packages that are in an underlay as well."""
+"""Missing underlays, and packages that are also in an underlay."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_build_tells_and_can_forget(forge: Forge, tmp_path: Path) -> None:
     assert forge("build", cwd=root).err == ""
 
 
-def test_what_a_package_leaves_behind_is_told_of(forge: Forge, tree: Tree) -> None:
+def test_installed_files_of_removed_packages_are_reported(forge: Forge, tree: Tree) -> None:
     """Others may still find it; one that an option keeps from being looked at has not left."""
     root = tree(
         {f"src/{name}/package.xml": manifest_text(name, build_type="cmake") for name in ("a", "b")}

@@ -1,4 +1,4 @@
-"""A warm forge, and the program that asks it."""
+"""The worker process of forge, and the client that sends it commands."""
 
 from __future__ import annotations
 

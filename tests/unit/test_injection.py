@@ -1,4 +1,4 @@
-"""What packages say never becomes code: each language's own reader finds what it would find without it."""
+"""Text from packages never becomes code: parsers of each language find the same structure without it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import ast
 import json
 import os
 import re
-import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,8 +18,7 @@ from forge.base.errors import EnvironmentFault, ForgeError, WorkspaceError
 from forge.base.templating import render as render_template
 from forge.base.xml import parse_xml
 from forge.build.recipes.initial_cache import manifest_variables
-from forge.environment.dsv import Change, Edit, Installed, apply, parse_dsv, resolve_hooks
-from forge.environment.scripts import local_setup, package_setup, setup
+from forge.environment.dsv import Change, parse_dsv, resolve_hooks
 from forge.interfaces.model import (
     Array,
     Constant,
@@ -40,7 +38,7 @@ from forge.interfaces.writing import write_depfile
 from forge.workspace.creation import BUILD_TYPES, Blueprint, draw
 from forge.workspace.identification import identify
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import Dependency, Export, Kind, Manifest, Person
+from forge.workspace.model import Person
 from forge.workspace.overrides import Overrides
 from tests.hostile import CANARY, FRAGMENTS, hostile
 from tests.packages import manifest_text
@@ -52,7 +50,7 @@ EXAMPLES = int(os.environ.get("FORGE_FUZZ_EXAMPLES", "40"))
 quick = settings(
     max_examples=EXAMPLES, database=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
-_BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _WORDS = ("x", "plain words", "x.")
 
 
@@ -108,7 +106,7 @@ def test_python_is_the_same_module_whatever_authors_say(message: Message) -> Non
         elif path.endswith(".pyi"):
             # A comment of nothing but blanks leaves no docstring.
             assert _without_docs(text) == _without_docs(plain[path])
-        assert not _BIDI.search(text), path
+        assert not BIDI.search(text), path
 
 
 def _without_docs(text: str) -> str:
@@ -121,72 +119,6 @@ def _without_docs(text: str) -> str:
                 if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
             ]
     return ast.dump(tree)
-
-
-def code_of(text: str, language: str) -> str:
-    """Return C or C++ as the compiler's own first phases leave it: no comments, no literals, no blanks."""
-    words = ["g++", "-x", language, "-fpreprocessed", "-dD", "-E", "-P", "-trigraphs", "-"]
-    done = subprocess.run(words, input=text.encode(), capture_output=True, check=True)
-    assert b"warning" not in done.stderr, done.stderr
-    bare = re.sub(r'(u8|u|U|L)?"(\\.|[^"\\\n])*"|(u|U|L)?\'(\\.|[^\'\\\n])*\'', "T", done.stdout.decode())
-    bare = re.sub(r"\{(?:[T0-9a-fx]+, )*0\}|T(?:\s*T)+", "T", bare)
-    return re.sub(r"\(T, \d+\)|\s+", " ", bare)
-
-
-@pytest.mark.needs("g++")
-@pytest.mark.parametrize("target", ["cpp", "c"])
-def test_what_the_preprocessor_leaves_is_the_same_whatever_authors_say(target: str) -> None:
-    plain = generated(NEUTRAL, target)
-    struct = next(
-        path for path in plain if path.endswith(f"detail/hostile__struct.h{'pp' * (target == 'cpp')}")
-    )
-
-    @settings(quick, max_examples=max(EXAMPLES // 2, 10))
-    @given(messages)
-    def check(message: Message) -> None:
-        found = generated(message, target)
-        language = "c++" if target == "cpp" else "c"
-        assert CANARY not in code_of(found[struct], language)
-        for path, text in found.items():
-            assert not _BIDI.search(text), path
-            text.encode("ascii") if path != struct else None
-            assert not re.search("[\0-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029]", text), path
-
-    check()
-
-
-@pytest.mark.needs("g++", "gcc")
-@pytest.mark.parametrize(("target", "compiler"), [("cpp", "g++ -std=c++17"), ("c", "gcc -std=c99")])
-def test_compilers_take_all_fragments_at_once(target: str, compiler: str, tmp_path: Path) -> None:
-    """Comments of each fragment, alone and at the end of a line; values of each as well."""
-    lines = []
-    for number, fragment in enumerate(FRAGMENTS):
-        message = definition(
-            [fragment, f"x{fragment}", fragment * 2], f"u{fragment}", f"v{fragment}", f"H{number}"
-        )
-        for path, text in generated(message, target).items():
-            (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-            (tmp_path / path).write_text(text, encoding="utf-8")
-            if f"/detail/h{number}__struct." in path:
-                lines.append(f'#include "{path.removeprefix(f"{target}/")}"\n')
-    language = "c++" if target == "cpp" else "c"
-    (tmp_path / "all").write_text("".join(lines))
-    runtime = Path(__file__).parents[2] / "forge" / "embedded" / "rosidl_default_runtime" / "include"
-    words = [
-        *compiler.split(),
-        "-fsyntax-only",
-        "-x",
-        language,
-        "-trigraphs",
-        "-Wall",
-        "-Wextra",
-        "-Wcomment",
-    ]
-    folders = [f"-I{tmp_path / target}", f"-I{runtime}"]
-    done = subprocess.run(
-        [*words, "-Werror", *folders, tmp_path / "all"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[:4000]
 
 
 @quick
@@ -226,11 +158,11 @@ def test_pages_of_documentation_have_no_tag_of_their_subjects(message: Message) 
     tags = []
     for each in (message, NEUTRAL):
         (text,) = generated(each, "docs").values()
-        assert not _BIDI.search(text)
+        assert not BIDI.search(text)
         parser = _Tags()
         parser.feed(markdown_it.MarkdownIt("commonmark", {"html": True}).enable("table").render(text))
         tags.append(parser.tags)
-    assert tags[0] <= tags[1] | {"p []", "ul []", "ol []", "li []", "ol ['start']", "hr []"}
+    assert tags[0] <= tags[1] | {"p []", "ul []", "ol []", "li []", "ol ['start']", "hr []", "br []"}
 
 
 @pytest.mark.parametrize("name", [".X", "X\n", "X;Y", "X Y", "X$(a)", "\u202eX", "x"])
@@ -248,37 +180,6 @@ def test_a_member_cannot_be_called_so(line: str) -> None:
 
 
 # --- Packages -----------------------------------------------------------------------------------------------
-
-
-def manifest_of(text: str) -> Manifest:
-    """Return a manifest that says the same in every place that takes any text."""
-    return Manifest(
-        name="pkg", version=text, description=text, build_type="ament_cmake", path=Path("package.xml"),
-        dependencies=(Dependency("other", frozenset({Kind.BUILD}), (("gte", text),)),),
-        maintainers=(Person(text, text),), licenses=(text,), groups=(text, text), group_dependencies=(text,),
-        exports=(Export("deprecated", (("a", text),), text), Export("x", (), text)),
-    )  # fmt: skip
-
-
-@pytest.mark.needs("cmake")
-def test_cmake_reads_what_manifests_say_and_carries_nothing_out(tmp_path: Path) -> None:
-    script = ["cmake_minimum_required(VERSION 3.18)\n"]
-    texts = [fragment.replace("\0", "") for fragment in FRAGMENTS]
-    texts += [f"{text}\\" for text in texts[:40]] + ["".join(texts[at : at + 3]) for at in range(len(texts))]
-    for number, text in enumerate(texts):
-        (tmp_path / f"{number}.cmake").write_text(
-            manifest_variables(manifest_of(text)), encoding="utf-8", newline=""
-        )
-        script.append(f'include({number}.cmake)\nfile(WRITE "{number}.txt" "${{pkg_VERSION}}")\n')
-    (tmp_path / "all.cmake").write_text("".join(script))
-    done = subprocess.run(
-        ["cmake", "-P", "all.cmake"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert not (tmp_path / CANARY).exists()
-    for number, text in enumerate(texts):
-        read = (tmp_path / f"{number}.txt").read_bytes().decode()
-        assert read == text.replace(";", "\\;").replace("\r\n", "\n"), text
 
 
 @quick
@@ -358,59 +259,11 @@ def test_a_new_package_says_what_it_was_told(
         assert (said["maintainer"], said["description"], said["license"]) == (name, description, license_)
 
 
-# --- Shells -------------------------------------------------------------------------------------------------
-
-_SHELLS = {
-    "sh": ("dash", "-eu", "-c", ". ./setup.sh; env -0"),
-    "bash": ("bash", "--norc", "-eu", "-c", ". ./setup.bash; env -0"),
-    "zsh": ("zsh", "-f", "-c", ". ./setup.zsh; env -0"),
-    "fish": ("fish", "--no-config", "-c", "source ./setup.fish; env -0"),
-}
-
-
-def values() -> list[str]:
-    """Return hostile values, as far as an environment can hold them."""
-    texts = [fragment.replace("\0", "") for fragment in FRAGMENTS]
-    return [text for text in (*texts, *(f"{text}\\" for text in texts[:20]), "".join(texts)) if text]
-
-
-@pytest.mark.parametrize(
-    "shell", [pytest.param(s, marks=pytest.mark.needs(w[0], "env")) for s, w in _SHELLS.items()]
-)
-def test_shells_set_what_packages_say_and_carry_nothing_out(shell: str, tmp_path: Path) -> None:
-    root = tmp_path / 'it\'s a $(touch x) "root"; `touch x` #\\'
-    root.mkdir()
-    edits = [Edit("set", f"SET_{n}", value, below=False) for n, value in enumerate(values())]
-    edits += [Edit("default", f"DEFAULT_{n}", value, below=False) for n, value in enumerate(values())]
-    listed = [(n, value) for n, value in enumerate(values()) if not {":", "\n"} & {*value}]
-    edits += [Edit("prepend", f"LIST_{n}", value, below=not value.startswith("/")) for n, value in listed]
-    underlay = tmp_path / f"gone\n touch {CANARY}\n'\" $(touch {CANARY})"
-    package = Installed("pkg", "pkg", tuple(edits))
-    (root / f"local_setup.{shell}").write_text(local_setup(shell, root, [package]), newline="")
-    (root / f"setup.{shell}").write_text(setup(shell, root, [underlay / f"local_setup.{shell}"]), newline="")
-    (root / f"package.{shell}").write_text(package_setup(shell, root, package), newline="")
-    marker = root / "pkg" / "share" / "colcon-core" / "packages" / "pkg"
-    marker.parent.mkdir(parents=True)
-    marker.touch()
-    variables = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "COLCON_CURRENT_PREFIX": str(root)}
-    done = subprocess.run(_SHELLS[shell], cwd=root, env=variables, capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    found = dict(
-        entry.decode(errors="surrogateescape").split("=", 1)
-        for entry in done.stdout.split(b"\0")
-        if b"=" in entry
-    )
-    wanted = apply({}, [(f"{root}/pkg", edit) for edit in edits])
-    assert {name: found.get(name) for name in wanted} == wanted
-    assert not list(tmp_path.rglob(CANARY))
-    assert not list(tmp_path.rglob("x"))
-
-
 @pytest.mark.parametrize("relative", ["../X.msg", "/X.msg", "msg/../../X.msg", "msg/../X.msg"])
 def test_a_definition_cannot_lie_elsewhere(relative: str, tmp_path: Path) -> None:
     (tmp_path / "msg").mkdir()
     (tmp_path / "X.msg").write_text("int8 a\n")
-    with pytest.raises(ForgeError, match="below the folder"):
+    with pytest.raises(ForgeError, match="must be relative and without"):
         read_source("pkg", tmp_path, relative)
 
 
@@ -443,24 +296,6 @@ def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
 # --- The rest -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.needs("make")
-def test_make_reads_the_paths_of_a_depfile(tmp_path: Path) -> None:
-    folders = [
-        tmp_path / name for name in ("a b", "a#b", "a$b", "a$(touch canary)b", "a'b", 'a"b', "a`b", "a\\b")
-    ]
-    for folder in folders:
-        folder.mkdir()
-        (folder / "X.msg").touch()
-    write_depfile(tmp_path / "deps", Path("target"), [folder / "X.msg" for folder in folders])
-    (tmp_path / "Makefile").write_text("include deps\ntarget: ; @echo made\n")
-    done = subprocess.run(
-        ["make", "-s", "-C", tmp_path, "target"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout
-    assert not (tmp_path / "canary").exists()
-
-
 @pytest.mark.parametrize("path", ["/a\n\ttouch b\n", "/a;touch b"])
 def test_a_path_that_make_has_no_word_for_is_refused(path: str, tmp_path: Path) -> None:
     with pytest.raises(EnvironmentFault, match="make cannot handle the path"):
@@ -477,9 +312,3 @@ def test_error_messages_move_no_cursor() -> None:
 def test_the_result_of_tests_that_left_none_is_xml() -> None:
     text = render_template("testing/missing_result.xml.j2", package="a.b-c+d", program="pytest")
     assert parse_xml(text.encode(), Path("pytest.xml")).attributes["name"] == "a.b-c+d"
-
-
-def test_every_shell_is_tried() -> None:
-    from forge.environment.shells import SHELLS  # noqa: PLC0415
-
-    assert SHELLS.keys() == _SHELLS.keys()

@@ -1,4 +1,4 @@
-"""What packages say never becomes markup or script: pages and pictures have the elements that they should."""
+"""Text from packages never becomes markup or script in pages and charts."""
 
 from __future__ import annotations
 

@@ -187,7 +187,7 @@ def _element(tree: Tree[Token], package: str) -> Element:
         case "bounded_text":
             if words[0] not in {"string", "wstring"}:
                 raise ParseError(
-                    f"only string and wstring take a bound, not '{words[0]}'",
+                    f"only string and wstring can have a bound, not '{words[0]}'",
                     offset=len(words[0]),
                     hint="write a bounded sequence as 'TYPE[<=N]'",
                 )

@@ -118,7 +118,7 @@ def _integer(text: str, name: str) -> int:
 
 def _unreadable(text: str, kind: str, hint: str | None = None) -> ParseError:
     if not text:
-        return ParseError(f"{kind} is missing", hint=hint)
+        return ParseError(f"expected {kind}", hint=hint)
     shown = text if text[0] in QUOTES else f"'{text}'"
     return ParseError(f"{shown} is not {kind}", hint=hint)
 

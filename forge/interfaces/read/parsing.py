@@ -218,7 +218,7 @@ class _SectionReader:
             first = earlier.place.line if earlier.place else None
             kind = "constant" if declaration.constant else "field"
             column = line.text.index(declaration.name, line.text.index(" "))
-            message = f"{kind} '{declaration.name}' is already declared in line {first}"
+            message = f"{kind} '{declaration.name}' is already declared on line {first}"
             self._report(line, ParseError(message, offset=column))
             return
         try:

@@ -1,4 +1,4 @@
-"""Frozen values behave as the dataclasses that they stand for."""
+"""Frozen values behave like frozen dataclasses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tuple that is made when somebody looks into it."""
+"""A tuple that is computed on first access."""
 
 from __future__ import annotations
 

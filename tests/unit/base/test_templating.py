@@ -1,4 +1,4 @@
-"""Templates are strict, and what they were compiled to may be kept."""
+"""Templates are strict, and compiled templates may be cached."""
 
 from __future__ import annotations
 

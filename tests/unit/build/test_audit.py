@@ -1,4 +1,4 @@
-"""The audit: what strace's output means, and what it is held against."""
+"""The audit: the output of strace, and the comparison with tracked inputs."""
 
 from __future__ import annotations
 

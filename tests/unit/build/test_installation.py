@@ -106,7 +106,7 @@ def test_what_does_not_fit_is_one_message(
     assert str(caught.value) == message.replace("W", str(root), 1)
 
 
-def test_all_problems_are_told_at_once(tree: Tree) -> None:
+def test_all_problems_are_reported_together(tree: Tree) -> None:
     """Not the first alone."""
     root = tree({"build": "a file", "install": "a file"})
     with pytest.raises(WorkspaceError) as caught:
@@ -195,7 +195,7 @@ def test_in_a_merged_tree_a_package_has_the_hooks_of_its_own_files(tmp_path: Pat
 
 
 def test_a_caller_may_say_what_was_installed(tmp_path: Path) -> None:
-    """Then nobody looks."""
+    """The prefix is not searched then."""
     layout = layout_in(tmp_path)
     install_package(package("p"), layout, (), PYTHON, frozenset({Path("bin/tool")}))
     assert files_below(layout.prefix("p") / "share/p/hook") == {"path.dsv"}
@@ -220,7 +220,7 @@ def test_python_packages_get_what_their_setup_forgot(symlink: bool, tmp_path: Pa
 
 
 def test_what_makes_a_package_look_installed_goes_before_a_build(tmp_path: Path) -> None:
-    """So that after a failure nobody takes it for installed; a second time there is nothing to remove."""
+    """After a failure the package does not count as installed; a second call removes nothing."""
     layout = make_install(tmp_path, [replace(LIBRARY, files={**LIBRARY.files, f"{INDEX}/library": ""})])
     prefix = layout.prefix("library")
     (prefix / INDEX).mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What was built from what."""
+"""The journal of builds."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from forge.workspace.resolve import DependencyResolution
 from tests.packages import package
 
 LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), Path("/ws/log"))
-KITCHEN = BuildContext(
+CONTEXT = BuildContext(
     root=Path("/ws"),
     layout=LAYOUT,
     python=Path("/usr/bin/python3"),
@@ -33,7 +33,7 @@ KITCHEN = BuildContext(
 SOURCES = {name: Fingerprint("stamp", f"sources of {name}") for name in ("e", "a", "b", "p")}
 INSTALLED = {name: Fingerprint("stamp", f"files of {name}") for name in ("e", "a", "b", "p")}
 COMPLETE = Snapshot(present=frozenset({"e", "a", "b"}), sources=SOURCES)
-STANDING = GlobalInputs("forge 1", (("c++", "12"), ("cmake", "3")), (("CXX", "g++"), ("ROS_DISTRO", "jazzy")))
+GLOBAL = GlobalInputs("forge 1", (("c++", "12"), ("cmake", "3")), (("CXX", "g++"), ("ROS_DISTRO", "jazzy")))
 
 
 def resolution(*packages: Package) -> DependencyResolution:
@@ -43,7 +43,7 @@ def resolution(*packages: Package) -> DependencyResolution:
     return DependencyResolution(table, needs)
 
 
-PROVISION = resolution(
+RESOLUTION = resolution(
     replace(package("e"), embedded=True, path=Path("/forge/embedded/e")),
     package("a", "e"),
     package("b", "a", build_type="cmake"),
@@ -54,17 +54,17 @@ PROVISION = resolution(
 def plan(
     *names: str,
     snapshot: Snapshot = COMPLETE,
-    context: BuildContext = KITCHEN,
-    global_inputs: GlobalInputs = STANDING,
+    context: BuildContext = CONTEXT,
+    global_inputs: GlobalInputs = GLOBAL,
 ) -> BuildPlan:
     """Plan the names in the provision above."""
-    return make_plan(names, PROVISION, snapshot, context, global_inputs)[0]
+    return make_plan(names, RESOLUTION, snapshot, context, global_inputs)[0]
 
 
 def built(*names: str) -> Snapshot:
     """Return the snapshot after a complete build of the names."""
     records: dict[str, BuildRecord] = {}
-    hashes = DependencyHashes(PROVISION.needs, {n: INSTALLED[n].digest for n in names})
+    hashes = DependencyHashes(RESOLUTION.needs, {n: INSTALLED[n].digest for n in names})
     for name, task in plan(*names).tasks.items():
         parts = replace(task.inputs, needs=hashes.needs_of(name, task.needs) or ())
         records[name] = BuildRecord(parts, complete=True, sources=SOURCES[name], installed=INSTALLED[name])
@@ -84,7 +84,7 @@ def test_a_cycle_is_named_by_its_shortest_way() -> None:
 
 
 def test_embedded_packages_below_the_selected_are_built_whatever_is_selected() -> None:
-    assert names_to_build(Selection(("b",)), PROVISION, PROVISION.needs) == ("e", "b")
+    assert names_to_build(Selection(("b",)), RESOLUTION, RESOLUTION.needs) == ("e", "b")
 
 
 def test_tasks_know_all_they_need_lowest_first() -> None:
@@ -101,7 +101,7 @@ def test_after_a_complete_build_everything_is_fresh() -> None:
 
 
 def reasons(
-    snapshot: Snapshot, context: BuildContext = KITCHEN, global_inputs: GlobalInputs = STANDING
+    snapshot: Snapshot, context: BuildContext = CONTEXT, global_inputs: GlobalInputs = GLOBAL
 ) -> dict[str, str]:
     """Return why each of e and a is not fresh."""
     found = plan("e", "a", snapshot=snapshot, context=context, global_inputs=global_inputs).tasks
@@ -154,21 +154,21 @@ def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: S
 @pytest.mark.parametrize(
     ("context", "global_inputs", "reason"),
     [
-        (replace(KITCHEN, cmake_args=("-DX=1",)), STANDING, "the option '-DX=1' was added"),
+        (replace(CONTEXT, cmake_args=("-DX=1",)), GLOBAL, "the option '-DX=1' was added"),
         (
-            replace(KITCHEN, layout=replace(LAYOUT, merged=True)),
-            STANDING,
+            replace(CONTEXT, layout=replace(LAYOUT, merged=True)),
+            GLOBAL,
             "the option '/ws/install' was added",
         ),
-        (KITCHEN, replace(STANDING, forge="forge 2"), "forge itself changed"),
-        (KITCHEN, replace(STANDING, tools=(("c++", "12"), ("cmake", "4"))), "the tool 'cmake' changed"),
+        (CONTEXT, replace(GLOBAL, forge="forge 2"), "forge itself changed"),
+        (CONTEXT, replace(GLOBAL, tools=(("c++", "12"), ("cmake", "4"))), "the tool 'cmake' changed"),
         (
-            KITCHEN,
-            replace(STANDING, environment=(("CXX", "g++"),)),
+            CONTEXT,
+            replace(GLOBAL, environment=(("CXX", "g++"),)),
             "the environment variable 'ROS_DISTRO' changed",
         ),
-        (KITCHEN, replace(STANDING, underlays="b"), "packages were added to or removed from an underlay"),
-        (KITCHEN, replace(STANDING, force="--force", selected=frozenset({"e", "a"})), "requested by --force"),
+        (CONTEXT, replace(GLOBAL, underlays="b"), "packages were added to or removed from an underlay"),
+        (CONTEXT, replace(GLOBAL, force="--force", selected=frozenset({"e", "a"})), "requested by --force"),
     ],
 )
 def test_what_holds_for_all_is_a_reason_for_all(
@@ -181,19 +181,19 @@ def test_what_holds_for_all_is_a_reason_for_all(
     ("context", "global_inputs", "reason"),
     [
         (
-            replace(KITCHEN, cmake_args=("-DCMAKE_BUILD_TYPE=Debug",)),
-            STANDING,
+            replace(CONTEXT, cmake_args=("-DCMAKE_BUILD_TYPE=Debug",)),
+            GLOBAL,
             "'-DCMAKE_BUILD_TYPE=Debug' was added",
         ),
-        (replace(KITCHEN, cmake_args=("-D", "CMAKE_CXX_FLAGS:STRING=-g")), STANDING, "'-D' was added"),
-        (replace(KITCHEN, ament_cmake_args=("-DX=1",)), STANDING, "'-DX=1' was added"),
-        (replace(KITCHEN, test_results=Path("/results")), STANDING, "'/results' was added"),
-        (replace(KITCHEN, path_maps=(("C", "-ffile-prefix-map=a=b"),)), STANDING, "'path maps' was added"),
-        (replace(KITCHEN, layout=replace(LAYOUT, symlink=True)), STANDING, "'isolated links' was added"),
-        (KITCHEN, replace(STANDING, tools=(("c++", "13"), ("cmake", "3"))), "the tool 'c++' changed"),
+        (replace(CONTEXT, cmake_args=("-D", "CMAKE_CXX_FLAGS:STRING=-g")), GLOBAL, "'-D' was added"),
+        (replace(CONTEXT, ament_cmake_args=("-DX=1",)), GLOBAL, "'-DX=1' was added"),
+        (replace(CONTEXT, test_results=Path("/results")), GLOBAL, "'/results' was added"),
+        (replace(CONTEXT, path_maps=(("C", "-ffile-prefix-map=a=b"),)), GLOBAL, "'path maps' was added"),
+        (replace(CONTEXT, layout=replace(LAYOUT, symlink=True)), GLOBAL, "'isolated links' was added"),
+        (CONTEXT, replace(GLOBAL, tools=(("c++", "13"), ("cmake", "3"))), "the tool 'c++' changed"),
         (
-            KITCHEN,
-            replace(STANDING, environment=(("CXX", "clang++"), ("ROS_DISTRO", "jazzy"))),
+            CONTEXT,
+            replace(GLOBAL, environment=(("CXX", "clang++"), ("ROS_DISTRO", "jazzy"))),
             "'CXX' changed",
         ),
     ],
@@ -219,9 +219,9 @@ def test_an_embedded_package_names_no_variable_of_those_that_it_is_not_told() ->
 
 
 def test_what_conditions_make_of_a_manifest_is_an_option() -> None:
-    more = replace(PROVISION.packages["a"].manifest, group_dependencies=("group",))
-    packages = {**PROVISION.packages, "a": replace(PROVISION.packages["a"], manifest=more)}
-    made, _ = make_plan(("e", "a"), replace(PROVISION, packages=packages), AFTER, KITCHEN, STANDING)
+    more = replace(RESOLUTION.packages["a"].manifest, group_dependencies=("group",))
+    packages = {**RESOLUTION.packages, "a": replace(RESOLUTION.packages["a"], manifest=more)}
+    made, _ = make_plan(("e", "a"), replace(RESOLUTION, packages=packages), AFTER, CONTEXT, GLOBAL)
     assert {n: t.reason for n, t in made.tasks.items()} == {"a": "the evaluated package.xml changed"}
 
 
@@ -229,7 +229,7 @@ def test_what_a_package_names_counts_for_it_alone() -> None:
     def named(package: Package, _: Snapshot) -> ExtraInputs:
         return ExtraInputs(tools=(("protoc", "2"),)) if package.name == "a" else ExtraInputs()
 
-    assert reasons(AFTER, KITCHEN, replace(STANDING, named=named)) == {"a": "the tool 'protoc' changed"}
+    assert reasons(AFTER, CONTEXT, replace(GLOBAL, named=named)) == {"a": "the tool 'protoc' changed"}
 
 
 def test_an_option_less_and_options_in_another_order() -> None:
@@ -248,12 +248,12 @@ def test_an_option_less_and_options_in_another_order() -> None:
     assert set(reasons(replace(AFTER, records=turned)).values()) == {"the order of its options changed"}
 
 
-def test_a_conditional_task_is_settled_by_what_its_needs_came_out_as() -> None:
+def test_a_conditional_task_is_decided_by_the_results_of_its_dependencies() -> None:
     changed = replace(AFTER, sources={**SOURCES, "e": Fingerprint("", "other")})
-    made, hashes = make_plan(("e", "a"), PROVISION, changed, KITCHEN, STANDING)
+    made, hashes = make_plan(("e", "a"), RESOLUTION, changed, CONTEXT, GLOBAL)
     hashes.finish("e", INSTALLED["e"].digest)
     assert decided_task(made.tasks["a"], hashes, AFTER.records["a"]) is None
-    hashes = make_plan(("e", "a"), PROVISION, changed, KITCHEN, STANDING)[1]
+    hashes = make_plan(("e", "a"), RESOLUTION, changed, CONTEXT, GLOBAL)[1]
     hashes.finish("e", "other files")
     task = decided_task(made.tasks["a"], hashes, AFTER.records["a"])
     assert task is not None
@@ -277,9 +277,9 @@ def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
     ]
 
 
-def test_a_build_type_that_nobody_knows() -> None:
+def test_an_unknown_build_type_is_an_error() -> None:
     with pytest.raises(WorkspaceError) as error:
-        make_plan(("a",), resolution(package("a", build_type="ament_cmak")), Snapshot(), KITCHEN, STANDING)
+        make_plan(("a",), resolution(package("a", build_type="ament_cmak")), Snapshot(), CONTEXT, GLOBAL)
     assert error.value.problems[0].hint == "did you mean 'ament_cmake'?"
 
 
@@ -310,19 +310,19 @@ def test_a_folder_is_configured_again_when_something_is_said_differently() -> No
     words = [
         said(context)
         for context in (
-            KITCHEN,
-            replace(KITCHEN, cmake_args=("-DX=1",)),
-            replace(KITCHEN, layout=replace(LAYOUT, install=Path("/elsewhere"))),
-            replace(KITCHEN, layout=replace(LAYOUT, symlink=True)),
-            replace(KITCHEN, python=Path("/usr/bin/python3.12")),
+            CONTEXT,
+            replace(CONTEXT, cmake_args=("-DX=1",)),
+            replace(CONTEXT, layout=replace(LAYOUT, install=Path("/elsewhere"))),
+            replace(CONTEXT, layout=replace(LAYOUT, symlink=True)),
+            replace(CONTEXT, python=Path("/usr/bin/python3.12")),
         )
     ]
     assert len(set(words)) == len(words)
-    assert said(KITCHEN) == words[0]
+    assert said(CONTEXT) == words[0]
 
 
 def test_cmake_can_be_asked_to_run_in_any_case() -> None:
-    for context in (replace(KITCHEN, force_configure=True), replace(KITCHEN, clean_cache=True)):
+    for context in (replace(CONTEXT, force_configure=True), replace(CONTEXT, clean_cache=True)):
         assert plan("a", context=context).tasks["a"].reconfigure
     assert not plan("a").tasks["a"].reconfigure
 
@@ -330,10 +330,10 @@ def test_cmake_can_be_asked_to_run_in_any_case() -> None:
 @pytest.mark.parametrize(
     "context",
     [
-        replace(KITCHEN, ninja=None),
-        replace(KITCHEN, environment_generator="Unix Makefiles"),
-        replace(KITCHEN, cmake_args=("-G", "Unix Makefiles")),
-        replace(KITCHEN, cmake_args=("-GUnix Makefiles",)),
+        replace(CONTEXT, ninja=None),
+        replace(CONTEXT, environment_generator="Unix Makefiles"),
+        replace(CONTEXT, cmake_args=("-G", "Unix Makefiles")),
+        replace(CONTEXT, cmake_args=("-GUnix Makefiles",)),
     ],
 )
 def test_the_users_generator_wins_over_ninja(context: BuildContext) -> None:
@@ -341,14 +341,14 @@ def test_the_users_generator_wins_over_ninja(context: BuildContext) -> None:
 
 
 def test_a_package_that_calls_make_is_built_by_it_where_there_is_one() -> None:
-    context = replace(KITCHEN, only_make=frozenset({"a"}), make=Path("/usr/bin/make"))
+    context = replace(CONTEXT, only_make=frozenset({"a"}), make=Path("/usr/bin/make"))
     assert plan("a", context=context).tasks["a"].steps[0].argv[7:9] == ("-G", "Unix Makefiles")
     assert "Ninja" in plan("a", context=replace(context, make=None)).tasks["a"].steps[0].argv
     assert "Ninja" in plan("b", context=context).tasks["b"].steps[0].argv
 
 
 def test_links_are_for_the_workspaces_packages_only() -> None:
-    linked = plan("e", "a", "p", context=replace(KITCHEN, layout=replace(LAYOUT, symlink=True))).tasks
+    linked = plan("e", "a", "p", context=replace(CONTEXT, layout=replace(LAYOUT, symlink=True))).tasks
     assert ("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY") in linked["a"].steps[2].env
     handed_over = dict(linked["a"].files)[Path("/ws/build/a/.forge/initial_cache.cmake")]
     assert 'set(AMENT_CMAKE_SYMLINK_INSTALL "1" CACHE' in handed_over
@@ -368,5 +368,5 @@ def test_the_python_step_repeats_by_hand() -> None:
 
 
 def test_a_load_limit_is_the_build_tools_to_keep_too() -> None:
-    steps = plan("a", context=replace(KITCHEN, load_limit=2.5)).tasks["a"].steps
+    steps = plan("a", context=replace(CONTEXT, load_limit=2.5)).tasks["a"].steps
     assert steps[1].argv == ("/usr/bin/cmake", "--build", "/ws/build/a", "--", "-l2.5")

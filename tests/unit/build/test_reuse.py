@@ -200,7 +200,7 @@ def test_it_is_decided_by_what_changed(name: str) -> None:
         assert found.dropped == case.dropped, "and nothing else"
 
 
-def test_an_object_is_brought_back_and_what_is_made_from_a_dropped_one_is_not_told() -> None:
+def test_only_objects_that_were_not_dropped_are_restored() -> None:
     assert brought_back(GRAPH, frozenset({"/b/a.o"})) == ("/b/other.o", "/b/tool")
 
 
@@ -215,7 +215,7 @@ def test_a_target_with_a_command_after_its_link_is_linked_again() -> None:
     assert brought_back(NativeGraph((OBJECT, hooked), {}, (), "ninja"), frozenset()) == ("/b/a.o",)
 
 
-def test_who_looks_for_a_file_by_its_name_is_found_without_a_report() -> None:
+def test_sources_that_name_a_changed_file_are_found_without_a_report() -> None:
     changes = modified("/b/blob.bin")
     texts = {"/p/a.cpp": b"blob.bin"}
     assert undeclared_readers(GRAPH, changes, lambda path: texts.get(path, b"")) == {"/b/a.o"}

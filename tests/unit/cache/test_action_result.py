@@ -1,4 +1,4 @@
-"""ActionResult to bytes and back, held against protobuf's own package."""
+"""ActionResult messages, compared with the protobuf package."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _has_good_names(message: object) -> bool:
 
 
 @given(RESULTS, st.data())
-def test_a_spoilt_byte_is_read_as_protobuf_reads_it(result: ActionResult, data: st.DataObject) -> None:
+def test_a_corrupt_byte_is_read_as_protobuf_reads_it(result: ActionResult, data: st.DataObject) -> None:
     spoilt = bytearray(encode(result))
     if spoilt:
         spoilt[data.draw(st.integers(0, len(spoilt) - 1))] = data.draw(st.integers(0, 255))

@@ -1,4 +1,4 @@
-"""Who may look into the folder of a cache."""
+"""Permissions of a local cache folder."""
 
 from __future__ import annotations
 

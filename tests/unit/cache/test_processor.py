@@ -1,4 +1,4 @@
-"""What counts as another processor."""
+"""Processor names in cache keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths of a workspace are put aside and in again; what cannot be moved is told."""
+"""Paths of a workspace are replaced and restored; files that cannot be relocated are reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tree of a package: read, written down, read again, planted; nothing unsafe gets through."""
+"""Trees of installed files: stored, restored, and checked for unsafe paths."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_path_in_a_program_binds_the_tree(tmp_path: Path, size: int) -> None:
     assert surveyed(layout, tmp_path / "pack").bound == "'lib/p' contains the path of the build folder"
 
 
-def test_what_nobody_may_restore_is_not_kept(tmp_path: Path) -> None:
+def test_results_that_cannot_be_restored_are_not_stored(tmp_path: Path) -> None:
     layout = installed(tmp_path, {"bin/root": b""})
     (layout.prefix("a") / "bin/root").chmod(0o4755)
     with pytest.raises(Uncacheable, match="'bin/root' is not a regular file"):
@@ -204,7 +204,7 @@ def test_nothing_is_written_through_a_link_out_of_the_prefix(tmp_path: Path) -> 
 
 
 def test_what_is_there_already_keeps_its_time_and_its_other_names(tmp_path: Path) -> None:
-    """An equal file stays: nobody compiles again for it. A different one is replaced, never written into."""
+    """An equal file stays, so that nothing is recompiled. A different one is replaced, not overwritten."""
     tree = surveyed(installed(tmp_path / "one", {"same": b"same", "other": b"new"}), tmp_path / "pack")
     prefix = installed(tmp_path / "two", {"same": b"same", "other": b"old"}).prefix("a")
     os.utime(prefix / "same", ns=(1, 1))

@@ -1,4 +1,4 @@
-"""A command line with a slip of the pen says what was meant."""
+"""Typing errors on the command line get suggestions."""
 
 from __future__ import annotations
 

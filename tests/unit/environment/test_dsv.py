@@ -53,7 +53,7 @@ def test_a_dsv_file_has_changes_and_sources() -> None:
 @pytest.mark.parametrize(
     "line", ["prepend-non-duplicate", "set;A", "source", "prepend;A;b", "set;A B;c", "set;;c", "set;A$(x);c"]
 )
-def test_other_lines_are_told_with_their_place(line: str) -> None:
+def test_invalid_lines_are_reported_with_their_line(line: str) -> None:
     """Nothing is skipped in silence, and nothing but a name gets where a shell evaluates names."""
     with pytest.raises(WorkspaceError) as caught:
         parse_dsv(f"set;GOOD;1\n{line}\n", "share/p/x.dsv")
@@ -201,7 +201,7 @@ def test_needs_are_sourced_first(needs: dict[str, frozenset[str]]) -> None:
 
 
 @given(graphs(acyclic=False))
-def test_circles_do_not_stop_it(needs: dict[str, frozenset[str]]) -> None:
+def test_dependency_cycles_do_not_stop_it(needs: dict[str, frozenset[str]]) -> None:
     """Where packages need each other, each still comes once."""
     assert sorted(order(needs)) == sorted(needs)
 

@@ -45,7 +45,7 @@ SITE = "lib/python3.11/site-packages"
     ],
 )
 def test_files_call_for_hooks(files: list[str], expected: dict[str, str]) -> None:
-    """Each hook by its name, as a line of dsv; what nobody looks for calls for none."""
+    """Each hook by its name, as a dsv line; other files need no hook."""
     hooks = package_hooks("p", "cmake", files, SITE)
     assert hooks == {name: f"prepend-non-duplicate;{line}" for name, line in expected.items()}
 

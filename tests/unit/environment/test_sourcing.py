@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import EnvironmentFault, WorkspaceError
+from forge.base.errors import WorkspaceError
 from forge.build.installation import install_package, uninstall_markers
 from forge.environment.sourcing import build_environment, package_edits, workspace_environment
 from tests.installs import PYTHON, Made, dsv_package, make_install
@@ -33,7 +33,7 @@ def test_a_package_that_says_nothing_changes_nothing(tmp_path: Path) -> None:
     assert build_environment([], {"A": "1"}) == {"A": "1"}
 
 
-def test_what_is_installed_anew_is_read_anew(tmp_path: Path) -> None:
+def test_reinstalled_packages_are_read_again(tmp_path: Path) -> None:
     """Though the text of package.dsv is the same and only a file that it names is not."""
     layout = make_install(tmp_path, [dsv_package("p", "set;A;1", files={})])
     prefix = layout.prefix("p")
@@ -43,46 +43,6 @@ def test_what_is_installed_anew_is_read_anew(tmp_path: Path) -> None:
     (prefix / "share/p/local_setup.dsv").write_text("set;A;2\n")
     install_package(package("p"), layout, (), PYTHON)
     assert build_environment([("p", prefix)], {}) == {"A": "2"}
-
-
-@pytest.mark.needs("dash")
-def test_a_script_runs_with_what_ament_and_colcon_promise(tmp_path: Path) -> None:
-    """The helpers, the prefix, and the environment of the hooks before it; its talk goes nowhere."""
-    hook = (
-        "echo talk\n"
-        'ament_prepend_unique_value PATHS "$AMENT_CURRENT_PREFIX/one"\n'
-        'ament_append_unique_value PATHS "$COLCON_CURRENT_PREFIX/two"\n'
-        'ament_append_unique_value PATHS "$COLCON_CURRENT_PREFIX/two"\n'
-        "ament_append_value PATHS $FIRST\n"
-        '_colcon_prepend_unique_value MULTI "a\nb"\n'
-        "unset GOING\n"
-    )
-    lines = ("set;FIRST;1", "source;share/p/hook.sh")
-    layout = make_install(tmp_path, [dsv_package("p", *lines, files={"share/p/hook.sh": hook, "bin/x": ""})])
-    prefix = layout.prefix("p")
-    given = {"PATH": "/bin", "PATHS": "/x", "GOING": "yes", "PWD": "/given"}
-    assert build_environment([("p", prefix)], given) == {
-        "PATH": f"{prefix}/bin:/bin",
-        "PATHS": f"{prefix}/one:/x:{prefix}/two:1",
-        "FIRST": "1",
-        "MULTI": "a\nb",
-        "PWD": "/given",
-    }
-
-
-def test_a_hook_that_ends_the_shell_is_a_message(tmp_path: Path) -> None:
-    """Named, with what it said."""
-    hook = {"share/p/hook.sh": "echo it does not suit me >&2\nexit 3\n", "share/q/hook.sh": "exit 3\n"}
-    layout = make_install(tmp_path, [])
-    for name, said in (("p", "it does not suit me"), ("q", "exit code 3")):
-        path = f"share/{name}/hook.sh"
-        prefix = layout.prefix(name)
-        for file, text in ((path, hook[path]), (f"share/{name}/package.dsv", f"source;{path}\n")):
-            (prefix / file).parent.mkdir(parents=True, exist_ok=True)
-            (prefix / file).write_text(text)
-        with pytest.raises(EnvironmentFault) as caught:
-            build_environment([(name, prefix)], {})
-        assert str(caught.value) == f"error: the environment hook '{prefix}/{path}' exits: {said}"
 
 
 def test_scripts_that_are_gone_or_for_other_shells_do_nothing(tree: Tree) -> None:

@@ -1,21 +1,16 @@
-"""The pool and the budget: tokens are conserved, packages are served, nobody waits for ever."""
+"""The job pool: no token is lost, packages get their jobs, and nothing waits forever."""
 
 from __future__ import annotations
 
 import os
-import shutil
-import subprocess
-import sys
 import threading
 import time
 from contextlib import closing
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.build.tasks import Step, StepKind
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import (
     FIFO,
@@ -24,17 +19,13 @@ from forge.execution.jobserver import (
     common_style,
     create_pool,
     join_pool,
-    supported_styles,
     without_jobserver_notices,
 )
-from forge.execution.loop import execute
 from forge.execution.makeflags import MakeFlags, read_make_flags
-from forge.execution.runner import ProcessRunner, TaskLifecycle
-from forge.execution.scheduler import Scheduler
-from tests.packages import package
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 BOTH, ONLY_FIFO, ONLY_PIPE, NONE = (
     frozenset({FIFO, PIPE}),
@@ -72,7 +63,7 @@ def step(tmp_path: Path, kind: StepKind = StepKind.BUILD) -> Step:
 
 
 def auth_in(budget: JobPool, tmp_path: Path) -> str:
-    """Return the address of the pool that tools are told of."""
+    """Return the address of the pool in the MAKEFLAGS of tools."""
     with budget.tools(step(tmp_path), {}) as (variables, _):
         return read_make_flags(variables["MAKEFLAGS"]).auth or ""
 
@@ -94,33 +85,6 @@ def test_a_run_has_the_one_style_that_all_its_tools_speak(
     spoken_by: dict[str, frozenset[str]], style: str | None
 ) -> None:
     assert common_style(spoken_by) == style
-
-
-@pytest.mark.needs("make")
-def test_a_tool_is_tried(tmp_path: Path) -> None:
-    """GNU make says in its version what it speaks; a program that speaks nothing, or fails, is no speaker."""
-    make = shutil.which("make") or ""
-    version = subprocess.run((make, "--version"), capture_output=True, text=True, check=True).stdout.split()[
-        2
-    ]
-    expected = BOTH if tuple(map(int, version.split(".")[:2])) >= (4, 4) else ONLY_PIPE
-    assert supported_styles("make", Path(make), os.environ) == expected
-    assert supported_styles("ninja", Path(make), os.environ) == NONE
-    assert supported_styles("make", tmp_path / "none", os.environ) == NONE
-
-
-@pytest.mark.needs("ninja")
-def test_ninjas_speak_as_their_version_lets_expect() -> None:
-    ninja = shutil.which("ninja") or ""
-    said = subprocess.run((ninja, "--version"), capture_output=True, text=True, check=True).stdout.strip()
-    found = supported_styles("ninja", Path(ninja), os.environ)
-    if tuple(map(int, said.split(".")[:2])) >= (1, 13):
-        assert FIFO in found
-        assert (PIPE in found) == ("pipe" in said)
-    elif "jobserver" in said:
-        assert found == ONLY_PIPE
-    else:
-        assert found == NONE
 
 
 def test_ninjas_remarks_about_the_jobserver_are_no_output() -> None:
@@ -247,7 +211,7 @@ def test_a_stopped_build_begins_no_package() -> None:
     assert results == [False]
 
 
-def test_what_a_step_is_told_depends_on_its_tool(tmp_path: Path) -> None:
+def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) -> None:
     given = {"MAKEFLAGS": "-k -j9", "CMAKE_BUILD_PARALLEL_LEVEL": "9", "X": "1"}
     flags = MakeFlags(rest=("-k",))
     with closing(JobPool(4, create_pool(PIPE), frozenset({"make"}), flags)) as budget, budget.package():
@@ -305,62 +269,6 @@ def test_a_pool_above_us_is_joined_and_left_as_it_was(style: str, tmp_path: Path
 @pytest.mark.parametrize("auth", ["900,901", "fifo:/no/such/fifo", f"fifo:{os.devnull}", "0", "a,b", "-2,-2"])
 def test_what_is_no_pool_cannot_be_joined(auth: str) -> None:
     assert join_pool(auth) is None
-
-
-def test_a_budget_that_nobody_uses_ends_at_once() -> None:
-    """Also one that joined, which waits for a token that never comes."""
-    program = """if True:
-        import threading
-        from contextlib import closing
-        from forge.execution.job_pool import JobPool
-        from forge.execution.jobserver import create_pool, join_pool
-        outer = create_pool("fifo")
-        with closing(JobPool(2, create_pool("pipe"))):
-            pass
-        with closing(JobPool(2, join_pool(outer.auth))) as budget, budget.package():
-            threading.Thread(target=lambda: budget.package().__enter__(), daemon=True).start()
-            threading.Event().wait(0.1)
-    """
-    subprocess.run((sys.executable, "-W", "error", "-c", program), check=True, timeout=20)
-
-
-def test_what_waits_for_a_token_is_aborted_with_the_build(tmp_path: Path) -> None:
-    """Two packages may begin, but there is one job: when the first fails, the second never ran.
-
-    The failure and the token it gives back race through two threads: one clean stop in five is asked for.
-    """
-    ends = [_end_of_the_one_that_waits(tmp_path / str(number)) for number in range(5)]
-    assert ["Started", "Aborted"] in ends
-
-
-def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
-    tmp_path.mkdir()
-    steps = {
-        "bad": "import time; time.sleep(0.3); raise SystemExit(1)",
-        "late": "print('never')",
-    }
-    tasks = {
-        name: Task(
-            name,
-            package(name),
-            tmp_path,
-            tmp_path / name,
-            (),
-            (Step(StepKind.INSTALL, (sys.executable, "-c", code), tmp_path),),
-            "",
-        )
-        for name, code in steps.items()
-    }
-    plan = BuildPlan(tasks)
-    with closing(JobPool(1)) as budget:
-        runner = ProcessRunner(
-            TaskLifecycle(
-                lambda _: os.environ, lambda _task, _variables: None, lambda _: BuildRecord(BuildInputs())
-            ),
-            budget,
-        )
-        events = list(execute(plan, runner, Scheduler(plan, 2), lambda task: task))
-    return [type(event).__name__ for event in events if event.task == "late"]
 
 
 def test_memory_is_looked_at_by_the_clock_however_many_packages_come_and_go() -> None:

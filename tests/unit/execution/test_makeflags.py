@@ -30,7 +30,7 @@ from forge.execution.makeflags import MakeFlags, read_make_flags
         )),
     ],
 )  # fmt: skip
-def test_what_is_said_of_jobs_is_told_from_the_rest(text: str, flags: MakeFlags) -> None:
+def test_job_options_are_separated_from_other_flags(text: str, flags: MakeFlags) -> None:
     assert read_make_flags(text) == flags
 
 

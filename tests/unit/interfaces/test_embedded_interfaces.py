@@ -1,4 +1,4 @@
-"""The interface packages that forge brings along are whole, alike, and documented in few words."""
+"""The embedded interface packages: complete, consistent and documented."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_nothing_lies_in_a_package_but_what_it_needs(name: str) -> None:
 
 
 def test_the_type_hashes_are_those_of_ros() -> None:
-    """The table holds RIHS01 as the reference implementation computes it (interface spec 8)."""
+    """The table holds RIHS01 as the reference implementation computes it."""
     library = Library(embedded=EMBEDDED)
     computed = {
         str(type_): digest

@@ -1,4 +1,4 @@
-"""What a user reads when a definition is wrong: tests/golden/interfaces/errors, a package per case."""
+"""Error messages of invalid definitions: tests/golden/interfaces/errors, a package per case."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a digest depends on, and that a run makes again only what depends on a change."""
+"""The inputs of a digest; a run regenerates only what depends on a change."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_same_text_under_another_name_is_not_the_same(tree: Tree) -> None:
     assert found["tour/msg/Leaf"] != found["tour/msg/Alone"]
 
 
-def test_a_run_touches_what_depends_on_the_change_and_mends_what_is_gone(forge: Forge, tree: Tree) -> None:
+def test_a_run_rewrites_what_depends_on_a_change_and_restores_missing_files(forge: Forge, tree: Tree) -> None:
     root = tree(FILES)
 
     def generate() -> set[str]:

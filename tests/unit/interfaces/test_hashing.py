@@ -1,4 +1,4 @@
-"""Type hashes and stored descriptions against known values (interface spec 8)."""
+"""Type hashes and stored descriptions against known values."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def test_headings_are_read_with_and_without_the_namespace() -> None:
     ("text", "line"),
     [(f"int8 a\n{LINE}\nint8 b", "p/msg/A:3:1: error:"), (f"int8 a\n{LINE}", "p/msg/A: error:")],
 )
-def test_a_line_without_a_heading_is_told(text: str, line: str) -> None:
+def test_a_section_without_a_type_name_is_reported(text: str, line: str) -> None:
     with pytest.raises(InterfaceError, match="expected the name of a type after a line of '='") as caught:
         read_schema(text, TypeName("p", "msg", "A"))
     assert str(caught.value).startswith(line)

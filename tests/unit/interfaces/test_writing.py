@@ -1,4 +1,4 @@
-"""Writing: the same bytes are not written twice, and nothing stays that nobody makes."""
+"""Writing: unchanged files are not touched, and stale files are removed."""
 
 from __future__ import annotations
 

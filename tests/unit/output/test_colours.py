@@ -1,4 +1,4 @@
-"""The colours of pages can be told apart by everybody: as WCAG asks of text, by day and by night."""
+"""The colours of pages meet the contrast requirements of WCAG, in light and dark mode."""
 
 from __future__ import annotations
 

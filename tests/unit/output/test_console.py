@@ -1,4 +1,4 @@
-"""What people see of a build."""
+"""The console output of a build."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
     assert report.exit_code == 1
 
 
-def test_a_wrong_interface_definition_is_the_users_to_mend(capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_interface_definition_has_exit_code_2(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a")
     line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
     shown(capfd, report, Output("a", line, stderr=False), Finished("a", 1, 0.1, STEP))

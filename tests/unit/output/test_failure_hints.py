@@ -1,4 +1,4 @@
-"""What to do about failures that no test can bring about for real, and when to keep silent."""
+"""Hints for failures that tests cannot provoke, and no hints for others."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_something_of_the_users_called_latest_is_left_alone(tmp_path: Path) -> N
     assert (tmp_path / "latest").read_text() == "mine"
 
 
-def test_a_place_where_logs_cannot_be_is_told(tmp_path: Path) -> None:
+def test_a_log_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "log").write_text("a file")
     with pytest.raises(EnvironmentFault) as error:
         open_log(tmp_path / "log", "build", [])
@@ -70,7 +70,7 @@ def test_a_place_where_logs_cannot_be_is_told(tmp_path: Path) -> None:
 
 
 def test_a_log_has_no_passwords(tmp_path: Path) -> None:
-    """Logs are given to others, and a command line may say who asks a server."""
+    """Logs are shared, and a command line may contain credentials."""
     argv = ["forge", "build", "--remote-cache=https://me:pass@word@host:1/x", "-DA=ssh://git@host", "a@b"]
     open_log(tmp_path, "build", argv)
     said = (tmp_path / "latest/logger_all.log").read_text(encoding="utf-8")

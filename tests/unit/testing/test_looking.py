@@ -1,4 +1,4 @@
-"""What is known of a package's tests before any runs."""
+"""The tests of a package, found without running them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Result files: what they count, and that nothing bad gets lost."""
+"""Result files: counts, and no lost failures."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_junit_file_counts_what_its_suites_say() -> None:
     assert [case.name for case in outcome.cases] == ["test_bad", "test_worse"]
 
 
-def test_a_case_is_told_as_colcon_tells_it() -> None:
+def test_test_cases_are_printed_as_colcon_prints_them() -> None:
     bad, worse = junit(JUNIT).cases
     assert details(bad) == [
         "- p.test_a test_bad (test_a.py:7)",

@@ -1,4 +1,4 @@
-"""Which programs test a package, with which words."""
+"""The command lines that test a package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Variables given to all packages, and the complaints of those that do not use them."""
+"""Variables passed to all packages, and CMake's warnings about unused ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_definitions_are_recognised_as_cmake_does() -> None:
     assert defined(words) == {"A", "B", "C", "D"}
 
 
-def test_what_somebody_uses_is_not_told() -> None:
+def test_used_variables_are_not_reported() -> None:
     unused = UnusedVariables(frozenset({"A", "TYPO"}))
     assert not unused.names
     assert unused.take(complaint("A", "TYPO", kind=" (unused-cli)")) == b""

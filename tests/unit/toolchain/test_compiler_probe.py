@@ -1,27 +1,17 @@
-"""The compilers' facts, found out once."""
+"""Packages for which the results of the compiler probe may be used, and packages for which not."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.toolchain.compiler_probe import Toolchain, uses_default_toolchain
+from forge.toolchain.compiler_probe import uses_default_toolchain
 
 if TYPE_CHECKING:
-    from tests.conftest import Tree
+    from pathlib import Path
 
-LISTS = """cmake_minimum_required(VERSION 3.18)
-project(x VERSION 1.2 LANGUAGES CXX)
-add_executable(x x.cpp)
-target_compile_features(x PRIVATE cxx_std_17)
-install(TARGETS x DESTINATION lib/x)
-"""
+    from tests.conftest import Tree
 
 
 @pytest.mark.parametrize(
@@ -57,123 +47,3 @@ def test_packages_that_may_want_something_else(tree: Tree, text: str) -> None:
 
 def test_a_folder_without_lists(tmp_path: Path) -> None:
     assert not uses_default_toolchain(tmp_path)
-
-
-@pytest.mark.needs("cmake", "ninja", "g++")
-@pytest.mark.parametrize("generator", ["Ninja", "Unix Makefiles"])
-def test_a_seeded_folder_is_configured_like_any_other(tree: Tree, generator: str) -> None:
-    """The rules and the objects are those of a folder that CMake has configured twice by itself.
-
-    Twice, since CMake's own second run, which believes its first answers, leaves out a variable of the
-    Microsoft compiler that the first writes for every target.
-    """
-    root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
-    cmake = Path(shutil.which("cmake") or "")
-    arguments = ("-G", generator, "-DCMAKE_BUILD_TYPE=Release")
-    files = {}
-    for place in ("usual", "seeded"):
-        build = root / "build"
-        build.mkdir()
-        toolchain = Toolchain(root / "cache", cmake, arguments, (("c++", "g++"),))
-        seeded = place == "seeded" and toolchain.seed(root / "src", build, os.environ)
-        argv = [str(word) for word in (cmake, "-S", root / "src", "-B", build, *arguments)]
-        said = subprocess.run(argv, check=True, capture_output=True, text=True).stdout
-        assert ("Detecting CXX compiler ABI info" in said) != seeded
-        subprocess.run(argv, check=True, capture_output=True)
-        subprocess.run([cmake, "--build", build], check=True, capture_output=True)
-        files[place] = _what_matters(build)
-        assert not toolchain.seed(root / "src", build, os.environ), "it is no new folder any more"
-        shutil.rmtree(build)
-    for name in files["usual"]:
-        assert files["usual"][name] == files["seeded"][name], name
-
-
-@pytest.mark.needs("cmake", "ninja", "g++")
-def test_the_first_flags_are_those_of_the_step(tree: Tree) -> None:
-    """A step may set CXXFLAGS, as for the path maps of the package cache, and the reference has none."""
-    root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
-    cmake, build = Path(shutil.which("cmake") or ""), root / "build"
-    build.mkdir()
-    assert Toolchain(root / "cache", cmake, ("-G", "Ninja"), ()).seed(root / "src", build, os.environ)
-    argv = [str(cmake), "-S", str(root / "src"), "-B", str(build), "-G", "Ninja"]
-    subprocess.run(argv, check=True, capture_output=True, env={**os.environ, "CXXFLAGS": "-DMAPPED"})
-    assert "FLAGS = -DMAPPED" in (build / "build.ninja").read_text()
-
-
-def _what_matters(build: Path) -> dict[str, object]:
-    """Return the objects and rules below a build folder, without the lists of what CMake itself read."""
-    found: dict[str, object] = {}
-    for path in sorted(build.rglob("*")):
-        if path.suffix == ".o":
-            found[path.name] = path.read_bytes()
-        elif path.name in {
-            "build.ninja",
-            "rules.ninja",
-            "build.make",
-            "flags.make",
-            "link.txt",
-            "cmake_install.cmake",
-        }:
-            lines = path.read_text().splitlines()
-            found[path.relative_to(build).as_posix()] = [
-                line for line in lines if "CMakeSystem.cmake" not in line and "/share/cmake" not in line
-            ]
-    return found
-
-
-@pytest.mark.needs("cmake")
-def test_without_a_compiler_nothing_is_seeded(tree: Tree) -> None:
-    root = tree({"src/CMakeLists.txt": LISTS, "build/keep": ""})
-    variables = {**os.environ, "CXX": "/no/such/compiler"}
-    toolchain = Toolchain(root / "cache", Path(shutil.which("cmake") or ""), (), ())
-    assert not toolchain.seed(root / "src", root / "build", variables)
-    assert not (root / "build/CMakeCache.txt").exists()
-
-
-@pytest.mark.needs("cmake", "ninja", "g++")
-@pytest.mark.parametrize("languages", ["", " NONE"])
-def test_what_python_is_need_not_be_asked_again(tree: Tree, languages: str) -> None:
-    """A new folder starts the interpreter as seldom as CMake does when it knows the folder already.
-
-    That is once; the newest CMake (4.4) trusts no answer from a project with languages, not even its own.
-    """
-    asked = "find_package(Python3 REQUIRED COMPONENTS Interpreter)\n"
-    lists = f"cmake_minimum_required(VERSION 3.18)\nproject(x{languages})\n{asked}"
-    told = 'message("is ${Python3_EXECUTABLE} ${Python3_VERSION} ${Python3_SITELIB} ${Python3_SOABI}")\n'
-    root = tree(
-        {
-            "src/CMakeLists.txt": lists + told,
-            "python3": f'#!/bin/sh\necho start >> "$0.log"\nexec {sys.executable} "$@"\n',
-        }
-    )
-    python, log = root / "python3", root / "python3.log"
-    python.chmod(0o755)
-    cmake = Path(shutil.which("cmake") or "")
-
-    def configured(place: str) -> tuple[str, int]:
-        log.write_text("")
-        argv = (
-            cmake,
-            "-S",
-            root / "src",
-            "-B",
-            root / place,
-            "-G",
-            "Ninja",
-            f"-DPython3_EXECUTABLE={python}",
-        )
-        said = subprocess.run(argv, check=True, capture_output=True, text=True).stderr
-        return said[said.index("is ") :], log.read_text().count("start")
-
-    toolchain = Toolchain(root / "cache", cmake, ("-G", "Ninja"), (), python)
-    assert toolchain.seed(root / "src", root / "seeded", os.environ)
-    first, again, seeded = configured("usual"), configured("usual"), configured("seeded")
-    assert first[1] > 4
-    assert first[0] == again[0] == seeded[0]
-    distrusted = languages and (again[1], seeded[1]) == (1, first[1])
-    assert seeded[1] == again[1] or (distrusted and _version(cmake) >= (4, 4))
-
-
-def _version(cmake: Path) -> tuple[int, ...]:
-    said = subprocess.run([cmake, "--version"], check=True, capture_output=True, text=True).stdout
-    return tuple(int(word) for word in said.split()[2].split(".")[:2])

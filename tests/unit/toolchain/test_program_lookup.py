@@ -1,4 +1,4 @@
-"""Which program a name leads to, what tells it apart, and where config files are."""
+"""Looking up programs and config files, and identifying programs."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def test_cmake_command_names_another(tree: Tree) -> None:
     assert tools.cmake == Path("/opt/cmake")
 
 
-def test_everything_missing_is_told_at_once_with_its_remedy(
+def test_everything_missing_is_reported_together_with_hints(
     tree: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree({})

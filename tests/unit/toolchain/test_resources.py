@@ -1,4 +1,4 @@
-"""What may be used of machines that are told of in files."""
+"""Processors and memory of simulated machines."""
 
 from __future__ import annotations
 

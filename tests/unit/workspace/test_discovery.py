@@ -55,7 +55,7 @@ def test_a_folder_that_is_not_there_holds_nothing(tree: Tree) -> None:
     assert found(tree({}), "nowhere") == {}
 
 
-def test_faults_and_equal_names_are_told_and_the_rest_is_found(tree: Tree) -> None:
+def test_errors_and_duplicate_names_are_reported_and_the_rest_is_found(tree: Tree) -> None:
     root = tree(
         {
             "a/package.xml": manifest_text("same"),

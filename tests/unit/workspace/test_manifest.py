@@ -78,7 +78,7 @@ def test_format_1_knows_run_depend() -> None:
     assert parse(text).names(RUN_KINDS) == ("b",)
 
 
-def test_all_faults_of_the_structure_are_told_at_once() -> None:
+def test_all_structural_errors_are_reported_together() -> None:
     text = """<package format="3">
   <name>1 robot</name>
   <version>1.2</version>

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from forge.base.errors import WorkspaceError
@@ -189,6 +189,17 @@ def ours(text: str) -> Reading | None:
     )
 
 
+REDUNDANT = """\
+<package format="2">
+<name>self</name><version>1.2.3</version><description>text</description>
+<maintainer email="me@example.com">Me</maintainer><license>Apache-2.0</license>
+<build_depend>a</build_depend><depend x:colour="red" xmlns:x="urn:x">a</depend>
+</package>
+"""
+"""Attributes of other namespaces do not make a second dependency another one."""
+
+
+@example(REDUNDANT)
 @given(manifests())
 @settings(max_examples=400, deadline=None)
 def test_forge_reads_what_catkin_reads(text: str) -> None:

@@ -1,4 +1,4 @@
-"""Packages without a package.xml: what CMake's and Python's files say, and who has the first word."""
+"""Packages without a package.xml: metadata from CMake and Python files, and their precedence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from tests.packages import manifest_text
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree
 
-ENV = {"PYTHONPATH": str(Path(__file__).parents[3])}
 CMAKE = "cmake_minimum_required(VERSION 3.10)\nproject({} NONE)\n"
 SETUP = "from setuptools import setup\nsetup({})\n"
 
@@ -210,7 +209,7 @@ def test_a_name_that_is_no_literal_is_the_folders_and_noted(tree: Tree, forge: F
     assert "three" not in ran.err
 
 
-def test_meta_files_name_folders_and_conflicts_are_told(tree: Tree) -> None:
+def test_meta_files_name_folders_and_conflicts_are_reported(tree: Tree) -> None:
     root = tree(
         {
             "x/CMakeLists.txt": CMAKE.format("c"),
@@ -226,30 +225,7 @@ def test_meta_files_name_folders_and_conflicts_are_told(tree: Tree) -> None:
     ]
 
 
-def test_a_broken_pyproject_is_told_where_it_is(tree: Tree) -> None:
+def test_a_broken_pyproject_is_reported_with_its_path(tree: Tree) -> None:
     workspace = walked(tree({"x/pyproject.toml": "["}))
     (problem,) = workspace.problems
     assert str(problem.place) == "x/pyproject.toml"
-
-
-@pytest.mark.needs("cmake")
-def test_plain_packages_build_and_their_scripts_are_on_the_path(tree: Tree, forge: Forge) -> None:
-    root = tree(
-        {
-            "src/c/CMakeLists.txt": CMAKE.format("c")
-            + "message(STATUS ${WORD})\ninstall(FILES h.sh DESTINATION share/c)\n",
-            "src/c/h.sh": "export FROM_HOOK=1\n",
-            "src/c/colcon.pkg": "cmake-args: [-DWORD=said]\nhooks: [share/c/h.sh]\n",
-            "src/p/setup.py": SETUP.format(
-                "name='p', py_modules=['p'], install_requires=['c'], "
-                "entry_points={'console_scripts': ['p=p:main']}"
-            ),
-            "src/p/p.py": "def main(): print('hello')\n",
-        }
-    )
-    ran = forge("build", "--event-handlers", "console_direct+", cwd=root, env=ENV)
-    assert (ran.code, ran.err) == (0, "")
-    assert "-- said" in ran.out
-    assert (root / "install/p/bin/p").is_file()
-    assert "source;share/c/h.sh" in (root / "install/c/share/c/package.dsv").read_text()
-    assert "0 packages finished, 2 packages unchanged" in forge("build", cwd=root, env=ENV).out

@@ -1,4 +1,4 @@
-"""What the text of a build script names outside of the workspace."""
+"""Paths outside of the workspace in the text of a build script."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the embedded packages are added for."""
+"""Resolving dependencies: embedded packages, missing packages and cycles."""
 
 from dataclasses import replace
 
@@ -83,7 +83,7 @@ def test_a_family_is_used_whole_or_not_at_all() -> None:
     )
 
 
-def test_who_has_half_of_a_family_in_the_workspace_is_told_so() -> None:
+def test_an_incomplete_family_in_the_workspace_is_reported() -> None:
     half = package("ament_cmake_core", build_type="cmake")
     made = resolve_dependencies(by_name(package("a", "ament_cmake_auto"), half), EMBEDDED, nobody)
     errors, _ = missing_problems(made, ["a"])
@@ -105,7 +105,7 @@ def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
     assert not resolve_dependencies(by_name(bringing), EMBEDDED, nobody).needs["a"]
 
 
-def test_what_nobody_has_stops_cmake_and_merely_warns_python() -> None:
+def test_a_missing_dependency_is_an_error_for_cmake_and_a_warning_for_python() -> None:
     workspace = by_name(
         package("a", "rclcpp", "libboost-dev"),
         package("b", "rclcpp", "boost"),
@@ -154,7 +154,7 @@ def test_a_package_of_a_group_takes_the_members_that_there_are() -> None:
     assert [warning.message.split(",")[0] for warning in warnings] == ["'switch' needs 'rmw_two'"]
 
 
-def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
+def test_superseded_embedded_packages_are_listed_for_removal() -> None:
     """A family as a whole, single packages by their name; the workspace's own is not meant."""
     own = by_name(package("a", "std_msgs"), package("unique_identifier_msgs"))
     assert resolve_dependencies(own, EMBEDDED, nobody).superseded == set()
@@ -164,7 +164,7 @@ def test_what_steps_aside_is_told_so_that_it_can_be_removed() -> None:
     assert made.superseded == {"ament_cmake", "std_msgs"}
 
 
-def test_a_circle_that_only_tests_close_is_opened_with_a_warning() -> None:
+def test_a_cycle_closed_by_test_dependencies_is_broken_with_a_warning() -> None:
     made = resolve_dependencies(
         by_name(
             package("a", "b", "z", tag="test_depend"), package("b", "a"), package("z"), package("y", "z")
@@ -181,7 +181,7 @@ def test_a_circle_that_only_tests_close_is_opened_with_a_warning() -> None:
     ]
 
 
-def test_a_circle_of_other_needs_stays_one() -> None:
+def test_a_cycle_of_other_dependencies_stays_an_error() -> None:
     strong = resolve_dependencies(by_name(package("a", "b"), package("b", "a")), {}, nobody)
     opened, warnings = break_test_cycles(strong)
     assert order(opened.needs) is None

@@ -91,7 +91,7 @@ def test_what_is_on_disk_limits_as_well() -> None:
         Query(skip_by_dep=("x",), strict=True),
     ],
 )
-def test_what_leaves_nothing_sensible_stops(query: Query) -> None:
+def test_a_query_without_a_sensible_result_is_an_error(query: Query) -> None:
     with pytest.raises(SelectionError):
         select(query, ORDERED, NEEDS)
 

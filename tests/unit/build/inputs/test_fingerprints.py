@@ -181,7 +181,7 @@ def test_files_anywhere_are_marked_and_a_missing_one_shows(tree: Tree) -> None:
     assert fingerprint_files(paths, table, before).digest != before.digest
 
 
-def test_the_table_saves_reading_and_may_be_lost(package: Path) -> None:
+def test_the_stat_table_avoids_reading_and_may_be_lost(package: Path) -> None:
     path = package.parent / "table"
     table = FileTable(path)
     before = fingerprint_tree(str(package), table)

@@ -1,4 +1,4 @@
-"""Inputs file by file, and how two moments differ."""
+"""Inputs file by file, and the differences between two states."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_contents_tell_what_changed_and_times_do_not() -> None:
     assert changes == Changes(frozenset({"/p/new"}), frozenset({"/p/gone"}), frozenset({"/p/edited"}))
 
 
-def test_a_file_that_was_written_at_all_counts_when_nobody_knows_what_it_said_in_between() -> None:
+def test_a_rewritten_file_counts_as_changed_if_its_intermediate_contents_are_unknown() -> None:
     assert compare(_THEN, _NOW, by_stats=True).modified == {"/p/edited", "/p/touched"}
 
 

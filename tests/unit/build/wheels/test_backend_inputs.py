@@ -1,4 +1,4 @@
-"""What counts as input among all that a build backend and its compilers log."""
+"""Inputs of Python packages among the accesses that build backends and compilers log."""
 
 from __future__ import annotations
 

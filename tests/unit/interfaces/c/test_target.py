@@ -1,4 +1,4 @@
-"""C headers as text: what they are called, what they include, how constants and values are written."""
+"""C headers as text: names, includes, constants and values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""C++ headers as text: what they are called, what they include, how values and comments are written."""
+"""C++ headers as text: names, includes, values and comments."""
 
 from __future__ import annotations
 

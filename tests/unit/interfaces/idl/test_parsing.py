@@ -1,4 +1,4 @@
-"""The part of IDL that rosidl reads, and what is told where it reads nothing (interface spec 2)."""
+"""The part of IDL that rosidl supports, and errors for the rest."""
 
 from __future__ import annotations
 
@@ -350,7 +350,7 @@ def test_the_hidden_member_alone_is_no_field() -> None:
         ("@range(min=01) int8 a;", "a number with a leading zero is octal"),
     ],
 )
-def test_what_rosidl_stumbles_over_is_told(members: str, text: str) -> None:
+def test_members_that_rosidl_cannot_read_are_reported(members: str, text: str) -> None:
     assert error(members) == text
 
 
@@ -375,11 +375,11 @@ def test_what_rosidl_stumbles_over_is_told(members: str, text: str) -> None:
         ("\n#define X 1\n", "the only supported preprocessor directive is #include"),
     ],
 )
-def test_definitions_that_ros_cannot_use_are_told(before: str, text: str) -> None:
+def test_definitions_that_rosidl_rejects_are_reported(before: str, text: str) -> None:
     assert error("int8 a;", before) == text
 
 
-def test_mistakes_have_their_place_and_all_are_told() -> None:
+def test_all_errors_are_reported_with_their_line() -> None:
     text = "module p {\n  module msg {\n    struct A {\n      int8 class;\n\tnope b;\n    };\n  };\n};\n"
     with pytest.raises(InterfaceError) as caught:
         read(text)

@@ -1,4 +1,4 @@
-"""What single fields of generated Python start with, accept and refuse (interface spec 4.3, 10)."""
+"""Single fields of generated Python: defaults, accepted and rejected values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What --strict tells: legal lines that hurt, or that rosidl takes for something else."""
+"""`--strict`: error-prone definitions, and definitions that rosidl reads differently."""
 
 from __future__ import annotations
 

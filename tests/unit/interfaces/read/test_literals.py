@@ -1,4 +1,4 @@
-"""Literals: what each type accepts, and to which value (interface spec 1.6 and 1.8)."""
+"""Literals: what each type accepts, and to which value."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_an_integer_is_accepted_exactly_within_its_range(name: str, number: int)
 
 
 @pytest.mark.parametrize("text", ["true", "TRUE", "tRuE", "1"])
-def test_truth_has_any_letter_case(text: str) -> None:
+def test_booleans_are_case_insensitive(text: str) -> None:
     assert read_value(text, BOOL) is True
     assert read_value({"1": "0"}.get(text, "False"), BOOL) is False
 

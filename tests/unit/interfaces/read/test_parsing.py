@@ -1,4 +1,4 @@
-"""Text to interfaces: declarations, comments, sections (interface spec 1.2 to 1.7, 1.10)."""
+"""Text to interfaces: declarations, comments, sections."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_words_of_idl_and_of_other_tongues_are_good_names() -> None:
     assert [f.name for f in message("\n".join(f"int8 {w}" for w in words)).fields] == words
 
 
-def test_a_field_and_a_constant_may_share_their_letters() -> None:
+def test_a_field_and_a_constant_may_differ_only_in_case() -> None:
     parsed = message("int8 a\nint8 A=1")
     assert (parsed.fields, parsed.constants) == ((Field("a", INT8),), (Constant("A", INT8, 1),))
 
@@ -187,7 +187,7 @@ def test_the_problems_of_all_files_are_raised_at_once() -> None:
     assert [str(problem.place) for problem in caught.value.problems] == ["One.msg:1:1", "Two.msg:1:1"]
 
 
-def test_comments_of_a_broken_declaration_are_nobody_elses() -> None:
+def test_comments_of_a_broken_declaration_belong_to_no_other() -> None:
     text = "int8 a\nfoo b\n   # about b\nint8 c"
     assert problems(text) == ["msg/Walk.msg:2:1: unknown type 'foo'"]
 

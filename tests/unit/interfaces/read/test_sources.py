@@ -1,4 +1,4 @@
-"""Where definitions are found, and which of several wins."""
+"""Where definitions are found, and their precedence."""
 
 from __future__ import annotations
 

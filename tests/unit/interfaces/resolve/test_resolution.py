@@ -1,4 +1,4 @@
-"""References: found, named when they are not, and never in a circle."""
+"""References between types: found, reported if unknown, and never cyclic."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def test_what_generated_code_needs_of_others_comes_by_package() -> None:
     ]
 
 
-def test_what_generated_code_needs_and_nobody_has_is_an_error() -> None:
+def test_a_missing_dependency_of_generated_code_is_an_error() -> None:
     shelf = Shelf({path: text for path, text in ROS.items() if "CancelGoal" not in path})
     with pytest.raises(
         InterfaceError, match="cannot find 'action_msgs/srv/CancelGoal', which generated code requires"

@@ -1,4 +1,4 @@
-"""Layouts on the wire: phases, runs, and the laws they keep against a walk over the definitions."""
+"""Layouts of serialized messages, compared with a walk over the definitions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drawings in layers: who needs another stands right of it, nothing overlaps, few lines cross."""
+"""Layered drawings: packages right of their dependencies, no overlaps, few crossings."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_a_chain_is_one_straight_line() -> None:
     assert len({round(spot.y, 6) for spot in layout.spots.values()}) == 1
 
 
-def test_who_has_no_line_stands_below_the_others_in_rows() -> None:
+def test_unconnected_packages_are_drawn_in_rows_below_the_others() -> None:
     graph = {
         "a": frozenset[str](),
         "b": frozenset({"a"}),

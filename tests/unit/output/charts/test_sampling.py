@@ -1,4 +1,4 @@
-"""How much of the machine is in use, seen a few times a second."""
+"""Processor and memory usage, sampled a few times per second."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-import pytest
-
 from forge.output.charts.sampling import Sampler, processor_times, sample_usage
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
-pytestmark = pytest.mark.needs("/proc/stat")
 
-
-def test_ticks_are_told_apart_into_busy_and_idle(tree: Tree) -> None:
+def test_ticks_are_divided_into_busy_and_idle(tree: Tree) -> None:
     text = "cpu  10 2 3 100 5 1 1 4 7 0\ncpu0 10 2 3 100 5 1 1 4 7 0\n"
     assert processor_times(tree({"proc/stat": text})) == (21, 126)
     assert processor_times(tree({"other/file": ""}) / "other") is None
@@ -38,7 +34,7 @@ def test_a_busy_processor_shows() -> None:
     assert times == sorted(times)
 
 
-def test_nobody_looks_unless_somebody_wants_to_see_it() -> None:
+def test_nothing_is_sampled_unless_requested() -> None:
     threads = threading.active_count()
     with sample_usage(wanted=False) as watch:
         assert threading.active_count() == threads

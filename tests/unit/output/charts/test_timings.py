@@ -1,4 +1,4 @@
-"""From events to where the time of a build went, the critical path, and a trace."""
+"""From events to the timings of a build, the critical path and a trace."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_need_that_turned_out_fresh_stands_for_what_it_needs_itself() -> None:
     assert [run.name for run in critical_path(build.packages)] == ["a", "c"]
 
 
-def test_what_was_stopped_half_way_ends_with_the_build() -> None:
+def test_unfinished_steps_end_with_the_build() -> None:
     lines = [planned("a"), planned("b"), planned("c", "b"), *built("a", 0.0, 2.0, code=1)]
     lines += [
         event("Started", 0.5, "b", reason="new"),
@@ -214,7 +214,7 @@ def test_a_trace_has_steps_inside_packages_and_times_in_microseconds() -> None:
     ]
 
 
-def test_what_nobody_can_see_is_a_sign_on_the_page() -> None:
+def test_invisible_characters_become_visible_on_the_page() -> None:
     lines = [planned("a\u202e\x07b"), *built("a\u202e\x07b", 0.0, 1.0), SUMMARY]
     build = read_build(lines)
     assert page(build).bars[0].name == "a\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}b"

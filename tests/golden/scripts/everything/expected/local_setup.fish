@@ -7,7 +7,7 @@
 set -g _forge_root (builtin realpath -s -- (status filename) | string replace -r '/[^/]*$' '')
 
 set -g _forge_gone
-# Packages that were removed since then are skipped.
+# Packages that were removed after the last build are skipped.
 for _forge_name in \
     library \
     odd \

@@ -14,7 +14,7 @@ elif [ ! -d "$_forge_root" ]; then
 fi
 
 _forge_gone=
-# Packages that were removed since then are skipped.
+# Packages that were removed after the last build are skipped.
 for _forge_name in \
   library \
   odd \

@@ -8,7 +8,7 @@
 _forge_root="${${${(M)0:#*/local_setup.zsh}:-${(%):-%x}}:a:h}"
 
 _forge_gone=
-# Packages that were removed since then are skipped.
+# Packages that were removed after the last build are skipped.
 for _forge_name in \
   library \
   odd \

@@ -11,7 +11,7 @@ esac
 _forge_root=$(CDPATH='' builtin cd -- "$_forge_root" >/dev/null && builtin pwd)
 
 _forge_gone=
-# Packages that were removed since then are skipped.
+# Packages that were removed after the last build are skipped.
 for _forge_name in \
   library \
   programs

@@ -1,0 +1,417 @@
+"""Build folders between one build and the next, as CMake and ninja really leave them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.layout import SCRATCH_DIR
+from forge.build import build_dir, build_notes
+from forge.build.build_dir import BuildDirInputs, FileChecks
+from forge.build.build_notes import BegunBuild
+from forge.build.inputs.fingerprints import FileTable, contents_of, file_manifest, tree_manifest
+from forge.build.inputs.input_manifest import Changes
+from forge.build.reuse import Reuse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+pytestmark = pytest.mark.needs("cmake", "gcc", "ninja")
+
+_CMAKE = """cmake_minimum_required(VERSION 3.18)
+project(probe C)
+set(LEVEL 1)
+configure_file(made.h.in made.h)
+configure_file(blob.in blob.bin)
+add_library(probe STATIC one.c two.c three.c)
+target_include_directories(probe PRIVATE ${CMAKE_CURRENT_BINARY_DIR})
+set_source_files_properties(three.c PROPERTIES COMPILE_OPTIONS -Wa,-I${CMAKE_CURRENT_BINARY_DIR})
+"""
+_FILES = {
+    "CMakeLists.txt": _CMAKE,
+    "made.h.in": "#define MADE 1\n",
+    "blob.in": "1\n",
+    "one.c": '#include "one.h"\nint one(void) { return ONE; }\n',
+    "one.h": "#define ONE 1\n",
+    "two.c": '#include "made.h"\nint two(void) { return MADE; }\n',
+    "three.c": '__asm__(".data\\n.incbin \\"blob.bin\\"\\n.text");\n',
+}
+OBJECTS = {"one", "two", "three"}
+
+
+@dataclass
+class Probe:
+    """A package, its build folder, and the options of its builds."""
+
+    root: Path
+    inputs: BuildDirInputs
+    needed: Changes | None = None
+    externals: tuple[str, ...] = ()
+    begun: BegunBuild | None = None
+
+    @property
+    def source(self) -> Path:
+        """The package's folder."""
+        return self.root / "source"
+
+    @property
+    def build(self) -> Path:
+        """Its build folder."""
+        return self.root / "build" / "probe"
+
+    def table(self) -> FileTable:
+        """Return a table that remembers nothing."""
+        return FileTable(self.root / "table.json")
+
+    def begin(self, *, can_reuse: bool = True, reconfigure: bool = False) -> Reuse:
+        """Prepare the folder for the steps of a build."""
+        table = self.table()
+        sources = tree_manifest(str(self.source), table)
+        self.begun = BegunBuild(str(self.source), sources, build_notes.read_last(self.build))
+        checks = FileChecks(
+            needed_changes=lambda _name, _then, _now: self.needed,
+            contents=lambda paths: contents_of(paths, table),
+            is_cmakes=lambda path: "/Modules/" in path,
+            links_alike=lambda _name, _then, _now: False,
+        )
+        inputs = replace(self.inputs, sources=sources)
+        return build_dir.prepare_build_dir(
+            self.build, inputs, checks, can_reuse=can_reuse, reconfigure=reconfigure
+        )
+
+    def configure(self) -> None:
+        """Run CMake, unless the folder is configured, and what forge does after it."""
+        if not (self.build / "build.ninja").is_file():
+            run("cmake", "-G", "Ninja", "-S", str(self.source), "-B", str(self.build))
+            build_dir.restore_products(self.build)
+
+    def compile(self) -> set[str]:
+        """Run ninja; return the names of the sources that it compiled."""
+        out = run("ninja", "-C", str(self.build))
+        return {name for name in OBJECTS if f"/{name}.c.o" in out}
+
+    def end(self) -> frozenset[str]:
+        """Note that the build ended well; return what was saved meanwhile."""
+        assert self.begun is not None
+        table = self.table()
+        externals = file_manifest(self.externals, table)
+        saved = build_notes.saved_during_build(self.build, self.begun, externals, table)
+        build_notes.finish_build_dir(self.build, externals, saved)
+        return saved
+
+    def make(self) -> tuple[Reuse, set[str]]:
+        """Build; return what was reused and which sources were compiled."""
+        reuse = self.begin()
+        self.configure()
+        compiled = self.compile()
+        self.end()
+        return reuse, compiled
+
+    def write(self, name: str, text: str, *, old: bool = False) -> None:
+        """Write a source, perhaps with an old time."""
+        path = self.source / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        if old:
+            os.utime(path, (1_000_000_000, 1_000_000_000))
+
+
+def run(*argv: str) -> str:
+    """Run a program that must succeed; return what it printed."""
+    ran = subprocess.run(argv, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout
+
+
+@pytest.fixture
+def probe(tmp_path: Path) -> Probe:
+    """Return a package that is built."""
+    (tmp_path / "build").mkdir()
+    found = Probe(tmp_path, BuildDirInputs("base", "shape", {}, {}))
+    for name, text in _FILES.items():
+        found.write(name, text)
+    assert found.make() == (Reuse.NOTHING, OBJECTS)
+    return found
+
+
+def note_of(probe: Probe, **values: object) -> None:
+    """Change what a build noted as it began."""
+    path = probe.build / SCRATCH_DIR / "begun.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **values}), encoding="utf-8")
+
+
+def test_nothing_is_made_again_when_nothing_changed(probe: Probe) -> None:
+    assert probe.make() == (Reuse.EVERYTHING, set())
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_only_what_is_made_from_a_changed_file_is_made_again(probe: Probe, *, old: bool) -> None:
+    probe.write("one.h", "#define ONE 2\n", old=old)
+    assert probe.make() == (Reuse.EVERYTHING, {"one"})
+
+
+def test_a_touched_file_makes_nothing_again_once_a_build_ended(probe: Probe) -> None:
+    (probe.source / "CMakeLists.txt").touch()
+    assert probe.make() == (Reuse.EVERYTHING, set())
+
+
+def test_products_come_back_when_cmake_has_to_run(probe: Probe) -> None:
+    probe.write("CMakeLists.txt", f"{_CMAKE}# a remark\n")
+    (probe.build / "leftover.txt").touch()
+    assert probe.make() == (Reuse.PRODUCTS, set())
+    assert not (probe.build / "leftover.txt").exists()
+    assert not build_dir.set_aside_path(probe.build).exists()
+
+
+def test_what_the_new_rules_do_not_name_stays_away(probe: Probe) -> None:
+    probe.write("CMakeLists.txt", _CMAKE.replace(" three.c)", ")"))
+    assert probe.make() == (Reuse.PRODUCTS, set())
+    assert not list(probe.build.rglob("three.c.o"))
+
+
+def test_other_flags_rebuild_objects(probe: Probe) -> None:
+    probe.write("CMakeLists.txt", f"{_CMAKE}target_compile_definitions(probe PRIVATE X)\n")
+    assert probe.make() == (Reuse.PRODUCTS, OBJECTS)
+
+
+def test_what_reads_a_generated_header_is_made_again_when_that_says_something_else(probe: Probe) -> None:
+    probe.write("made.h.in", "#define MADE 2\n", old=True)
+    assert probe.make() == (Reuse.PRODUCTS, {"two"})
+
+
+def test_what_takes_in_a_generated_file_by_its_name_is_made_again(probe: Probe) -> None:
+    probe.write("blob.in", "2\n", old=True)
+    assert probe.make() == (Reuse.PRODUCTS, {"three"})
+
+
+def test_what_asks_for_a_header_is_made_again_when_cmake_generates_it(probe: Probe) -> None:
+    probe.write("one.c", '#if __has_include("more.h")\n#include "more.h"\n#endif\nint one;\n')
+    assert probe.make() == (Reuse.EVERYTHING, {"one"})
+    probe.write("CMakeLists.txt", _CMAKE + 'file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/more.h "int more;")\n')
+    assert probe.make() == (Reuse.PRODUCTS, {"one"})
+    probe.write("CMakeLists.txt", _CMAKE)
+    assert probe.make() == (Reuse.PRODUCTS, {"one"})
+
+
+def test_a_new_configure_is_asked_for(probe: Probe) -> None:
+    assert probe.begin(reconfigure=True) is Reuse.PRODUCTS
+
+
+def test_another_option_is_seen_by_cmake_alone(probe: Probe) -> None:
+    probe.inputs = replace(probe.inputs, shape="other")
+    assert probe.make() == (Reuse.PRODUCTS, set())
+
+
+def test_another_compiler_rebuilds_everything(probe: Probe) -> None:
+    probe.inputs = replace(probe.inputs, base="other")
+    assert probe.make() == (Reuse.NOTHING, OBJECTS)
+
+
+def test_a_build_type_without_reuse_starts_with_an_empty_folder(probe: Probe) -> None:
+    assert probe.begin(can_reuse=False) is Reuse.NOTHING
+    assert not (probe.build / "build.ninja").exists()
+
+
+@pytest.mark.parametrize(("changes", "reuse"), [(None, Reuse.NOTHING), (Changes(), Reuse.EVERYTHING)])
+def test_a_need_counts_by_what_is_known_of_its_states(
+    probe: Probe, changes: Changes | None, reuse: Reuse
+) -> None:
+    probe.inputs = replace(probe.inputs, needs={"need": "digest"})
+    probe.needed = changes
+    assert probe.begin() is reuse
+
+
+def test_build_products_survive_a_failed_configure_step(probe: Probe) -> None:
+    probe.write("CMakeLists.txt", f"{_CMAKE}message(FATAL_ERROR wrong)\n")
+    assert probe.begin() is Reuse.PRODUCTS
+    with pytest.raises(AssertionError, match="wrong"):
+        probe.configure()
+    probe.write("CMakeLists.txt", f"{_CMAKE}# mended\n")
+    assert probe.make() == (Reuse.PRODUCTS, set())
+
+
+def test_an_edit_between_a_failed_configure_and_the_next_is_not_lost(probe: Probe) -> None:
+    probe.write("CMakeLists.txt", f"{_CMAKE}message(FATAL_ERROR wrong)\n")
+    probe.begin()
+    probe.write("one.h", "#define ONE 2\n", old=True)
+    probe.write("CMakeLists.txt", _CMAKE)
+    assert probe.make()[1] == {"one"}
+
+
+def test_an_edit_before_a_configure_that_failed_is_not_lost(probe: Probe) -> None:
+    probe.write("one.h", "#define ONE 2\n", old=True)
+    probe.write("CMakeLists.txt", f"{_CMAKE}message(FATAL_ERROR wrong)\n")
+    probe.begin()
+    probe.write("CMakeLists.txt", _CMAKE)
+    assert probe.make()[1] == {"one"}
+
+
+def test_a_build_that_was_killed_before_it_compiled_is_carried_on(probe: Probe) -> None:
+    probe.write("one.h", "#define ONE 2\n", old=True)
+    probe.begin()
+    assert probe.make() == (Reuse.EVERYTHING, {"one"})
+
+
+def test_other_objects_survive_a_fixed_compile_error(probe: Probe) -> None:
+    probe.write("one.c", "this is no C\n")
+    probe.write("two.c", "int two;\n")
+    probe.begin()
+    with pytest.raises(AssertionError, match="this is no C"):
+        probe.compile()
+    probe.write("one.c", "int one;\n")
+    reuse, compiled = probe.make()
+    assert reuse is Reuse.EVERYTHING
+    assert "one" in compiled
+    assert "three" not in compiled
+
+
+def test_an_external_file_written_during_a_killed_build_rebuilds_everything(
+    probe: Probe,
+) -> None:
+    outside = probe.root / "outside.h"
+    outside.write_text("#define ONE 1\n", encoding="utf-8")
+    probe.write("one.c", f'#include "{outside}"\nint one = ONE;\n')
+    probe.begin()
+    probe.compile()
+    assert probe.begin() is Reuse.EVERYTHING
+    outside.write_text("#define ONE 2\n", encoding="utf-8")
+    assert probe.make() == (Reuse.NOTHING, OBJECTS)
+
+
+def test_a_file_that_was_changed_and_changed_back_around_a_killed_build_is_compiled_again(
+    probe: Probe,
+) -> None:
+    probe.write("one.h", "#define ONE 2\n")
+    probe.begin()
+    probe.compile()
+    probe.write("one.h", _FILES["one.h"], old=True)
+    assert probe.make()[1] == {"one"}
+
+
+def test_a_folder_that_was_set_aside_while_forge_was_killed_comes_back(probe: Probe) -> None:
+    probe.write("CMakeLists.txt", f"{_CMAKE}# a remark\n")
+    probe.begin()
+    assert build_dir.set_aside_path(probe.build).is_dir()
+    assert probe.make() == (Reuse.PRODUCTS, set())
+
+
+def test_a_clock_set_back_rebuilds_everything(probe: Probe) -> None:
+    note_of(probe, began=time.time_ns() + 3600 * 10**9)
+    assert probe.make() == (Reuse.NOTHING, OBJECTS)
+
+
+@pytest.mark.parametrize("name", ["begun.json", "sources.json", "externals.json", "ended.json"])
+@pytest.mark.parametrize("text", [None, "", "[]", "{", "null", '{"began": "x"}'])
+def test_lost_or_corrupt_state_never_reuses_changed_files(probe: Probe, name: str, text: str | None) -> None:
+    path = probe.build / SCRATCH_DIR / name
+    path.unlink()
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    probe.write("one.h", "#define ONE 2\n", old=True)
+    assert "one" in probe.make()[1]
+
+
+def test_a_changed_external_file_rebuilds_everything(probe: Probe) -> None:
+    outside = probe.root / "outside.h"
+    outside.write_text("1", encoding="utf-8")
+    probe.externals = (str(outside),)
+    probe.make()
+    assert probe.make() == (Reuse.EVERYTHING, set())
+    outside.write_text("2", encoding="utf-8")
+    assert probe.make() == (Reuse.NOTHING, OBJECTS)
+
+
+@pytest.mark.parametrize("reverted", [False, True])
+def test_a_source_that_is_saved_during_the_build_is_compiled_again(probe: Probe, *, reverted: bool) -> None:
+    probe.begin()
+    before = (probe.source / "one.h").stat()
+    probe.write("one.h", "#define ONE 2\n")
+    probe.compile()
+    if reverted:
+        probe.write("one.h", _FILES["one.h"])
+        os.utime(probe.source / "one.h", ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert probe.end() == {str(probe.source / "one.h")}
+    assert probe.make() == (Reuse.EVERYTHING, {"one"})
+    assert probe.make() == (Reuse.EVERYTHING, set())
+
+
+def test_a_source_removed_during_the_build_rebuilds_everything(probe: Probe) -> None:
+    probe.write("more.h", "")
+    probe.make()
+    probe.begin()
+    (probe.source / "more.h").unlink()
+    assert probe.end() == {str(probe.source / "more.h")}
+    assert probe.begin() is Reuse.NOTHING
+
+
+def test_an_external_file_written_during_the_build_is_noticed(probe: Probe) -> None:
+    outside = probe.root / "outside.h"
+    outside.write_text("1", encoding="utf-8")
+    probe.externals = (str(outside),)
+    time.sleep(0.05)
+    probe.make()
+    probe.begin()
+    outside.write_text("1", encoding="utf-8")
+    assert probe.end() == {str(outside)}
+
+
+def test_a_generated_source_with_equal_contents_is_no_change(probe: Probe) -> None:
+    def build() -> Mapping[str, object]:
+        probe.begin()
+        probe.write("version.txt", "1.0\n")
+        return dict.fromkeys(probe.end())
+
+    name = str(probe.source / "version.txt")
+    assert build() == {name: None}, "it is new"
+    assert build() == {}
+    probe.begin()
+    probe.write("version.txt", "1.1\n")
+    assert probe.end() == {name}, "it says something else"
+
+
+def test_a_generated_file_in_the_source_folder_is_no_change(probe: Probe) -> None:
+    probe.write(
+        "CMakeLists.txt",
+        _CMAKE + "add_custom_target(more ALL DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/made.txt)\n"
+        "add_custom_command(OUTPUT ${CMAKE_CURRENT_SOURCE_DIR}/made.txt\n"
+        "  COMMAND date > ${CMAKE_CURRENT_SOURCE_DIR}/made.txt)\n",
+    )
+    probe.begin()
+    probe.configure()
+    probe.compile()
+    assert probe.end() == frozenset()
+
+
+def test_what_tests_left_in_a_build_folder_stays(probe: Probe) -> None:
+    (probe.build / "test_results").mkdir()
+    (probe.build / "test_results" / "one.xml").touch()
+    probe.inputs = replace(probe.inputs, base="other")
+    assert probe.begin() is Reuse.NOTHING
+    assert (probe.build / "test_results" / "one.xml").is_file()
+
+
+def test_sources_are_never_written(probe: Probe) -> None:
+    before = {path: path.stat().st_ctime_ns for path in probe.source.rglob("*")}
+    probe.write("CMakeLists.txt", f"{_CMAKE}# a remark\n")
+    before[probe.source / "CMakeLists.txt"] = (probe.source / "CMakeLists.txt").stat().st_ctime_ns
+    probe.make()
+    assert {path: path.stat().st_ctime_ns for path in probe.source.rglob("*")} == before
+
+
+def test_a_symbolic_link_in_place_of_a_build_folder_is_not_followed(tmp_path: Path) -> None:
+    away = tmp_path / "away"
+    away.mkdir()
+    (away / "precious").touch()
+    probe = Probe(tmp_path, BuildDirInputs("base", "shape", {}, {}))
+    probe.write("CMakeLists.txt", "")
+    (tmp_path / "build").mkdir()
+    probe.build.symlink_to(away)
+    assert probe.begin() is Reuse.NOTHING
+    assert (away / "precious").exists()

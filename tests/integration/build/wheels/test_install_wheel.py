@@ -1,0 +1,341 @@
+"""Python packages into prefixes, with real backends."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.cli.install_wheel import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+SITE = "lib/python3/site-packages"
+
+SETUP = {
+    "src/talk/setup.cfg": "[install]\ninstall_scripts=$base/lib/talk\n",
+    "src/talk/setup.py": """from setuptools import setup
+setup(name="talk", version="0.1.0", packages=["talk"],
+      data_files=[("share/talk/launch", ["launch/talk.launch.py"])],
+      entry_points={"console_scripts": ["hello = talk.hello:main"]})
+""",
+    "src/talk/talk/__init__.py": "",
+    "src/talk/talk/hello.py": "def main():\n    print('hello from talk')\n",
+    "src/talk/talk/old.py": "",
+    "src/talk/launch/talk.launch.py": "# a launch file\n",
+}
+
+
+PROJECT = {
+    "src/talk/pyproject.toml": """[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "talk"
+version = "0.1.0"
+[project.scripts]
+hello = "talk.hello:main"
+""",
+    "src/talk/talk/__init__.py": "",
+    "src/talk/talk/hello.py": "def main():\n    print('hello from hatch')\n",
+}
+
+
+def install(root: Path, *options: str, python: str = sys.executable) -> int:
+    """Install the package talk below root/install with an interpreter."""
+    return main(
+        [
+            str(root / "src/talk"),
+            *("--package", "talk", "--build", str(root / "build/talk"), "--prefix", str(root / "install")),
+            *("--python", python, "--site-packages", SITE, *options),
+        ]
+    )
+
+
+def files(folder: Path) -> set[str]:
+    """Return the files below a folder, metadata left out."""
+    found = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir())
+    return {name for name in found if "-info/" not in name}
+
+
+def hello(root: Path) -> str:
+    """Run the installed console script."""
+    argv = [str(root / "install/lib/talk/hello")]
+    env = {"PYTHONPATH": str(root / "install" / SITE), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(argv, env=env, check=True, capture_output=True, text=True).stdout
+
+
+INSTALLED = {
+    "lib/talk/hello",
+    "share/talk/launch/talk.launch.py",
+    f"{SITE}/talk/__init__.py",
+    f"{SITE}/talk/hello.py",
+    f"{SITE}/talk/old.py",
+}
+
+
+def test_a_setup_py_package_is_installed_and_its_source_folder_stays_clean(tree: Tree) -> None:
+    root = tree(SETUP)
+    before = files(root / "src")
+    assert install(root) == 0
+    assert files(root / "install") == INSTALLED
+    assert hello(root) == "hello from talk\n"
+    assert files(root / "src") == before
+
+
+@pytest.mark.parametrize(
+    ("said", "folder"),
+    [
+        (SETUP["src/talk/setup.cfg"], "lib/talk"),
+        ("[install]\ninstall-scripts = $base/libexec/talk/\n", "libexec/talk"),
+        ("[install]\ninstall_scripts=/elsewhere\n", "bin"),
+        ("[develop]\nscript_dir=$base/lib/talk\n", "bin"),
+        (None, "bin"),
+    ],
+)
+def test_programs_go_where_setup_cfg_says_or_else_onto_the_path(
+    tree: Tree, said: str | None, folder: str
+) -> None:
+    """As setuptools has it: ros2 itself, and the linters, say nothing and are typed without `ros2 run`."""
+    root = tree(SETUP | {"src/talk/setup.cfg": said or ""})
+    if said is None:
+        (root / "src/talk/setup.cfg").unlink()
+    assert install(root) == 0
+    assert [name for name in files(root / "install") if name.endswith("/hello")] == [f"{folder}/hello"]
+
+
+def test_what_is_no_longer_part_of_the_package_is_removed(tree: Tree) -> None:
+    root = tree(SETUP)
+    install(root)
+    (root / "install/share/talk/mine").write_text("of somebody else")
+    (root / "src/talk/talk/old.py").unlink()
+    setup = root / "src/talk/setup.py"
+    setup.write_text(setup.read_text().replace('("share/talk/launch", ["launch/talk.launch.py"])', ""))
+    install(root)
+    gone = {f"{SITE}/talk/old.py", "share/talk/launch/talk.launch.py"}
+    assert files(root / "install") == INSTALLED - gone | {"share/talk/mine"}
+    assert not (root / "install/share/talk/launch").exists()
+
+
+def test_links_show_an_edit_at_once_and_going_back_to_copies_leaves_the_sources_alone(tree: Tree) -> None:
+    root = tree(SETUP)
+    install(root, "--link")
+    source = root / "src/talk/talk/hello.py"
+    source.write_text("def main():\n    print('edited')\n")
+    assert hello(root) == "edited\n"
+    assert (root / "install/share/talk/launch/talk.launch.py").is_symlink()
+    install(root)
+    assert not any(path.is_symlink() for path in (root / "install").rglob("*"))
+    assert source.read_text() == "def main():\n    print('edited')\n"
+
+
+def test_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> None:
+    setup = SETUP["src/talk/setup.py"].replace('["talk"]', '["talk", "talk.more"]')
+    root = tree(SETUP | {"src/talk/setup.py": setup, "src/talk/talk/more/__init__.py": ""})
+    install(root, "--link")
+    for name in ("talk/__init__.py", "talk/more/__init__.py"):
+        assert (root / "install" / SITE / name).readlink() == root / "src/talk" / name
+
+
+def test_data_files_that_are_alike_are_linked_each_to_its_own_source(tree: Tree) -> None:
+    data = """data_files=[("share/talk/x", ["cfg/one/c.yaml"]), ("share/talk/y", glob("cfg/two/*")),
+        ("share/talk/z", ["../outside/c.yaml"]), ("share/talk/one", ["cfg/two/c.yaml"])],"""
+    setup = SETUP["src/talk/setup.py"].replace(
+        'data_files=[("share/talk/launch", ["launch/talk.launch.py"])],', data
+    )
+    alike = {f"src/{name}/c.yaml": "same" for name in ("talk/cfg/one", "talk/cfg/two", "outside")}
+    root = tree({**SETUP, "src/talk/setup.py": f"from glob import glob\n{setup}", **alike})
+    assert install(root, "--link") == 0
+    share, sources = root / "install/share/talk", root / "src/talk"
+    assert (share / "x/c.yaml").readlink() == sources / "cfg/one/c.yaml"
+    assert (share / "y/c.yaml").readlink() == sources / "cfg/two/c.yaml"
+    assert (share / "one/c.yaml").readlink() == sources / "cfg/two/c.yaml"
+    assert not (share / "z/c.yaml").is_symlink(), "its source is no file of the package"
+
+
+def test_modules_in_a_folder_of_another_name_are_linked_to_their_own_sources(tree: Tree) -> None:
+    setup = SETUP["src/talk/setup.py"].replace(
+        'packages=["talk"],',
+        'packages=["talk", "talk.deep"], package_dir={"talk": "talk", "talk.deep": "other"},',
+    )
+    alike = {f"src/talk/{name}/__init__.py": "" for name in ("other", "deep", "talk/deep")}
+    root = tree({**SETUP, "src/talk/setup.py": setup, **alike})
+    assert install(root, "--link") == 0
+    assert (
+        root / "install" / SITE / "talk/deep/__init__.py"
+    ).readlink() == root / "src/talk/other/__init__.py"
+
+
+def test_what_a_backend_does_not_say_is_linked_only_where_one_source_would_do(tree: Tree) -> None:
+    project = PROJECT["src/talk/pyproject.toml"]
+    shared = """
+[tool.hatch.build.targets.wheel.shared-data]
+"cfg/one/c.yaml" = "share/talk/x/c.yaml"
+"cfg/two/c.yaml" = "share/talk/y/c.yaml"
+"cfg/two/d.yaml" = "share/talk/y/d.yaml"
+"""
+    alike = {f"src/talk/cfg/{name}.yaml": "same" for name in ("one/c", "two/c", "two/d")}
+    root = tree(
+        {**PROJECT, "src/talk/pyproject.toml": project + shared, **alike, "src/talk/other/__init__.py": ""}
+    )
+    assert install(root, "--link") == 0
+    share, sources = root / "install/share/talk", root / "src/talk"
+    assert [(share / name).is_symlink() for name in ("x/c.yaml", "y/c.yaml")] == [False, False]
+    assert (share / "y/d.yaml").readlink() == sources / "cfg/two/d.yaml"
+    assert (root / "install" / SITE / "talk/__init__.py").readlink() == sources / "talk/__init__.py"
+
+
+def test_a_pyproject_with_its_own_backend(tree: Tree) -> None:
+    root = tree(PROJECT)
+    assert install(root) == 0
+    assert hello(root) == "hello from hatch\n"
+
+
+def test_a_backend_that_is_not_there_is_named(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+    root = tree({"src/talk/pyproject.toml": '[build-system]\nbuild-backend = "no_such.backend"\n'})
+    assert install(root) == 2
+    assert "the build backend 'no_such.backend' is not installed" in capsys.readouterr().err
+
+
+def test_a_setup_py_that_fails_shows_its_own_words(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
+    root = tree({"src/talk/setup.py": "raise RuntimeError('my own words')\n"})
+    assert install(root) == 2
+    err = capsys.readouterr().err
+    assert "RuntimeError: my own words" in err
+    assert "error: the package's build backend 'setuptools.build_meta' failed" in err
+
+
+def test_warnings_of_a_backend_are_not_shown(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """They are for the package's author, who finds them in the log; stderr is shown to everyone."""
+    setup = SETUP["src/talk/setup.py"].replace("packages=", "tests_require=['x'], packages=")
+    root = tree(SETUP | {"src/talk/setup.py": setup})
+    assert install(root) == 0
+    said = capfd.readouterr()
+    assert said.err == ""
+    assert "tests_require" in said.out
+
+
+@pytest.mark.parametrize("contents", [["--without-pip"], []])
+def test_a_fresh_virtual_environment_needs_nothing_more(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, contents: list[str]
+) -> None:
+    """It has no setuptools, or one of its Python's age that makes no wheels."""
+    root = tree(SETUP)
+    subprocess.run([sys.executable, "-m", "venv", *contents, str(root / "venv")], check=True)
+    python = root / "venv/bin/python3"
+    (root / "build/talk/wheel").mkdir(parents=True)
+    monkeypatch.chdir(root / "build/talk")  # where a build runs it, and a folder is no module called wheel
+    assert install(root, python=str(python)) == 0
+    assert files(root / "install") == INSTALLED
+    assert (root / "install/lib/talk/hello").read_text().startswith(f"#!{python}\n")
+    assert hello(root) == "hello from talk\n"
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"setup.py": "from setuptools import setup\nsetup(name='talk'\n      version='1')\n"},
+            ("{}/setup.py:2:", ": error: ", "    setup(name='talk'\n"),
+        ),
+        (
+            {"setup.py": None},
+            ("{}: error: there is neither a setup.py nor a pyproject.toml", "hint: 'forge pkg create"),
+        ),
+        (
+            {"talk/hello.py": "def main()\n    pass\n"},
+            ("{}/talk/hello.py:1:11: warning: expected ':'", "    def main()\n"),
+        ),
+        (
+            {"talk/hello.py": "def main():\n    if 1:\n\tpass\n"},
+            ("{}/talk/hello.py:3", "warning: inconsistent use of tabs"),
+        ),
+        (
+            {"setup.py": SETUP["src/talk/setup.py"].replace("talk.hello:", "talk.helo:")},
+            (
+                "{}/setup.py: warning: the script 'hello' starts 'talk.helo', which",
+                "hint: did you mean 'talk.hello'?",
+            ),
+        ),
+        (
+            {"setup.py": SETUP["src/talk/setup.py"].replace(":main", ":mian")},
+            (
+                "{}/setup.py: warning: 'hello' calls 'mian', which 'talk.hello' does not define",
+                "hint: did you mean 'main'?",
+            ),
+        ),
+        (
+            {
+                "talk/__init__.py": None,
+                "setup.py": SETUP["src/talk/setup.py"]
+                .replace('packages=["talk"]', "packages=find_packages()")
+                .replace("import setup", "import find_packages, setup"),
+            },
+            (
+                "{}/setup.py: warning: the script 'hello' starts 'talk.hello', which",
+                "hint: add an empty {}/talk/__init__.py",
+            ),
+        ),
+    ],
+    ids=["setup.py", "no setup.py", "syntax", "tabs", "module", "function", "__init__"],
+)
+def test_what_no_backend_tells(
+    changes: dict[str, str | None], told: tuple[str, ...], tree: Tree, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Such a package would be installed, and fail when it is started."""
+    root = tree(SETUP)
+    source = root / "src/talk"
+    for name, text in changes.items():
+        if text is None:
+            (source / name).unlink()
+        else:
+            (source / name).write_text(text, encoding="utf-8")
+    code = install(root)
+    err = capfd.readouterr().err
+    assert code == (2 if "error: " in err else 0)
+    assert "Traceback" not in err
+    for part in told:
+        assert part.format(source) in err
+
+
+def test_a_correct_package_has_no_messages(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """Functions may come from anywhere, and modules from other packages."""
+    points = "['a = talk.hello:Node.main', 'b = other.module:main', 'c = talk:late', 'd = talk.hello:given']"
+    setup = SETUP["src/talk/setup.py"].replace('["hello = talk.hello:main"]', points)
+    root = tree(
+        {
+            **SETUP,
+            "src/talk/setup.py": setup,
+            "src/talk/talk/__init__.py": "def __getattr__(name):\n    return print\n",
+            "src/talk/talk/hello.py": "from os import *\nclass Node:\n    main = print\n",
+        }
+    )
+    assert install(root) == 0
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ({"src/talk/setup.cfg": "[install]\ninstall_scripts=$base/../../away\n"}, "outside the prefix"),
+        (
+            {"src/talk/setup.py": SETUP["src/talk/setup.py"].replace("hello = ", "../../../away = ")},
+            "outside its",
+        ),
+        ({"src/talk/pyproject.toml": "[build-system]\nbuild-backend = 5\n"}, "invalid 'build-system' table"),
+        ({"src/talk/pyproject.toml": "build-system = 5\n"}, "invalid 'build-system' table"),
+        ({"src/talk/pyproject.toml": "a = [\n"}, "not well-formed TOML"),
+    ],
+)
+def test_what_would_leave_the_prefix_or_is_malformed_is_refused(
+    tree: Tree, capfd: pytest.CaptureFixture[str], said: dict[str, str], told: str
+) -> None:
+    root = tree(SETUP | said)
+    assert install(root) == 2
+    assert told in capfd.readouterr().err
+    assert not list(root.rglob("away"))

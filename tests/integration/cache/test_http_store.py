@@ -1,0 +1,395 @@
+"""HTTP servers that are slow, broken or hostile: one message in time, no file, and no second request."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.cache import action_result, deadline
+from forge.cache.action_result import encode
+from forge.cache.http_store import HttpStore
+from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, StoreFault, WritingRefused
+from forge.cache.remote import open_remote
+from tests.rude import Shelf, reply, rude
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tests.rude import Moves, Request
+
+SECONDS = 0.3
+SLACK = 1.2
+"""How much later than in time an answer may come on a machine that is busy."""
+
+KEY = "ab" * 32
+BYTES = os.urandom(200_000)
+DIGEST = Digest(hashlib.sha256(BYTES).hexdigest(), len(BYTES))
+RESULT = ActionResult((OutputFile("pack", DIGEST),))
+
+
+@contextmanager
+def in_time(seconds: float = SECONDS) -> Iterator[None]:
+    """Check that something ends when it should, however it ends."""
+    begun = time.monotonic()
+    try:
+        yield
+    finally:
+        assert time.monotonic() - begun < seconds + SLACK
+
+
+def raw(*moves: bytes | float | None) -> Callable[[Request], Moves]:
+    """Answer all requests by the same moves."""
+    return lambda _: moves
+
+
+def endless(head: bytes, drop: bytes, pause: float) -> Callable[[Request], Moves]:
+    """Answer with something, and then with one drop after the other."""
+    return lambda _: itertools.chain([head], itertools.cycle([drop, pause] if pause else [drop]))
+
+
+HEAD = b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n" % len(BYTES)
+CHUNKED = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
+LATE = "timed out after 0.3 s|timed out|too slow"
+
+SLOW = {
+    "says nothing": (raw(60.0), LATE),
+    "drips the first line": (endless(b"HTTP/1.1 200 ", b"O", 0.05), LATE),
+    "drips headers": (endless(b"HTTP/1.1 200 OK\r\n", b"A: b\r\n", 0.05), LATE),
+    "says 'continue' for ever": (endless(b"", b"HTTP/1.1 100 Continue\r\n\r\n", 0.05), LATE),
+    "hangs in the middle": (raw(HEAD + BYTES[:1000], 60.0), LATE),
+    "drips the body": (endless(HEAD, b"x", 0.05), LATE),
+    "drips chunks": (endless(CHUNKED, b"1\r\nx\r\n", 0.05), LATE),
+    "drips a body of any length": (endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x", 0.05), LATE),
+}
+BROKEN = {
+    "goes away": (raw(), "closed the connection"),
+    "goes away in the first line": (raw(b"HTTP/1.1 2"), "."),
+    "goes away in the middle": (raw(HEAD + BYTES[:1000]), "closed the connection"),
+    "goes away in a chunk": (raw(CHUNKED + b"ff\r\nabc"), "closed the connection"),
+    "speaks another language": (raw(b"SSH-2.0-OpenSSH_9.2\r\n"), "."),
+    "sends a chunk of no size": (raw(CHUNKED + b"zz\r\nabc\r\n"), "."),
+    "sends headers for ever": (endless(b"HTTP/1.1 200 OK\r\n", b"A: b\r\n", 0), "."),
+    "sends a header for ever": (endless(b"HTTP/1.1 200 OK\r\nA: ", b"b" * 1000, 0), "."),
+    "announces two lengths": (
+        raw(b"HTTP/1.1 200 OK\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\nab"),
+        ".",
+    ),
+    "500": (lambda _: reply(500, b"<html>"), "HTTP status 500"),
+    "503 and closes": (raw(b"HTTP/1.1 503 Busy\r\n\r\n"), "HTTP status 503: Busy"),
+    "401": (lambda _: reply(401), "401: set a password in the URL"),
+    "403": (lambda _: reply(403), "403: permission denied"),
+    "206": (lambda _: reply(206, BYTES), "HTTP status 206"),
+    "304": (lambda _: reply(304), "HTTP status 304"),
+    "an error page for ever": (endless(b"HTTP/1.1 500 Oh\r\n\r\n", b"x" * 1000, 0), "HTTP status 500"),
+}
+SPOILT = {
+    "other bytes": (lambda _: reply(200, bytes(len(BYTES))), "corrupt: its content does not match"),
+    "too few": (lambda _: reply(200, BYTES[:-1]), "has 199999 bytes instead of 200000"),
+    "none": (lambda _: reply(200), "has 0 bytes instead"),
+    "too many": (lambda _: reply(200, BYTES + b"x"), "has 200001 bytes instead"),
+    "an announcement of far too many": (
+        raw(b"HTTP/1.1 200 OK\r\nContent-Length: 1%s\r\n\r\n" % (b"0" * 15)),
+        "10000",
+    ),
+    "too few in chunks": (raw(CHUNKED + b"3\r\nabc\r\n0\r\n\r\n"), "has 3 bytes instead"),
+    "bytes for ever": (endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x" * 1000, 0), "has more than 200000"),
+    "chunks for ever": (endless(CHUNKED, b"3e8\r\n" + b"x" * 1000 + b"\r\n", 0), "has more than 200000"),
+    "compressed ones": (lambda _: reply(200, b"\x1f\x8b" * 100_000, "Content-Encoding: gzip"), "corrupt"),
+}
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Iterator[Path]:
+    """Give a place for a blob, at which there is nothing in the end, nor anything beside it."""
+    yield tmp_path / "new" / "blob"
+    assert list(tmp_path.rglob("*")) in ([], [tmp_path / "new"])
+
+
+@contextmanager
+def asking(url: str, **variables: str) -> Iterator[HttpStore]:
+    """Open a store, and close it."""
+    store = HttpStore(url, SECONDS, {"HOME": "/nowhere", **variables})
+    yield store
+    store.close()
+
+
+@pytest.fixture(autouse=True)
+def threads_end() -> Iterator[None]:
+    """Check that no thread is left once stores and servers are closed."""
+    before = set(threading.enumerate())
+    yield
+    left = [thread for thread in set(threading.enumerate()) - before if thread.name.startswith("forge")]
+    for thread in left:
+        thread.join(5)
+    assert not [thread for thread in left if thread.is_alive()]
+
+
+@pytest.mark.parametrize(("answer", "words"), (SLOW | BROKEN).values(), ids=SLOW | BROKEN)
+def test_a_bad_server_is_a_sentence_in_time(
+    answer: Callable[[Request], Moves], words: str, target: Path
+) -> None:
+    target.parent.mkdir()
+    with rude(answer) as server, asking(f"{server.url}/folder") as store, in_time():
+        with pytest.raises(StoreFault, match=words) as fault:
+            store.fetch(DIGEST, target)
+        assert str(fault.value).startswith(f"{server.url}/folder: ")
+        assert len(str(fault.value)) < 200
+        assert not isinstance(fault.value, BlobFault)
+        with in_time(), pytest.raises(StoreFault):
+            store.result(KEY)
+
+
+@pytest.mark.parametrize(("answer", "words"), SPOILT.values(), ids=SPOILT)
+def test_a_corrupt_blob_is_reported_and_leaves_no_file(
+    answer: Callable[[Request], Moves], words: str, target: Path
+) -> None:
+    target.parent.mkdir()
+    with (
+        rude(answer) as server,
+        asking(server.url) as store,
+        in_time(),
+        pytest.raises(BlobFault, match=words),
+    ):
+        store.fetch(DIGEST, target)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        lambda _: reply(200, BYTES),
+        raw(CHUNKED + b"%x\r\n" % len(BYTES) + BYTES + b"\r\n0\r\n\r\n"),
+        raw(b"HTTP/1.0 200 OK\r\n\r\n" + BYTES),
+        raw(b"HTTP/1.1 100 Continue\r\n\r\n" + HEAD, 0.1, BYTES[:5000], 0.1, BYTES[5000:]),
+    ],
+    ids=["length", "chunks", "until the end", "in parts"],
+)
+def test_good_bytes_may_come_in_any_way(answer: Callable[[Request], Moves], tmp_path: Path) -> None:
+    with rude(answer) as server, asking(server.url) as store:
+        assert store.fetch(DIGEST, tmp_path / "blob")
+    assert (tmp_path / "blob").read_bytes() == BYTES
+
+
+def test_a_large_blob_has_more_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two thirds of a second at 240 kB in a second are more than the 0.3 s that an answer may take."""
+    monkeypatch.setattr(deadline, "RATE", 240_000)
+    parts = [BYTES[at : at + 10_000] for at in range(0, len(BYTES), 10_000)]
+    answer = raw(HEAD, *(move for part in parts for move in (part, 0.035)))
+    with rude(answer) as server, asking(server.url) as store:
+        assert store.fetch(DIGEST, tmp_path / "blob")
+
+
+@pytest.mark.parametrize("data", [b"<html>", b"\x12\x00", b"\x2a\x05a"])
+def test_a_result_that_is_none_is_a_fault_of_its_own(data: bytes) -> None:
+    with (
+        rude(lambda _: reply(200, data)) as server,
+        asking(server.url) as store,
+        pytest.raises(BlobFault, match=r"ac/abab.* is not a valid result: "),
+    ):
+        store.result(KEY)
+
+
+def test_a_result_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_result, "MAX_SIZE", 100_000)
+    with (
+        rude(endless(b"HTTP/1.1 200 OK\r\n\r\n", b"x" * 1000, 0)) as server,
+        asking(server.url) as store,
+        in_time(),
+        pytest.raises(BlobFault, match="too large for a result"),
+    ):
+        store.result(KEY)
+
+
+def test_redirects_are_not_followed(target: Path) -> None:
+    with rude(Shelf()) as elsewhere:
+        there = f"{elsewhere.url}/\x1b[2J"
+        with rude(lambda _: reply(302, b"", f"Location: {there}")) as server, asking(server.url) as store:
+            target.parent.mkdir()
+            for ask in (lambda: store.fetch(DIGEST, target), lambda: store.result(KEY)):
+                with pytest.raises(StoreFault, match="redirects to 'http") as fault:
+                    ask()
+                assert str(fault.value).isprintable()
+            with pytest.raises(StoreFault, match="302"):
+                store.put_result(KEY, RESULT)
+        assert elsewhere.requests == []
+
+
+def test_unknown_hosts_and_closed_ports_are_reported() -> None:
+    with rude(raw()) as server:
+        pass
+    for url, words in ((server.url, "cannot connect: Connection refused"), ("http://x.invalid", "resolve")):
+        with asking(url) as store, in_time(10), pytest.raises(StoreFault, match=words):
+            store.result(KEY)
+
+
+def test_a_kept_connection_may_have_been_closed() -> None:
+    """Servers close idle connections, and may do so while the next request is on its way."""
+    answer = raw(*(move for move in reply(404) if move is not None))
+    with rude(answer) as server, asking(server.url) as store:
+        for _ in range(5):
+            assert store.result(KEY) is None
+    assert len(server.requests) == 5
+
+
+def test_connections_are_kept() -> None:
+    with rude(Shelf()) as server, asking(server.url) as store:
+        for _ in range(5):
+            assert store.result(KEY) is None
+        assert len(server.sockets) == 1
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """Give the file of the blob."""
+    path = tmp_path / "source"
+    path.write_bytes(BYTES)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("status", "fault"),
+    [
+        *((status, WritingRefused) for status in (401, 403, 404, 405, 409, 501, 507)),
+        *((status, BlobFault) for status in (400, 413)),
+        *((status, StoreFault) for status in (302, 500, 502, 503)),
+    ],
+)
+def test_the_status_decides_if_only_uploads_are_disabled(
+    status: int, fault: type[StoreFault], source: Path
+) -> None:
+    answer = lambda request: reply(404 if request.method == "HEAD" else status)  # noqa: E731
+    with rude(answer) as server, asking(server.url) as store:
+        with pytest.raises(StoreFault, match=f"HTTP status {status}") as raised:
+            store.put(DIGEST, source)
+        assert type(raised.value) is fault
+        with pytest.raises(fault, match=f"HTTP status {status}"):
+            store.put_result(KEY, RESULT)
+
+
+def test_a_server_may_refuse_before_it_has_read(tmp_path: Path) -> None:
+    (tmp_path / "large").write_bytes(bytes(20_000_000))
+    digest = Digest("0" * 64, 20_000_000)
+
+    def answer(request: Request) -> Moves:
+        return reply(404) if request.method == "HEAD" else raw(b"HTTP/1.1 413 No\r\n\r\n")(request)
+
+    with (
+        rude(answer, reads_bodies=False) as server,
+        asking(server.url) as store,
+        in_time(),
+        pytest.raises(StoreFault, match=r"413|closed the connection"),
+    ):
+        store.put(digest, tmp_path / "large")
+
+
+def test_a_server_that_reads_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(deadline, "RATE", 1 << 30)
+    (tmp_path / "large").write_bytes(bytes(20_000_000))
+
+    def answer(request: Request) -> Moves:
+        return reply(404) if request.method == "HEAD" else (60.0,)
+
+    with (
+        rude(answer, reads_bodies=False) as server,
+        asking(server.url) as store,
+        in_time(),
+        pytest.raises(StoreFault, match=LATE),
+    ):
+        store.put(Digest("0" * 64, 20_000_000), tmp_path / "large")
+
+
+def test_what_is_there_is_not_sent_again_unless_it_is_spoilt(source: Path, tmp_path: Path) -> None:
+    shelf = Shelf()
+    with rude(shelf) as server, asking(server.url) as store:
+        store.put(DIGEST, source)
+        store.put(DIGEST, source)
+        assert [request.method for request in server.requests] == ["HEAD", "PUT", "HEAD"]
+        path = f"/cas/{DIGEST.hash}"
+        shelf.files[path] = BYTES[:-1]
+        store.put(DIGEST, source)
+        assert shelf.files[path] == BYTES
+        shelf.files[path] = bytes(len(BYTES))
+        with pytest.raises(BlobFault):
+            store.fetch(DIGEST, tmp_path / "blob")
+        store.put(DIGEST, source)
+        assert shelf.files[path] == BYTES
+
+
+def test_a_server_may_know_no_head(source: Path) -> None:
+    shelf = Shelf()
+
+    def answer(request: Request) -> Moves:
+        return reply(405) if request.method == "HEAD" else shelf(request)
+
+    with rude(answer) as server, asking(server.url) as store:
+        store.put(DIGEST, source)
+    assert shelf.files == {f"/cas/{DIGEST.hash}": BYTES}
+
+
+def test_a_file_that_changes_while_it_is_sent_is_not_kept(source: Path) -> None:
+    shelf = Shelf()
+    with rude(shelf) as server, asking(server.url) as store:
+        source.write_bytes(BYTES[:1000])
+        with pytest.raises(BlobFault, match="truncated during the upload"):
+            store.put(DIGEST, source)
+        with pytest.raises(BlobFault, match="No such file"):
+            store.put(DIGEST, source.with_name("none"))
+        assert shelf.files == {}
+        source.write_bytes(BYTES + b"more")
+        store.put(DIGEST, source)
+        assert shelf.files == {f"/cas/{DIGEST.hash}": BYTES}
+
+
+def test_credentials_come_from_the_url_then_the_token_then_netrc(tmp_path: Path) -> None:
+    (tmp_path / ".netrc").write_text("machine 127.0.0.1 login net password rc\n", encoding="utf-8")
+    (tmp_path / ".netrc").chmod(0o600)
+    home = {"HOME": str(tmp_path)}
+    token = {"FORGE_CACHE_TOKEN": "abc.def"}
+    with rude(Shelf()) as server:
+        named = server.url.replace("//", "//me%40home:p%3Aw@")
+        for url, variables in (
+            (named, home | token),
+            (server.url, home | token),
+            (server.url, home),
+            (server.url, {}),
+        ):
+            with asking(url, **variables) as store:
+                assert store.name == server.url
+                store.result(KEY)
+        sent = [request.headers.get("authorization") for request in server.requests]
+    assert sent == ["Basic bWVAaG9tZTpwOnc=", "Bearer abc.def", "Basic bmV0OnJj", None]
+
+
+def test_no_password_is_in_a_message() -> None:
+    with rude(raw()) as server:
+        pass
+    said: list[str] = []
+    url = server.url.replace("//", "//me:secret@")
+    store = open_remote(url, seconds=1, writable=True, variables={}, report=said.append)
+    assert store.result(KEY) is None
+    assert [("secret" in line, "me:" in line) for line in (*said, store.name)] == [(False, False)] * 2
+    store.close()
+
+
+def test_requests_are_as_bazel_remote_wants_them(source: Path) -> None:
+    """It rejects bodies without a length, compresses for clients that accept it, and normalizes paths."""
+    shelf = Shelf()
+    with rude(shelf) as server, asking(f"{server.url}//a//b/") as store:
+        store.put(DIGEST, source)
+        store.put_result(KEY, RESULT)
+        store.result(KEY)
+    assert shelf.files == {f"/a/b/cas/{DIGEST.hash}": BYTES, f"/a/b/ac/{KEY}": encode(RESULT)}
+    for request in server.requests:
+        assert request.headers["accept-encoding"] == "identity"
+        assert "transfer-encoding" not in request.headers
+        assert "content-encoding" not in request.headers
+        if request.method == "PUT":
+            assert int(request.headers["content-length"]) == len(request.body)
+            assert request.headers["content-type"] == "application/octet-stream"

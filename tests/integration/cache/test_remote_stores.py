@@ -1,0 +1,193 @@
+"""Remote stores behave alike: nginx, folders and memory."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import threading
+import uuid
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+import urllib3
+
+from forge.cache.model import ActionResult, BlobFault, Digest, OutputFile, WritingRefused
+from forge.cache.remote import Remote, open_remote
+from tests.nginx import documented, serving
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.nginx import Nginx
+
+KEY = "ab" * 32
+BYTES = os.urandom(300_000)
+DIGEST = Digest(hashlib.sha256(BYTES).hexdigest(), len(BYTES))
+RESULT = ActionResult(
+    (OutputFile("files.tar", DIGEST), OutputFile("run me", DIGEST, executable=True)), b"note"
+)
+
+
+@pytest.fixture(scope="module")
+def nginx(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nginx]:
+    """Run one server for all tests here."""
+    with serving(tmp_path_factory.mktemp("nginx")) as running:
+        yield running
+
+
+@pytest.fixture(params=[pytest.param("nginx", marks=pytest.mark.needs("/usr/sbin/nginx")), "file", "memory"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """Give the URL of an empty store."""
+    if request.param == "nginx":
+        running = request.getfixturevalue("nginx")
+        for path in running.files.glob("*/*"):
+            path.unlink()
+        return str(running.url)
+    return f"file://{tmp_path}/a store" if request.param == "file" else f"memory://{uuid.uuid4().hex}"
+
+
+def opened(url: str, *, seconds: float = 10, writable: bool = True, **variables: str) -> Remote:
+    """Open a store of which no fault is expected."""
+    return open_remote(url, seconds=seconds, writable=writable, variables=variables, report=pytest.fail)
+
+
+def test_what_was_put_is_there_and_nothing_else(url: str, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(url)
+    assert store.result(KEY) is None
+    assert not store.fetch(DIGEST, tmp_path / "target")
+    assert not (tmp_path / "target").exists()
+    for _ in range(2):
+        store.put(DIGEST, source)
+        store.put_result(KEY, RESULT)
+    store.close()
+    other = opened(url)
+    assert other.result(KEY) == RESULT
+    assert other.result("cd" * 32) is None
+    assert other.fetch(DIGEST, tmp_path / "target")
+    assert (tmp_path / "target").read_bytes() == BYTES
+    other.close()
+
+
+def test_the_name_of_another_blob_does_not_get_these_bytes(url: str, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(url)
+    wrong = Digest(hashlib.sha256(b"other").hexdigest(), len(BYTES))
+    store.put(wrong, source)
+    with pytest.raises(BlobFault, match="does not match its SHA-256"):
+        store.fetch(wrong, tmp_path / "target")
+    for size in (len(BYTES) - 1, len(BYTES) + 1, 0):
+        with pytest.raises(BlobFault, match=" bytes"):
+            store.fetch(replace(wrong, size=size), tmp_path / "target")
+    assert list(tmp_path.glob("target*")) == []
+    store.close()
+
+
+@pytest.mark.needs("/usr/sbin/nginx")
+def test_nginx_gives_nothing_else(nginx: Nginx) -> None:
+    """Files beside the cache are not served, and keys cannot be paths."""
+    (nginx.files / "secret").write_text("secret", encoding="utf-8")
+    pool = urllib3.PoolManager()
+    for method in ("GET", "PUT"):
+        for path in ("secret", "ac/..%2fsecret", "ac/short", f"cas/{KEY}x", f"other/{KEY}", "incoming/", ""):
+            assert pool.request(method, f"{nginx.url}/{path}", body=b"x").status in {400, 404}
+    assert pool.request("DELETE", f"{nginx.url}/cas/{KEY}").status == 405
+    pool.clear()
+
+
+@pytest.mark.needs("/usr/sbin/nginx")
+def test_many_may_write_one_blob_at_the_same_time(nginx: Nginx, tmp_path: Path) -> None:
+    """Concurrent readers get all of it or nothing."""
+    source = tmp_path / "source"
+    source.write_bytes(BYTES * 10)
+    digest = Digest(hashlib.sha256(BYTES * 10).hexdigest(), len(BYTES) * 10)
+    stores = [opened(nginx.url) for _ in range(4)]
+    found = []
+
+    def exchange(number: int) -> None:
+        for _ in range(10):
+            stores[number].put(digest, source)
+            target = tmp_path / f"{number}"
+            found.append(stores[-1 - number].fetch(digest, target))
+            target.unlink()
+
+    threads = [threading.Thread(target=exchange, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [True] * 40
+    for store in stores:
+        store.close()
+
+
+@pytest.fixture
+def guarded(tmp_path: Path) -> Iterator[Nginx]:
+    """Run nginx as the page has it for teams of which not everybody may write: with TLS and passwords."""
+    etc = tmp_path / "etc"
+    for folder in ("nginx", "ssl/certs", "ssl/private"):
+        (etc / folder).mkdir(parents=True)
+    argv = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=cache"]
+    argv += ["-addext", "subjectAltName=IP:127.0.0.1"]
+    argv += ["-keyout", str(etc / "ssl/private/cache.key"), "-out", str(etc / "ssl/certs/cache.pem")]
+    subprocess.run(argv, check=True, capture_output=True)
+    password = subprocess.run(
+        ["openssl", "passwd", "-apr1", "se:cret"], check=True, capture_output=True, text=True
+    ).stdout
+    (etc / "nginx/forge-cache.passwords").write_text(f"ci:{password}", encoding="utf-8")
+    with serving(tmp_path, documented(1), "https") as running:
+        yield running
+
+
+@pytest.mark.needs("/usr/sbin/nginx", "openssl")
+def test_everybody_reads_and_some_write(
+    guarded: Nginx, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    said: list[str] = []
+    stranger = open_remote(guarded.url, seconds=10, writable=True, variables={}, report=said.append)
+    assert stranger.result(KEY) is None
+    assert said == [f"{guarded.url}: TLS error: self-signed certificate; disabled for this build"]
+    monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "etc/ssl/certs/cache.pem"))
+    writer = opened(guarded.url.replace("//", "//ci:se%3Acret@"))
+    writer.put(DIGEST, source)
+    writer.put_result(KEY, RESULT)
+    reader = open_remote(guarded.url, seconds=10, writable=True, variables={}, report=said.append)
+    other = Digest(hashlib.sha256(b"other").hexdigest(), 5)
+    with pytest.raises(WritingRefused, match="401: set a password"):
+        reader.put(other, source)
+    assert reader.result(KEY) == RESULT
+    assert reader.fetch(DIGEST, tmp_path / "target")
+    assert len(said) == 2
+    for store in (stranger, writer, reader):
+        store.close()
+
+
+def test_a_target_that_cannot_be_written_is_reported(url: str, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(url)
+    store.put(DIGEST, source)
+    for target, words in (
+        (tmp_path / "none" / "blob", "No such file"),
+        (source, "File exists"),
+        (source / "blob", "Not a directory"),
+    ):
+        with pytest.raises(BlobFault, match=f"cannot write .*{words}"):
+            store.fetch(DIGEST, target)
+    assert source.read_bytes() == BYTES
+    store.close()
+
+
+def test_a_name_that_is_no_text_cannot_be_sent(url: str) -> None:
+    store = opened(url)
+    with pytest.raises(BlobFault, match="cannot encode a file name"):
+        store.put_result(KEY, ActionResult((OutputFile(os.fsdecode(b"\xff"), DIGEST),)))
+    assert store.result(KEY) is None
+    store.close()

@@ -1,0 +1,23 @@
+"""Messages as dictionaries, YAML and CSV, and fields from dictionaries."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from tests.generated import run_python
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_without_pyyaml_the_remedy_is_named(probe: Path) -> None:
+    code = (
+        "import sys; sys.modules['yaml'] = None\n"
+        "from probe.msg import Point; import rosidl_runtime_py\n"
+        "try: rosidl_runtime_py.message_to_yaml(Point())\n"
+        "except ImportError as error: print(error)"
+    )
+    assert (
+        run_python(probe, code) == f"messages as YAML need PyYAML: '{sys.executable} -m pip install PyYAML'"
+    )

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import EnvironmentFault
+from forge.environment.sourcing import build_environment
+from tests.installs import dsv_package, make_install
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.mark.needs("dash")
+def test_a_script_runs_with_what_ament_and_colcon_promise(tmp_path: Path) -> None:
+    """The helpers, the prefix, and the environment of the hooks before it; its talk goes nowhere."""
+    hook = (
+        "echo talk\n"
+        'ament_prepend_unique_value PATHS "$AMENT_CURRENT_PREFIX/one"\n'
+        'ament_append_unique_value PATHS "$COLCON_CURRENT_PREFIX/two"\n'
+        'ament_append_unique_value PATHS "$COLCON_CURRENT_PREFIX/two"\n'
+        "ament_append_value PATHS $FIRST\n"
+        '_colcon_prepend_unique_value MULTI "a\nb"\n'
+        "unset GOING\n"
+    )
+    lines = ("set;FIRST;1", "source;share/p/hook.sh")
+    layout = make_install(tmp_path, [dsv_package("p", *lines, files={"share/p/hook.sh": hook, "bin/x": ""})])
+    prefix = layout.prefix("p")
+    given = {"PATH": "/bin", "PATHS": "/x", "GOING": "yes", "PWD": "/given"}
+    assert build_environment([("p", prefix)], given) == {
+        "PATH": f"{prefix}/bin:/bin",
+        "PATHS": f"{prefix}/one:/x:{prefix}/two:1",
+        "FIRST": "1",
+        "MULTI": "a\nb",
+        "PWD": "/given",
+    }
+
+
+def test_a_hook_that_ends_the_shell_is_a_message(tmp_path: Path) -> None:
+    """Named, with what it said."""
+    hook = {"share/p/hook.sh": "echo it does not suit me >&2\nexit 3\n", "share/q/hook.sh": "exit 3\n"}
+    layout = make_install(tmp_path, [])
+    for name, said in (("p", "it does not suit me"), ("q", "exit code 3")):
+        path = f"share/{name}/hook.sh"
+        prefix = layout.prefix(name)
+        for file, text in ((path, hook[path]), (f"share/{name}/package.dsv", f"source;{path}\n")):
+            (prefix / file).parent.mkdir(parents=True, exist_ok=True)
+            (prefix / file).write_text(text)
+        with pytest.raises(EnvironmentFault) as caught:
+            build_environment([(name, prefix)], {})
+        assert str(caught.value) == f"error: the environment hook '{prefix}/{path}' exits: {said}"

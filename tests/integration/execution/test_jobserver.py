@@ -1,0 +1,105 @@
+"""The jobserver with real tools, and job pools in a process of their own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from forge.build.model import BuildInputs, BuildRecord
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.execution.job_pool import JobPool
+from forge.execution.jobserver import FIFO, PIPE, supported_styles
+from forge.execution.loop import execute
+from forge.execution.runner import ProcessRunner, TaskLifecycle
+from forge.execution.scheduler import Scheduler
+from tests.packages import package
+from tests.unit.execution.test_jobserver import BOTH, NONE, ONLY_PIPE
+
+
+@pytest.mark.needs("make")
+def test_a_tool_is_tried(tmp_path: Path) -> None:
+    """GNU make says in its version what it speaks; a program that speaks nothing, or fails, is no speaker."""
+    make = shutil.which("make") or ""
+    version = subprocess.run((make, "--version"), capture_output=True, text=True, check=True).stdout.split()[
+        2
+    ]
+    expected = BOTH if tuple(map(int, version.split(".")[:2])) >= (4, 4) else ONLY_PIPE
+    assert supported_styles("make", Path(make), os.environ) == expected
+    assert supported_styles("ninja", Path(make), os.environ) == NONE
+    assert supported_styles("make", tmp_path / "none", os.environ) == NONE
+
+
+@pytest.mark.needs("ninja")
+def test_ninjas_speak_as_their_version_lets_expect() -> None:
+    ninja = shutil.which("ninja") or ""
+    said = subprocess.run((ninja, "--version"), capture_output=True, text=True, check=True).stdout.strip()
+    found = supported_styles("ninja", Path(ninja), os.environ)
+    if tuple(map(int, said.split(".")[:2])) >= (1, 13):
+        assert FIFO in found
+        assert (PIPE in found) == ("pipe" in said)
+    elif "jobserver" in said:
+        assert found == ONLY_PIPE
+    else:
+        assert found == NONE
+
+
+def test_an_unused_job_pool_closes_immediately() -> None:
+    """Also one that joined, which waits for a token that never comes."""
+    program = """if True:
+        import threading
+        from contextlib import closing
+        from forge.execution.job_pool import JobPool
+        from forge.execution.jobserver import create_pool, join_pool
+        outer = create_pool("fifo")
+        with closing(JobPool(2, create_pool("pipe"))):
+            pass
+        with closing(JobPool(2, join_pool(outer.auth))) as budget, budget.package():
+            threading.Thread(target=lambda: budget.package().__enter__(), daemon=True).start()
+            threading.Event().wait(0.1)
+    """
+    subprocess.run((sys.executable, "-W", "error", "-c", program), check=True, timeout=20)
+
+
+def test_what_waits_for_a_token_is_aborted_with_the_build(tmp_path: Path) -> None:
+    """Two packages may begin, but there is one job: when the first fails, the second never ran.
+
+    The failure and the token it gives back race through two threads: one clean stop in five is asked for.
+    """
+    ends = [_end_of_the_one_that_waits(tmp_path / str(number)) for number in range(5)]
+    assert ["Started", "Aborted"] in ends
+
+
+def _end_of_the_one_that_waits(tmp_path: Path) -> list[str]:
+    tmp_path.mkdir()
+    steps = {
+        "bad": "import time; time.sleep(0.3); raise SystemExit(1)",
+        "late": "print('never')",
+    }
+    tasks = {
+        name: Task(
+            name,
+            package(name),
+            tmp_path,
+            tmp_path / name,
+            (),
+            (Step(StepKind.INSTALL, (sys.executable, "-c", code), tmp_path),),
+            "",
+        )
+        for name, code in steps.items()
+    }
+    plan = BuildPlan(tasks)
+    with closing(JobPool(1)) as budget:
+        runner = ProcessRunner(
+            TaskLifecycle(
+                lambda _: os.environ, lambda _task, _variables: None, lambda _: BuildRecord(BuildInputs())
+            ),
+            budget,
+        )
+        events = list(execute(plan, runner, Scheduler(plan, 2), lambda task: task))
+    return [type(event).__name__ for event in events if event.task == "late"]

@@ -1,0 +1,79 @@
+"""The lock of a build folder."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from forge.base.layout import LOCK_FILE, PROCESSES_FILE
+from forge.execution.lock import lock_build_dir
+from forge.execution.started import StartedProcesses
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from forge.execution.lock import lock_build_dir
+with lock_build_dir(Path(sys.argv[1])):
+    print("holding", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def holder(build: Path) -> subprocess.Popen[str]:
+    """Start a process that holds the lock until it reads a line."""
+    argv = [sys.executable, "-c", HOLD, str(build)]
+    process = subprocess.Popen(argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "holding\n"
+    return process
+
+
+def sleeper(build: Path) -> subprocess.Popen[bytes]:
+    """Start a program as a build in that folder does."""
+    process = subprocess.Popen(["sleep", "60"], start_new_session=True)
+    StartedProcesses(build).note(process.pid)
+    return process
+
+
+def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with holder(tmp_path) as first:
+        argv = [sys.executable, "-c", HOLD, str(tmp_path)]
+        second = subprocess.Popen(argv, stdin=subprocess.PIPE, text=True)
+        time.sleep(0.5)
+        assert second.poll() is None
+        first.communicate("go\n")
+        second.communicate("go\n")
+    out, err = capfd.readouterr()
+    assert (out, err) == (
+        "holding\n",
+        f"waiting for process {first.pid}, which has locked the build folder '{tmp_path}'\n",
+    )
+    assert (tmp_path / LOCK_FILE).read_text() == ""
+
+
+def test_what_a_killed_one_left_running_is_ended(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    first = holder(tmp_path)
+    with first, sleeper(tmp_path) as own, sleeper(tmp_path / "other") as foreign:
+        first.kill()
+        first.wait()
+        with lock_build_dir(tmp_path):
+            assert own.wait(timeout=5) < 0
+            assert foreign.poll() is None
+        foreign.kill()
+
+
+def test_what_one_that_ended_by_itself_left_running_may_stay(tmp_path: Path) -> None:
+    with holder(tmp_path) as first, sleeper(tmp_path) as daemon:
+        first.communicate("go\n")
+        assert not (tmp_path / PROCESSES_FILE).exists()
+        with lock_build_dir(tmp_path):
+            assert daemon.poll() is None
+        daemon.kill()

@@ -1,0 +1,268 @@
+"""Generated C++: it compiles, and a program uses it as ROS programs do."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.files import write_if_changed
+from forge.interfaces.cpp import target as cpp
+from forge.interfaces.model import (
+    Array,
+    Catalog,
+    Constant,
+    Field,
+    Message,
+    Named,
+    Primitive,
+    Sequence,
+    Service,
+    Source,
+    String,
+    TypeName,
+    messages_of,
+)
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+HERE = Path(__file__).parent
+RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Werror")
+PACKAGES = (
+    "action_msgs",
+    "builtin_interfaces",
+    "example_interfaces",
+    "geometry_msgs",
+    "rcl_interfaces",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+    "unique_identifier_msgs",
+)
+SAMPLE = (
+    "example_interfaces/action/detail/fibonacci__builder.hpp",
+    "example_interfaces/action/detail/fibonacci__cdr.hpp",
+    "example_interfaces/action/detail/fibonacci__struct.hpp",
+    "example_interfaces/action/detail/fibonacci__traits.hpp",
+    "example_interfaces/action/detail/fibonacci__type_support.hpp",
+    "rcl_interfaces/msg/detail/parameter_descriptor__struct.hpp",
+    "sensor_msgs/msg/image.hpp",
+    "std_msgs/msg/rosidl_generator_cpp__visibility_control.hpp",
+    "std_srvs/srv/detail/empty__traits.hpp",
+)
+
+MEMBERS = """\
+bool flag {flag}
+byte octet {octet}
+int8 i8 {i8}
+int64 i64 {i64}
+uint64 u64 {u64}
+float32 single {tenth}
+float64 real {tenth}
+string text {text}
+wstring wide {wide}
+int32[3] three {three}
+int32[] many {many}
+int32[<=4] some {some}
+bool[] flags {flags}
+string[2] pair {pair}
+string[] words {words}
+"""
+VALUES = {
+    "flag": "true",
+    "octet": "255",
+    "i8": "-128",
+    "i64": "-9223372036854775808",
+    "u64": "18446744073709551615",
+    "tenth": "0.1",
+    "text": 'it\'s "so"',
+    "wide": '"Hellö wörld!"',
+    "three": "[1, -2, -2147483648]",
+    "many": "[7]",
+    "some": "[5, 6]",
+    "flags": "[true, false]",
+    "pair": '["a,b", c]',
+    "words": "[x, y]",
+}
+NAMES = [
+    "build",
+    "builder",
+    "data",
+    "geometry_msgs",
+    "init",
+    "main",
+    "message",
+    "move",
+    "msg",
+    "name",
+    "probe",
+    "rosidl_runtime_cpp",
+    "size_t",
+    "std",
+    "string",
+    "type",
+    "uint8_t",
+    "vector",
+]
+DEFINITIONS = {
+    "Bounded": "string<=3[<=2] words\nwstring<=4 wide\nint8[<=3] some\n",
+    "Defaults": MEMBERS.format_map(VALUES),
+    "Empty": "",
+    "HTTPServer": "int64 low -9223372036854775808\nuint64 high\nfloat32 bad nan\nfloat64 far -inf\n",
+    "Names": "".join(f"uint8 {name}\n" for name in NAMES) + "geometry_msgs/Point point\n",
+    "Nest": "Defaults one\nDefaults[2] fixed\nDefaults[<=2] few\nDefaults[] any\nEmpty[] nothing\n",
+    "Nothings": "Empty one\nEmpty[] several\n",
+    "Plain": MEMBERS.format_map(dict.fromkeys(VALUES, "")),
+    "Points": "geometry_msgs/Point[] items\n",
+    "Small": "int8 i8 -5\nuint8 u8 200\nbyte octet 10\nbyte[] octets\nuint8[] numbers\nuint8[] none\n"
+    "float64[2] reals\nstring[] names\nbool[<=2] flags\n"
+    "geometry_msgs/Point point\ngeometry_msgs/Point[] points\n",
+    "Strings": "string text\nstring[] words\n",
+}
+INT64 = Primitive("int64")
+
+
+def constants() -> Message:
+    """Return a message of nothing but constants, some of them hard to write in C++."""
+    doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
+    values: dict[str, tuple[Primitive | String, bool | float | str]] = {
+        "LOWEST": (INT64, -(2**63)),
+        "HIGHEST": (Primitive("uint64"), 2**64 - 1),
+        "LOW": (Primitive("int32"), -(2**31)),
+        "YES": (Primitive("boolean"), True),
+        "OCTET": (Primitive("octet"), 255),
+        "TENTH": (Primitive("float"), 0.1),
+        "ENDLESS": (Primitive("double"), float("inf")),
+        "NOTHING": (Primitive("float"), float("nan")),
+        "TINY": (Primitive("float"), 1e-60),
+        "HUGE": (Primitive("float"), 1e60),
+        "LEAST": (Primitive("double"), 5e-324),
+        "ERROR": (Primitive("int8"), 1),
+        "DELETE": (Primitive("int8"), 2),
+        "NO_ERROR": (Primitive("int8"), 3),
+        "QUOTED": (String(), 'a "b" \\ c\n\tend??/'),
+        "NAME": (String(), "café 日"),
+        "WIDE": (String(wide=True), "café 日 😀"),
+        "ZERO_INSIDE": (String(), "a\x001"),
+        "HALF": (String(wide=True), "\ud800f\0"),
+    }
+    name = TypeName("probe", "msg", "Constants")
+    return Message(name, (), tuple(Constant(n, t, v, doc) for n, (t, v) in values.items()), doc)
+
+
+def wide() -> Message:
+    """Return a message of the types that only IDL can say."""
+    fields = (
+        Field("letter", Primitive("wchar")),
+        Field("letters", Sequence(Primitive("wchar"))),
+        Field("text", String(wide=True)),
+        Field("signs", Array(Primitive("char"), 2)),
+    )
+    return Message(TypeName("probe", "msg", "Wide"), fields)
+
+
+def catalogs() -> Iterator[Catalog]:
+    """Yield the packages that the program uses."""
+    library = Library()
+    for package in PACKAGES:
+        folder = EMBEDDED / package
+        yield resolve(package, parse_all(read_folder(package, folder)), library)
+    sources = [Source("probe", f"msg/{n}.msg", Path(n), text) for n, text in DEFINITIONS.items()]
+    probe = resolve("probe", parse_all(sources), library)
+    extra = {message.name: message for message in (constants(), wide())}
+    yield Catalog("probe", {**probe.interfaces, **extra}, {**probe.known, **extra}, probe.sources)
+
+
+@pytest.fixture(scope="module")
+def include(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Generate all headers of all packages once."""
+    folder = tmp_path_factory.mktemp("include")
+    for catalog in (*catalogs(), *odd_packages()):
+        for file in cpp.files(catalog):
+            write_if_changed(folder / file.path, file.text)
+    return folder
+
+
+def odd_packages() -> Iterator[Catalog]:
+    """Yield packages called like the namespaces inside a package."""
+    for package in ("action", "builder", "detail", "msg", "srv"):
+        own = Named(TypeName(package, "msg", "Inner"))
+        inner = Message(own.name, (Field("x", Primitive("int8")),))
+        outer = Message(TypeName(package, "msg", "Outer"), (Field("one", own), Field("all", Sequence(own))))
+        service = Service(
+            TypeName(package, "srv", "Ask"),
+            Message(TypeName(package, "srv", "Ask_Request"), (Field("one", own),)),
+            Message(TypeName(package, "srv", "Ask_Response")),
+        )
+        interfaces = (inner, outer, service)
+        known = {message.name: message for each in interfaces for message in messages_of(each)}
+        yield Catalog(package, {each.name: each for each in interfaces}, known, {})
+
+
+def compile_cleanly(compiler: str, standard: str, include: Path, *arguments: str | Path) -> None:
+    """Run the compiler with the strictest of usual settings; fail with what it says."""
+    folders = ("-I", include, "-I", RUNTIME)
+    argv = [compiler, f"-std={standard}", *WARNINGS, *folders, *arguments]
+    done = subprocess.run(argv, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[:4000]
+
+
+@pytest.mark.parametrize(
+    ("compiler", "standard"),
+    [
+        pytest.param("g++", "c++17", marks=pytest.mark.needs("g++")),
+        pytest.param("clang++", "c++20", marks=pytest.mark.needs("clang++")),
+    ],
+)
+def test_a_program_uses_messages_as_ros_programs_do(
+    compiler: str, standard: str, include: Path, tmp_path: Path
+) -> None:
+    """The headers compile without a warning, optimized, and every check of the program holds."""
+    program = tmp_path / "program"
+    compile_cleanly(compiler, standard, include, "-O1", HERE / "program.cpp", "-o", program)
+    ran = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
+@pytest.mark.needs("g++")
+def test_a_header_needs_no_other_header_before_it(include: Path, tmp_path: Path) -> None:
+    """Each of a sample compiles alone."""
+    sources = []
+    for header in SAMPLE:
+        source = tmp_path / f"{PurePosixPath(header).stem}.cpp"
+        source.write_text(f'#include "{header}"\n', encoding="utf-8")
+        sources.append(source)
+    compile_cleanly("g++", "c++17", include, "-fsyntax-only", *sources)
+
+
+@pytest.mark.needs("g++")
+def test_all_headers_compile_together(include: Path, tmp_path: Path) -> None:
+    """A unit that includes everything has neither clashes nor warnings, even with Windows' macros."""
+    headers = sorted(path.relative_to(include).as_posix() for path in include.glob("*/*/*.hpp"))
+    assert len(headers) > 100
+    macros = "".join(f"#define {name} (0)\n" for name in ("DELETE", "ERROR", "NO_ERROR"))
+    source = tmp_path / "all.cpp"
+    source.write_text(macros + "".join(f'#include "{header}"\n' for header in headers), encoding="utf-8")
+    compile_cleanly("g++", "c++17", include, "-fsyntax-only", source)
+
+
+@pytest.mark.needs("gcc")
+def test_type_support_can_be_declared_in_c(tmp_path: Path) -> None:
+    """The headers of rosidl_runtime_c are C99, and their macros give rosidl's names."""
+    headers = sorted(path.relative_to(RUNTIME).as_posix() for path in RUNTIME.glob("rosidl_runtime_c/*.h"))
+    macro = "ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME(rosidl_typesupport_c, std_msgs, msg, String)"
+    name = "rosidl_typesupport_c__get_message_type_support_handle__std_msgs__msg__String"
+    source = tmp_path / "main.c"
+    lines = [f'#include "{header}"' for header in headers]
+    lines += [f"const rosidl_message_type_support_t * {macro}(void);"]
+    lines += [f"const void * use(void) {{ return {name}(); }}"]
+    lines += ["const void * get(void) { return ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, String); }"]
+    source.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    compile_cleanly("gcc", "c99", tmp_path, "-fsyntax-only", source)

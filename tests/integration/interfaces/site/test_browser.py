@@ -1,0 +1,100 @@
+"""Interface pages in a real browser: search, links, and no errors."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.resolve.dependencies import dependency_catalogs
+from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.site.generator import site
+from forge.interfaces.writing import write_site
+from tests.browser import Keys
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.browser import Browser
+
+pytestmark = pytest.mark.needs("chromium", "chromedriver")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a site about one package and what it refers to."""
+    library = Library()
+    catalog = resolve("nav_msgs", parse_all(read_folder("nav_msgs", EMBEDDED / "nav_msgs")), library)
+    out = tmp_path_factory.mktemp("site")
+    write_site(site([catalog, *dependency_catalogs(catalog, library)], {}, "Interfaces"), out, "index.html")
+    return out
+
+
+def arrive(browser: Browser, page: str) -> None:
+    """Wait until a key or a click has led to a page."""
+    end = time.monotonic() + 20
+    while not browser.address.partition("?")[0].endswith(page):
+        assert time.monotonic() < end, browser.address
+        time.sleep(0.02)
+
+
+def found(browser: Browser) -> list[str]:
+    return browser.texts("#found dt")
+
+
+def test_the_search_has_the_nearest_first(browser: Browser, pages: Path) -> None:
+    browser.open(pages / "index.html")
+    assert "nav_msgs" in browser.texts("#all h2 a")
+    browser.write("input", "pose")
+    assert found(browser)[0] == "geometry_msgs/msg/Pose"
+    assert "nav_msgs/msg/Path" in found(browser)
+    assert browser.all("#all") == []
+    browser.write("input", "stamped pose")
+    assert found(browser)[0] == "geometry_msgs/msg/PoseStamped"
+    browser.write("input", "frame_id")
+    assert found(browser)[0] == "std_msgs/msg/Header"
+    browser.write("input", "no such thing")
+    assert found(browser) == []
+    assert browser.texts("#found p") == ["0 interfaces"]
+    browser.write("input", " ")
+    assert browser.all("#all") != []
+
+
+def test_a_key_leads_to_the_search_and_enter_to_the_nearest(browser: Browser, pages: Path) -> None:
+    browser.open(pages / "nav_msgs/msg/Path.html")
+    browser.press("/")
+    browser.press(*"occupancy", Keys.ENTER)
+    arrive(browser, "/index.html")
+    assert found(browser)[0] == "nav_msgs/msg/OccupancyGrid"
+    browser.click("input")
+    browser.press(Keys.ENTER)
+    arrive(browser, "/nav_msgs/msg/OccupancyGrid.html")
+
+
+def test_links_of_types_lead_to_their_pages(browser: Browser, pages: Path) -> None:
+    browser.open(pages / "nav_msgs/msg/Path.html")
+    browser.click("[id='.poses'] a")
+    arrive(browser, "/geometry_msgs/msg/PoseStamped.html")
+    assert browser.texts("h1") == ["PoseStamped message"]
+    browser.click("main nav a")
+    arrive(browser, "/geometry_msgs/index.html")
+    assert browser.texts("h1") == ["geometry_msgs"]
+    browser.click("header a")
+    arrive(browser, f"{pages.name}/index.html")
+    assert browser.texts("h1") == ["Interfaces"]
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("width", [360, 1280])
+def test_a_page_fits_its_window(browser: Browser, pages: Path, width: int, *, dark: bool) -> None:
+    for page in (
+        "index.html",
+        "nav_msgs/index.html",
+        "nav_msgs/msg/Odometry.html",
+        "nav_msgs/srv/GetPlan.html",
+    ):
+        browser.open(pages / page, dark=dark, size=(width, 800))
+        assert browser.run("return document.documentElement.scrollWidth") == width

@@ -1,0 +1,58 @@
+"""Two packages of a merged tree that install one file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Ran, Tree
+
+pytestmark = pytest.mark.needs("cmake")
+
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+install(FILES package.xml DESTINATION share/{name})
+install(FILES words DESTINATION share/common)
+"""
+TOLD = (
+    ": 'a' and 'b' install 'share/common/words' with different contents\n"
+    "hint: the last one wins; rename the file in one of them, or build without '--merge-install'\n"
+)
+
+
+def build(forge: Forge, tree: Tree, words: dict[str, str], *options: str) -> Ran:
+    """Build a package for each of the words, which it installs."""
+    files = {}
+    for name, text in words.items():
+        files[f"src/{name}/package.xml"] = manifest_text(name, build_type="cmake")
+        files[f"src/{name}/CMakeLists.txt"] = CMAKE.format(name=name)
+        files[f"src/{name}/words"] = text
+    return forge("build", "--executor", "sequential", *options, cwd=tree(files))
+
+
+def test_equal_files_of_two_packages_are_no_conflict(forge: Forge, tree: Tree) -> None:
+    assert build(forge, tree, {"a": "same", "b": "same"}, "--merge-install", "--strict").code == 0
+
+
+def test_prefixes_of_their_own_keep_them_apart(forge: Forge, tree: Tree) -> None:
+    assert build(forge, tree, {"a": "one", "b": "two"}, "--strict").code == 0
+
+
+def test_different_bytes_are_a_warning_that_names_both(forge: Forge, tree: Tree) -> None:
+    """Whichever of them was built last."""
+    ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install")
+    assert (ran.code, ran.err) == (0, f"warning{TOLD}")
+    ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install", "--force", "--packages-select", "a")
+    assert (ran.code, ran.err) == (0, f"warning{TOLD}")
+    assert build(forge, tree, {"a": "two", "b": "two"}, "--merge-install").err == ""
+
+
+def test_strictly_it_is_an_error_each_time(forge: Forge, tree: Tree) -> None:
+    """Until somebody mends it."""
+    for _ in range(3):
+        ran = build(forge, tree, {"a": "one", "b": "two"}, "--merge-install", "--strict")
+        assert (ran.code, ran.err) == (2, f"error{TOLD}")

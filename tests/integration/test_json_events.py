@@ -1,0 +1,201 @@
+"""JSON events, for `--json` and for the log."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.output.charts.sampling import Usage
+from forge.output.console import ConsoleReporter
+from forge.output.handlers import HANDLERS, without_prose
+from forge.output.json_events import JsonEvents
+from tests.packages import manifest_text, package
+from tests.snippets import ROOT
+from tests.testable import PYTEST, cmake_package, python_package
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project({name} NONE)
+{more}
+install(FILES package.xml DESTINATION share/{name})
+"""
+FAILS = 'message("this goes to stderr")\nmessage(FATAL_ERROR "no luck")'
+
+
+def plain(name: str, *lines: str, more: str = "") -> dict[str, str]:
+    """Return a plain CMake package."""
+    return {
+        f"src/{name}/package.xml": manifest_text(name, *lines, build_type="cmake"),
+        f"src/{name}/CMakeLists.txt": CMAKE.format(name=name, more=more),
+    }
+
+
+def events_in(text: str) -> list[dict[str, object]]:
+    """Return the events; each line must be one."""
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def words(events: list[dict[str, object]], package: str) -> list[object]:
+    """Return what happened to a package, steps left out."""
+    return [
+        event["event"]
+        for event in events
+        if event.get("package") == package and not str(event["event"]).startswith("Step")
+    ]
+
+
+@pytest.fixture
+def two(tree: Tree) -> Path:
+    """Return a workspace, in a folder with a blank, in which b needs a."""
+    files = {**plain("a"), **plain("b", "<depend>a</depend>")}
+    return tree({f"my ws/{name}": text for name, text in files.items()}) / "my ws"
+
+
+def test_a_build_tells_each_event_on_a_line_and_nothing_else(forge: Forge, two: Path) -> None:
+    ran = forge("build", "--json", "--explain", cwd=two)
+    assert ran.code == 0, ran.err
+    events = events_in(ran.out)
+    assert words(events, "b") == ["Planned", "Started", "Finished"]
+    finished = {str(e["package"]): e for e in events if e["event"] == "Finished"}
+    assert finished["a"]["code"] == 0
+    assert (two / str(finished["a"]["log"])).is_dir()
+    assert events[-1]["event"] == "Summary"
+    assert (events[-1]["code"], events[-1]["finished"]) == (0, ["a", "b"])
+    times = [event["time"] for event in events]
+    assert times == sorted(times, key=float)  # type: ignore[arg-type]
+    assert events_in((two / "log/latest_build/events.jsonl").read_text()) == events
+
+
+def test_a_build_of_nothing_lists_the_up_to_date_packages(forge: Forge, two: Path) -> None:
+    forge("build", cwd=two)
+    events = events_in(forge("build", "--json", cwd=two).out)
+    assert [(e["event"], e.get("package")) for e in events] == [
+        *(("Fresh", "a"), ("Fresh", "b")),
+        ("Summary", None),
+    ]
+    assert events[-1]["unchanged"] == ["a", "b"]
+    assert events[-1]["log"] is None
+
+
+def test_a_changed_task_is_reported_with_its_reason(forge: Forge, two: Path) -> None:
+    forge("build", cwd=two)
+    with (two / "src/a/CMakeLists.txt").open("a") as stream:
+        stream.write("# more\n")
+    events = events_in(forge("build", "--json", "--dry-run", cwd=two).out)
+    planned = {str(e["package"]): e for e in events if e["event"] == "Planned"}
+    assert "CMakeLists.txt" in str(planned["a"]["reason"])
+    assert (planned["a"]["conditional"], planned["b"]["conditional"]) == (False, True)
+    steps = planned["a"]["steps"]
+    assert isinstance(steps, list)
+    assert [step["step"] for step in steps][-1] == "install"
+    events = events_in(forge("build", "--json", cwd=two).out)
+    assert words(events, "a") == ["Planned", "Started", "Finished"]
+    assert words(events, "b") == ["Planned", "Fresh"]
+
+
+def test_a_failure_brings_its_error_and_the_line_that_repeats_it(forge: Forge, tree: Tree) -> None:
+    root = tree({**plain("bad", more=FAILS), **plain("later", "<depend>bad</depend>")})
+    ran = forge("build", "--json", cwd=root)
+    assert ran.code == 1
+    events = events_in(ran.out)
+    (finished,) = (e for e in events if e["event"] == "Finished")
+    assert (finished["package"], finished["code"], finished["step"]) == ("bad", 1, "cmake")
+    assert "no luck" in str(finished["error"])
+    assert "environment.sh" in str(finished["repeat"])
+    assert [(e["package"], e["because"]) for e in events if e["event"] == "Skipped"] == [("later", "bad")]
+    assert events[-1]["code"] == 1
+    assert (events[-1]["failed"], events[-1]["stderr"]) == (["bad"], ["bad"])
+    assert events[-1]["not_processed"] == ["later"]
+    assert "Failed   <<< bad" in ran.err
+
+
+def test_what_programs_print_comes_only_if_it_is_asked_for(forge: Forge, tree: Tree) -> None:
+    root = tree(plain("a", more='message(STATUS "a word")'))
+    assert "a word" not in forge("build", "--json", "--event-handlers", "console_cohesion+", cwd=root).out
+    ran = forge("build", "--json", "--cmake-force-configure", "--event-handlers", "console_direct+", cwd=root)
+    (line,) = (e for e in events_in(ran.out) if "a word" in str(e.get("line")))
+    assert (line["event"], line["package"], line["stderr"]) == ("Output", "a", False)
+    assert "Output" not in (root / "log/latest_build/events.jsonl").read_text()
+
+
+@pytest.mark.needs("ctest")
+def test_tests_tell_what_failed_and_how_to_repeat_it(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("c", 'add_test(bad "false")'),
+            **python_package("p", PYTEST.format(name="p"), pytest=True),
+            **cmake_package("absent"),
+        }
+    )
+    built = forge("build", "--packages-skip", "absent", cwd=root, env={"PYTHONPATH": str(ROOT)})
+    assert built.code == 0, built.err
+    ran = forge("test", "--json", cwd=root)
+    events = events_in(ran.out)
+    finished = {str(e["package"]): e for e in events if e["event"] == "Finished"}
+    assert {name: (e["code"], e["test_failures"]) for name, e in finished.items()} == {
+        "c": (0, True),
+        "p": (0, True),
+        "absent": (1, False),
+    }
+    assert finished["absent"]["error"] == ["'absent' cannot be tested: 'absent' is not built"]
+    assert finished["absent"]["hint"] == "forge build --packages-up-to absent"
+    failed = [e for e in events if e["event"] == "TestFailure"]
+    assert [(e["package"], e["test"]) for e in failed] == [("c", "bad"), ("p", "tests.test_p.test_value[2]")]
+    assert "ctest" in str(failed[0]["repeat"])
+    assert events[-1]["test_failures"] == ["c", "p"]
+    assert events[-1]["code"] == ran.code == 1
+    assert events_in((root / "log/latest_test/events.jsonl").read_text()) == events
+    ran = forge("test", "--json", "--return-code-on-test-failure", "--packages-select", "c", cwd=root)
+    assert events_in(ran.out)[-1]["code"] == ran.code == 1
+    ran = forge("test", "--json", "--packages-select", "c", cwd=root)
+    assert events_in(ran.out)[-1]["code"] == ran.code == 0
+
+
+def test_an_interrupted_build_says_so(tree: Tree) -> None:
+    more = 'execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 60)'
+    root = tree({**plain("a", more=more), **plain("b", "<depend>a</depend>")})
+    argv = [sys.executable, "-m", "forge", "build", "--json"]
+    with subprocess.Popen(argv, cwd=root, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        lines = []
+        for line in running.stdout:
+            lines.append(line)
+            if '"StepStarted"' in line:
+                running.send_signal(signal.SIGINT)
+    events = events_in("".join(lines))
+    assert words(events, "a") == ["Planned", "Started", "Aborted"]
+    assert words(events, "b") == ["Planned", "Skipped"]
+    assert events[-1]["code"] == running.returncode == 130
+    assert events[-1]["aborted"] == ["a"]
+
+
+def test_the_page_names_every_event_and_every_key(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    table = {"a": package("a")}
+    step = Step(StepKind.BUILD, ("make",), tmp_path)
+    plan = BuildPlan({"a": Task("a", table["a"], tmp_path, tmp_path, (), (step,), "why")}, ("a",))
+    report = ConsoleReporter(plan, table, without_prose(HANDLERS), tmp_path)
+    json_events = JsonEvents(plan, table, printed=True, output=True)
+    json_events.announce(steps=True, seconds={"a": 1.0})
+    json_events.report_usage(Usage(2, 1 << 30, ((1.0, 0.5, 1 << 20),)))
+    line = Output("a", b"x: error\n", stderr=False)
+    for event in (Started("a"), line, Finished("a", 1, 0.1, step), Aborted("a", 1), Skipped("a", "b")):
+        report.show(event)
+        json_events.write(event, report)
+    json_events.write(Fresh("a"), report)
+    json_events.conclude(report, 1.0)
+    page = (ROOT / "docs/reference/events.md").read_text(encoding="utf-8")
+    known = set(re.findall(r"`(\w+)`", page))
+    events = events_in(capfd.readouterr().out)
+    assert {str(word) for event in events for word in (event["event"], *event)} <= known

@@ -1,0 +1,118 @@
+"""Stores that fsspec opens: faults of libraries, folders, buckets and ssh."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+import time
+import uuid
+from typing import TYPE_CHECKING
+
+import fsspec
+import pytest
+from fsspec.registry import _registry
+
+from forge.cache import action_result
+from forge.cache.model import BlobFault, Digest
+from forge.cache.remote import Remote, open_remote
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+KEY = "ab" * 32
+BYTES = os.urandom(300_000)
+DIGEST = Digest(hashlib.sha256(BYTES).hexdigest(), len(BYTES))
+
+
+def opened(url: str, *, seconds: float = 10, writable: bool = True, **variables: str) -> Remote:
+    """Open a store of which no fault is expected."""
+    return open_remote(url, seconds=seconds, writable=writable, variables=variables, report=pytest.fail)
+
+
+def test_files_of_a_folder_store_appear_complete(tmp_path: Path) -> None:
+    """What is written lies under another name until it is whole, and nothing is left of what failed."""
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(f"file://{tmp_path}/store")
+    source.write_bytes(BYTES[:-1])
+    with pytest.raises(BlobFault, match="truncated during the upload"):
+        store.put(DIGEST, source)
+    assert [path for path in (tmp_path / "store").rglob("*") if path.is_file()] == []
+    store.close()
+
+
+@pytest.mark.parametrize("scheme", ["file", "memory"])
+def test_a_library_that_hangs_is_left_behind(
+    scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    over = threading.Event()
+    monkeypatch.setattr(fsspec.get_filesystem_class(scheme), "open", lambda *_, **__: over.wait(60))
+    said: list[str] = []
+    url = f"{scheme}://me:secret@{tmp_path}"
+    store = open_remote(url, seconds=0.3, writable=True, variables={}, report=said.append)
+    begun = time.monotonic()
+    assert store.result(KEY) is None
+    assert time.monotonic() - begun < 2
+    assert said == [f"{scheme}://{tmp_path}: timed out after 0.3 s; disabled for this build"]
+    over.set()
+
+
+def test_library_errors_are_reported_without_passwords(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("cannot reach sftp://me:sec@ret@host/x\nand more")
+
+    monkeypatch.setattr(fsspec.get_filesystem_class("memory"), "open", fail)
+    said: list[str] = []
+    url = "memory://me:sec@ret@host/x"
+    store = open_remote(url, seconds=5, writable=True, variables={}, report=said.append)
+    assert not store.fetch(DIGEST, tmp_path / "target")
+    assert said == ["memory://host/x: RuntimeError: cannot reach sftp://host/x; disabled for this build"]
+
+
+@pytest.mark.parametrize(
+    ("data", "words"), [(b"<html>", "is not a valid result"), (b"x" * 2000, "too large for a result")]
+)
+def test_an_invalid_result_is_reported(
+    data: bytes, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(action_result, "MAX_SIZE", 1000)
+    (tmp_path / "ac").mkdir()
+    (tmp_path / "ac" / KEY).write_bytes(data)
+    store = opened(f"file://{tmp_path}")
+    with pytest.raises(BlobFault, match=words):
+        store.result(KEY)
+    store.close()
+
+
+def test_in_a_bucket_nothing_is_moved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files appear whole there, folders are none, and moving would be copying."""
+    monkeypatch.setattr("forge.cache.fsspec_store._BUCKETS", frozenset({"memory"}))
+    kind = fsspec.get_filesystem_class("memory")
+    for name in ("mv", "makedirs"):
+        monkeypatch.setattr(kind, name, lambda *_, **__: pytest.fail("moved"))
+    source = tmp_path / "source"
+    source.write_bytes(BYTES)
+    store = opened(f"memory://{uuid.uuid4().hex}")
+    store.put(DIGEST, source)
+    assert store.fetch(DIGEST, tmp_path / "target")
+    store.close()
+
+
+def test_ssh_is_told_to_know_its_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By default sshfs accepts every server; an empty tuple makes it read ~/.ssh/known_hosts."""
+    given = {}
+
+    class Shell(fsspec.get_filesystem_class("memory")):  # type: ignore[misc]
+        def __init__(self, **words: object) -> None:
+            given.update(words)
+            super().__init__()
+
+    monkeypatch.setitem(_registry, "ssh", Shell)
+    store = opened("ssh://host/x")
+    assert store.result(KEY) is None
+    assert given["known_hosts"] == ()
+    store.close()

@@ -1,0 +1,369 @@
+"""forge interface, as a user types it."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.interfaces.idl import target as idl
+from forge.interfaces.read.parsing import parse_all
+from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.resolve.resolution import resolve
+from tests.conftest import GOLDEN
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Golden, Tree
+
+INDEX = "share/ament_index/resource_index"
+PREFIX = {
+    f"{INDEX}/packages/mine": "",
+    f"{INDEX}/packages/bare": "",
+    f"{INDEX}/rosidl_interfaces/mine": "msg/Only.idl\nmsg/Top.msg",
+    "share/mine/msg/Top.msg": "# top\n\nInner inner # in\n",
+    "share/mine/msg/Inner.msg": "# inner\nstd_msgs/String text\n",
+    "share/mine/msg/Lost.msg": "nowhere/Thing thing\n",
+    "share/mine/msg/Loop.msg": "Loop[] loop\n",
+    "share/mine/msg/Only.idl": '#include "x.idl"\nmodule mine {};\n',
+    "share/mine/srv/Ask.srv": "int8 a 3\n---\n",
+}
+
+
+def test_list_has_a_heading_for_each_kind(forge: Forge) -> None:
+    out = forge("interface", "list").out.splitlines()
+    headings = [line for line in out if not line.startswith(" ")]
+    assert headings == ["Messages:", "Services:", "Actions:"]
+    assert "    std_msgs/msg/String" in out
+    messages = out[1 : out.index("Services:")]
+    assert messages == sorted(messages)
+
+
+def test_list_can_be_narrowed_to_kinds_whose_order_is_fixed(forge: Forge) -> None:
+    out = forge("interface", "list", "-a", "--only-srvs").out.splitlines()
+    assert [line for line in out if not line.startswith(" ")] == ["Services:", "Actions:"]
+    assert "    example_interfaces/action/Fibonacci" in out
+
+
+def test_package_names_its_interfaces_one_per_line(forge: Forge) -> None:
+    assert (
+        forge("interface", "package", "std_srvs").out
+        == "std_srvs/srv/Empty\nstd_srvs/srv/SetBool\nstd_srvs/srv/Trigger\n"
+    )
+    assert (
+        forge("interface", "package", "example_interfaces", "-a").out
+        == "example_interfaces/action/Fibonacci\n"
+    )
+
+
+def test_package_without_interfaces_is_no_error(forge: Forge, tree: Tree) -> None:
+    ran = forge("interface", "package", "bare", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
+    assert (ran.code, ran.out) == (0, "")
+    assert forge("interface", "package", "ament_cmake").code == 0
+
+
+def test_packages_are_sorted_and_the_first_kind_wins(forge: Forge) -> None:
+    names = forge("interface", "packages").out.splitlines()
+    assert names == sorted(names)
+    assert {"std_msgs", "std_srvs"} <= set(names)
+    assert forge("interface", "packages", "-a", "-s").out == forge("interface", "packages", "-s").out
+    assert "std_msgs" not in forge("interface", "packages", "-s").out.split()
+
+
+def test_show_unfolds_messages_and_leaves_no_residue_of_comments(
+    forge: Forge, tree: Tree, golden: Golden
+) -> None:
+    definitions = (GOLDEN / "interfaces/show/src").rglob("*.*")
+    files = {f"share/tour/{path.parent.name}/{path.name}": path.read_text() for path in definitions}
+    header = {"share/std_msgs/msg/Header.msg": "# head\n\nbuiltin_interfaces/Time stamp # when\n"}
+    time = {"share/builtin_interfaces/msg/Time.msg": "int32 sec  # [s]\n\n# the rest\nuint32 nanosec\n"}
+    prefix = {"AMENT_PREFIX_PATH": str(tree({**files, **header, **time}))}
+    shown = {
+        f"{name}{option}.txt": forge(
+            "interface", "show", f"tour/{name}", *filter(None, [option]), env=prefix
+        ).out
+        for name in ("msg/Walk", "srv/Go")
+        for option in ("", "--all-comments", "--no-comments")
+    }
+    golden("interfaces/show", shown)
+
+
+def test_show_looks_at_sourced_prefixes_and_reads_a_name_from_a_line(forge: Forge, tree: Tree) -> None:
+    prefix = {"AMENT_PREFIX_PATH": str(tree(PREFIX))}
+    ran = forge("interface", "show", "mine/msg/Top", env=prefix)
+    assert ran.out == "# top\n\nInner inner # in\n\tstd_msgs/String text\n\t\tstring data\n"
+
+
+def test_show_prints_an_interface_that_is_only_idl_as_it_is(forge: Forge, tree: Tree) -> None:
+    ran = forge("interface", "show", "mine/msg/Only", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
+    assert ran.out == PREFIX["share/mine/msg/Only.idl"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("std_msgs/String", "Invalid name 'std_msgs/String'. Expected three parts separated by '/'"),
+        ("a/b/c/d", "Invalid name 'a/b/c/d'. Expected three parts separated by '/'"),
+        ("a//c", "Invalid name 'a//c'. Must not contain empty parts"),
+        ("a/../c", "Invalid name 'a/../c'. Must not contain '..'"),
+        ("std_msg/msg/String", "Unknown package 'std_msg'"),
+        ("mine/msg/Topp", "Could not find the interface 'PREFIX/share/mine/msg/Topp.idl'"),
+        ("mine/msg/Lost", "Unknown package 'nowhere'"),
+        ("mine/msg/Loop", "a message cannot contain itself: mine/Loop -> mine/Loop"),
+        ("bare/msg/A", "Could not find the interface 'PREFIX/share/bare/msg/A.idl'"),
+        ("", "argument TYPE: the name is empty"),
+    ],
+)
+def test_show_says_why_it_cannot(forge: Forge, tree: Tree, name: str, text: str) -> None:
+    prefix = tree(PREFIX)
+    ran = forge("interface", "show", name, env={"AMENT_PREFIX_PATH": str(prefix)})
+    assert ran.code == 2
+    assert ran.err.splitlines()[0] == f"error: {text.replace('PREFIX', str(prefix))}"
+
+
+def test_proto_prints_the_defaults_as_yaml(forge: Forge) -> None:
+    assert forge("interface", "proto", "geometry_msgs/msg/Point").out == '"x: 0.0\ny: 0.0\nz: 0.0\n"\n'
+    assert forge("interface", "proto", "--no-quotes", "std_srvs/srv/SetBool").out == "data: false\n\n"
+    assert forge("interface", "proto", "--no-quotes", "std_msgs/msg/Empty").out == "{}\n\n"
+    assert forge("interface", "proto", "example_interfaces/action/Fibonacci").out == '"order: 0\n"\n'
+    nested = forge("interface", "proto", "--no-quotes", "geometry_msgs/msg/PoseStamped").out
+    assert "  orientation:\n    x: 0.0\n    y: 0.0\n    z: 0.0\n    w: 1.0\n" in nested
+    assert nested.startswith("header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\npose:\n")
+
+
+def test_proto_knows_every_kind_of_field(forge: Forge, tree: Tree) -> None:
+    lines = [
+        "byte a",
+        "byte b 65",
+        "byte[2] c",
+        "float32[2] d [0.1, 1]",
+        "string[] e ['x']",
+        "Inner[2] f",
+        "bool[] g",
+    ]
+    prefix = tree(
+        {**PREFIX, "share/mine/msg/All.msg": "\n".join(lines), "share/mine/msg/Inner.msg": "int8 x 1"}
+    )
+    ran = forge("interface", "proto", "--no-quotes", "mine/msg/All", env={"AMENT_PREFIX_PATH": str(prefix)})
+    assert ran.out == (
+        'a: "\\0"\nb: A\nc:\n- "\\0"\n- "\\0"\nd:\n- 0.10000000149011612\n- 1.0\ne:\n- x\n'
+        "f:\n- x: 1\n- x: 1\ng: []\n\n"
+    )
+
+
+def test_interfaces_that_are_only_idl_count_like_others(forge: Forge, tree: Tree) -> None:
+    struct = "module mine { module msg { struct Short { @default (value=7) short a; }; }; };"
+    other = "module mine { module idl { struct Wide { mine::msg::Short a; wchar b; }; }; };"
+    elsewhere = "module mine { module other { struct Wrong { short a; }; }; };"
+    files = {
+        "msg/Short.idl": struct,
+        "idl/Wide.idl": other,
+        "msg/Wrong.idl": elsewhere,
+        "msg/Short.msg": "Gone a",
+    }
+    prefix = tree({**PREFIX, **{f"share/mine/{path}": text for path, text in files.items()}})
+    (prefix / "share/mine/msg/Short.msg").unlink()
+    env = {"AMENT_PREFIX_PATH": str(prefix)}
+    assert (
+        forge("interface", "proto", "--no-quotes", "mine/idl/Wide", env=env).out == 'a:\n  a: 7\nb: "\\0"\n\n'
+    )
+    assert "    mine/idl/Wide" not in forge("interface", "list", env=env).out.splitlines()
+    assert "mine/idl/Wide" in forge("interface", "package", "mine", env=env).out.splitlines()
+    ran = forge("interface", "proto", "mine/msg/Wrong", env=env)
+    assert (ran.code, "does not define the interface 'mine/msg/Wrong'" in ran.err) == (2, True)
+    hashed = forge("interface", "hash", "mine/idl/Wide", env=env)
+    assert hashed.out.startswith("mine/idl/Wide RIHS01_")
+
+
+def test_generate_takes_idl_files_and_folders_of_them(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "src/msg/A.idl": "module tour { module msg { struct A { long a; }; }; };",
+            "src/deep/B.idl": "module tour { module deep { struct B { tour::msg::C c; }; }; };",
+            "src/msg/C.msg": "A a\nstd_msgs/String text",
+            "src/msg/C.idl": "not read, for it was made of C.msg",
+        }
+    )
+    arguments = ["--package", "tour", "--lang", "idl", "--lang", "json", "--output"]
+    assert forge("interface", "generate", *arguments, "all", "src", cwd=root).err == ""
+    made = {
+        path.relative_to(root / "all/idl/tour").as_posix() for path in (root / "all/idl/tour").rglob("*.idl")
+    }
+    assert made == {"deep/B.idl", "msg/A.idl", "msg/C.idl"}
+    files = ["--file", "src:msg/A.idl", "--file", "src:msg/C.msg", "--file", "src:deep/B.idl"]
+    assert forge("interface", "generate", *arguments, "some", *files, cwd=root).err == ""
+    for path in made:
+        assert (root / "some/idl/tour" / path).read_text() == (root / "all/idl/tour" / path).read_text()
+
+
+def test_hash_prints_a_line_per_type(forge: Forge) -> None:
+    ran = forge("interface", "hash", "std_msgs/msg/Empty", "std_srvs/srv/Empty")
+    assert [line.split()[0] for line in ran.out.splitlines()] == ["std_msgs/msg/Empty", "std_srvs/srv/Empty"]
+    assert all(re.fullmatch(r"\S+ RIHS01_[0-9a-f]{64}", line) for line in ran.out.splitlines())
+    ran = forge("interface", "hash", "std_srvs/srv/Empty_Event", "--json")
+    assert list(json.loads(ran.out)) == ["std_srvs/srv/Empty_Event"]
+    ran = forge("interface", "hash", "std_srvs/srv/Empty_Goal")
+    assert (ran.code, ran.err.splitlines()[0]) == (2, "error: unknown type 'std_srvs/srv/Empty_Goal'")
+
+
+def test_hash_of_a_folder_covers_derived_types(forge: Forge, tree: Tree) -> None:
+    folder = tree({"msg/A.msg": "std_msgs/Header h", "srv/B.srv": "A a\n---\n"})
+    ran = forge("interface", "hash", "--package", "tour", str(folder))
+    names = [line.split()[0].removeprefix("tour/") for line in ran.out.splitlines()]
+    assert names == ["msg/A", "srv/B", "srv/B_Event", "srv/B_Request", "srv/B_Response"]
+
+
+def test_hash_as_json_is_one_object_and_names_with_underscores_are_found(forge: Forge, tree: Tree) -> None:
+    struct = "module tour {{ module msg {{ struct {} {{ long a; }}; }}; }};"
+    folder = tree({"msg/A_B.idl": struct.format("A_B"), "msg/A.idl": struct.format("A")})
+    ran = forge("interface", "hash", "--package", "tour", str(folder), "--json")
+    found = json.loads(ran.out)
+    assert list(found) == ["tour/msg/A", "tour/msg/A_B"]
+    ran = forge("interface", "hash", "tour/msg/A_B", "--include", f"tour={folder}")
+    assert ran.out == f"tour/msg/A_B {found['tour/msg/A_B']}\n"
+    assert all(re.fullmatch(r"RIHS01_[0-9a-f]{64}", text) for text in found.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([], "missing names of types"),
+        (["--package", "tour", "a", "b"], "--package accepts only one folder of definitions"),
+        (["--file", "a:msg/A.msg", "std_msgs/msg/Empty"], "missing package name for --file"),
+    ],
+)
+def test_hash_says_what_is_missing(forge: Forge, arguments: list[str], text: str) -> None:
+    ran = forge("interface", "hash", *arguments)
+    assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
+
+
+def test_generate_writes_a_package_with_all_that_it_needs(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/msg/A.msg": "std_msgs/Header header", "src/action/Go.action": "A a\n---\n---\n"})
+    out = root / "out"
+    ran = forge("interface", "generate", "--package", "tour", "--output", str(out), str(root / "src"))
+    assert (ran.code, ran.err) == (0, "")
+    for path in (
+        "python/tour/msg/_a.py",
+        "python/std_msgs/msg/_header.py",
+        "python/action_msgs/srv/_cancel_goal.py",
+        "cpp/tour/msg/a.hpp",
+        "cpp/tour/action/go.hpp",
+        "cpp/std_msgs/msg/header.hpp",
+        "cpp/action_msgs/msg/goal_status_array.hpp",
+        "cpp/rosidl_runtime_cpp/bounded_vector.hpp",
+    ):
+        assert (out / path).is_file(), path
+    assert not (out / "python/std_msgs/msg/_string.py").exists()
+    again = forge("interface", "generate", "--package", "tour", "--output", str(out), str(root / "src"))
+    assert again.out.startswith("0 of ")
+
+
+def test_two_packages_share_an_output_folder(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "a/msg/A.msg": "std_msgs/Header header",
+            "b/msg/B.msg": "std_msgs/String text\na_msgs/A a",
+            "a/msg/Old.msg": "int8 old",
+        }
+    )
+    out = root / "out"
+
+    def generate(package: str, folder: str) -> None:
+        arguments = ["--include", f"a_msgs={root / 'a'}", "--lang", "python", str(root / folder)]
+        ran = forge("interface", "generate", "--package", package, "--output", str(out), *arguments)
+        assert (ran.code, ran.err) == (0, "")
+
+    generate("a_msgs", "a")
+    generate("b_msgs", "b")
+    generate("a_msgs", "a")
+    namespace = (out / "python/std_msgs/msg/__init__.py").read_text()
+    assert "Header" in namespace
+    assert "String" in namespace
+    assert (out / "python/a_msgs/msg/_old.py").is_file()
+    (root / "a/msg/Old.msg").unlink()
+    generate("a_msgs", "a")
+    assert not (out / "python/a_msgs/msg/_old.py").exists()
+
+
+def test_a_build_rejects_types_of_packages_that_are_not_dependencies(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/msg/A.msg": "int8 a\nstd_msgs/Header header"})
+    arguments = ["--package", "tour", "--output", "out", "--no-runtime", "src"]
+    ran = forge("interface", "generate", *arguments, cwd=root)
+    assert ran.code == 2
+    assert ran.err.splitlines()[:2] == [
+        "src/msg/A.msg:2:1: error: 'tour' does not depend on 'std_msgs'",
+        "    std_msgs/Header header",
+    ]
+    assert "DEPENDENCIES of rosidl_generate_interfaces" in ran.err
+    included = Library().folder("std_msgs")
+    assert forge("interface", "generate", *arguments, "--include", f"std_msgs={included}", cwd=root).code == 0
+
+
+def test_generate_for_a_build_takes_files_and_leaves_stamp_and_depfile(forge: Forge, tree: Tree) -> None:
+    root = tree({"some where/msg/A.msg": "std_msgs/Header header"})
+    arguments = [
+        "--package",
+        "tour",
+        "--output",
+        "out",
+        "--lang",
+        "idl",
+        "--lang",
+        "json",
+        "--no-runtime",
+        "--include",
+        f"std_msgs={Library().folder('std_msgs')}",
+        "--file",
+        f"{root / 'some where'}:msg/A.msg",
+        "--stamp",
+        "out/stamp",
+        "--depfile",
+        "out/tour.d",
+    ]
+    (root / "generate.args").write_text("\n".join(arguments))
+    ran = forge("interface", "generate", "@generate.args", cwd=root)
+    assert (ran.code, ran.out, ran.err) == (0, "", "")
+    made = sorted(
+        path.relative_to(root / "out").as_posix() for path in (root / "out").rglob("*") if path.is_file()
+    )
+    assert made == [".forge/tour.json", "idl/tour/msg/A.idl", "json/tour/msg/A.json", "stamp", "tour.d"]
+    depfile = (root / "out/tour.d").read_text()
+    assert depfile.startswith("out/stamp: ")
+    assert "some\\ where/msg/A.msg" in depfile
+    assert "std_msgs/msg/Header.msg" in depfile
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([], "missing package name"),
+        (["--package", "Tour", "."], "'Tour' is not a valid name of an interface package"),
+        (["--package", "tour"], "no interface definitions found"),
+        (["--package", "tour", "."], "no interface definitions found in '.'"),
+        (["--package", "tour", "--lang", "pyton", "src"], "unknown target 'pyton'"),
+        (["--package", "tour", "--file", "x"], "argument --file: 'x' is not of the form LEFT:RIGHT"),
+        (["--package", "tour", "--include", "x="], "argument --include: 'x=' is not of the form LEFT=RIGHT"),
+    ],
+)
+def test_generate_says_what_is_missing(forge: Forge, tree: Tree, arguments: list[str], text: str) -> None:
+    root = tree({"src/msg/A.msg": "int8 a"})
+    ran = forge("interface", "generate", "--output", "out", *arguments, cwd=root)
+    assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
+
+
+def test_idl_text_is_as_reviewed(golden: Golden) -> None:
+    folder = GOLDEN / "interfaces/idl/src"
+    catalog = resolve("tour", parse_all(read_folder("tour", folder)), Library())
+    golden("interfaces/idl", {file.path: file.text for file in idl.files(catalog)})
+
+
+def test_a_name_can_come_from_a_line_of_standard_input(
+    forge: Forge, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "line").write_text("std_msgs/msg/Empty\nnot read\n")
+    with (tmp_path / "line").open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        assert forge("interface", "show", "-").code == 0

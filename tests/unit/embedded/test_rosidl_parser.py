@@ -1,0 +1,71 @@
+"""Type descriptions are values."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.generated import RUNTIME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import ModuleType
+
+
+@pytest.fixture(scope="module")
+def definition() -> Iterator[ModuleType]:
+    """Import rosidl_parser.definition."""
+    sys.path.insert(0, str(RUNTIME))
+    yield import_module("rosidl_parser.definition")
+    sys.path.remove(str(RUNTIME))
+
+
+EXPRESSIONS = [
+    "BasicType('int8')",
+    "NamedType('x')",
+    "NamespacedType(['std_msgs', 'msg'], 'Header')",
+    "BoundedString(3)",
+    "UnboundedString()",
+    "BoundedWString(3)",
+    "UnboundedWString()",
+    "Array(BasicType('double'), 9)",
+    "BoundedSequence(UnboundedString(), 3)",
+    "UnboundedSequence(NamespacedType(['std_msgs', 'msg'], 'Header'))",
+]
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS)
+def test_a_description_equals_one_that_says_the_same(definition: ModuleType, expression: str) -> None:
+    one, other = (eval(expression, vars(definition)) for _ in range(2))  # noqa: S307  (the table above)
+    assert one == other
+    assert hash(one) == hash(other)
+    assert repr(one) == expression
+    others = [eval(each, vars(definition)) for each in EXPRESSIONS if each != expression]  # noqa: S307
+    assert one not in others
+
+
+def test_descriptions_tell_whether_a_size_is_bounded(definition: ModuleType) -> None:
+    text, element = definition.UnboundedString(), definition.BasicType("int8")
+    assert not text.has_maximum_size()
+    assert definition.BoundedString(3).has_maximum_size()
+    assert not definition.UnboundedWString().has_maximum_size()
+    assert definition.BoundedWString(3).maximum_size == 3
+    assert definition.Array(element, 3).has_maximum_size()
+    assert definition.BoundedSequence(element, 3).has_maximum_size()
+    assert not definition.UnboundedSequence(element).has_maximum_size()
+
+
+def test_the_abstract_bases_are_those_that_readers_of_slot_types_ask_for(definition: ModuleType) -> None:
+    element = definition.BasicType("int8")
+    assert isinstance(element, definition.AbstractNestableType)
+    assert isinstance(
+        definition.BoundedString(1), definition.AbstractString | definition.AbstractGenericString
+    )
+    assert isinstance(definition.BoundedWString(1), definition.AbstractWString)
+    assert isinstance(definition.Array(element, 1), definition.AbstractNestedType)
+    assert isinstance(definition.BoundedSequence(element, 1), definition.AbstractSequence)
+    assert not isinstance(definition.Array(element, 1), definition.AbstractSequence)
+    assert definition.NamespacedType(["a", "msg"], "B").namespaced_name() == ("a", "msg", "B")
