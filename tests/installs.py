@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.layout import Layout
 from forge.build.installation import finish_workspace, install_package, uninstall_markers
-from forge.build.markers import begin_workspace
+from forge.build.markers import create_output_folders
 from forge.toolchain.interpreter import Interpreter
 from tests.packages import manifest_text, package
 
@@ -40,7 +40,7 @@ def make_install(
 ) -> Layout:
     """Install the packages into BASE/install, in their order, and write its scripts."""
     layout = Layout(base / "build", base / "install", None, merged)
-    begin_workspace(layout)
+    create_output_folders(layout)
     for made in packages:
         prefix = layout.prefix(made.name)
         paths = [prefix / name for name in made.texts]

@@ -57,7 +57,7 @@ _HINTS = {
 
 
 @frozen
-class Place:
+class Location:
     """A position in a file. Lines and columns count from 1; `source` is the complete line."""
 
     path: Path | str
@@ -79,15 +79,15 @@ class Problem:
     """A problem the user can fix: lower case, no full stop, names in single quotes."""
 
     message: str
-    place: Place | None = None
+    location: Location | None = None
     hint: str | None = None
 
     def render(self, severity: str = "error") -> str:
         """Return the text for users: position, message, source line with caret, hint."""
-        where = f"{self.place}: " if self.place else ""
+        where = f"{self.location}: " if self.location else ""
         lines = [f"{where}{severity}: {self.message}"]
-        if self.place and self.place.source is not None:
-            source, column = _window(self.place.source, self.place.column)
+        if self.location and self.location.source is not None:
+            source, column = _window(self.location.source, self.location.column)
             lines.append(f"    {source}")
             if column is not None:
                 lines.append("    " + _caret_indent(source, column) + "^")

@@ -207,7 +207,7 @@ def remove_drafts(root: Path) -> None:
                     os.unlink(os.path.join(folder, name))  # noqa: PTH108, PTH118  (as os.walk says it)
 
 
-def says(path: Path, text: str) -> bool:
+def has_text(path: Path, text: str) -> bool:
     """Tell whether a regular file has exactly this text."""
     try:
         return not path.is_symlink() and path.read_bytes() == text.encode(errors="surrogateescape")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,18 +27,18 @@ def read_yaml(content: bytes | str, path: Path) -> dict[str, Any]:
         value = loader.get_single_data()
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        place = Place(path, mark.line + 1, mark.column + 1) if mark else Place(path)
+        place = Location(path, mark.line + 1, mark.column + 1) if mark else Location(path)
         message = getattr(error, "problem", None) or "invalid syntax"
         raise WorkspaceError(Problem(f"not well-formed YAML: {message}", place)) from None
     except RecursionError:
-        raise WorkspaceError(Problem("not well-formed YAML: too deeply nested", Place(path))) from None
+        raise WorkspaceError(Problem("not well-formed YAML: too deeply nested", Location(path))) from None
     except _ODD:
         message = "not well-formed YAML: a value does not have the type that its syntax implies"
-        raise WorkspaceError(Problem(message, Place(path), "quote the value")) from None
+        raise WorkspaceError(Problem(message, Location(path), "quote the value")) from None
     if value is None:
         return {}
     if not isinstance(value, dict):
-        raise WorkspaceError(Problem("the file is not a mapping", Place(path)))
+        raise WorkspaceError(Problem("the file is not a mapping", Location(path)))
     return value
 
 
@@ -52,9 +52,9 @@ def read_toml(content: bytes | str, path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(_text(content, path))
     except RecursionError:
-        raise WorkspaceError(Problem("not well-formed TOML: too deeply nested", Place(path))) from None
+        raise WorkspaceError(Problem("not well-formed TOML: too deeply nested", Location(path))) from None
     except _ODD as error:  # includes TOMLDecodeError, a ValueError
-        raise WorkspaceError(Problem(f"not well-formed TOML: {error}", Place(path))) from None
+        raise WorkspaceError(Problem(f"not well-formed TOML: {error}", Location(path))) from None
 
 
 def _text(content: bytes | str, path: Path) -> str:
@@ -65,4 +65,4 @@ def _text(content: bytes | str, path: Path) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise WorkspaceError(Problem("the text is not UTF-8", Place(path, line))) from None
+        raise WorkspaceError(Problem("the text is not UTF-8", Location(path, line))) from None

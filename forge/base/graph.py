@@ -88,10 +88,11 @@ def contracted(needs: Mapping[str, Iterable[str]], names: Collection[str]) -> di
     return found
 
 
-class Below(Collection[str]):
-    """The recursive dependencies of a name in topological order, computed on demand.
+class RecursiveDependencies(Collection[str]):
+    """The recursive dependencies of each name, computed on demand.
 
-    Storing them as tuples would take millions of entries for a chain of thousands of tasks.
+    Each set is stored as an integer whose bits are positions in the topological order; stored as sets, a
+    chain of thousands of packages would take millions of entries.
     """
 
     __slots__ = ("_bits", "_ordered")
@@ -114,7 +115,7 @@ class Below(Collection[str]):
         return any(name == other for other in self)
 
 
-class Closures(Mapping[str, frozenset[str]]):
+class TransitiveClosure(Mapping[str, frozenset[str]]):
     """What each name needs, however deep; put together when it is asked for.
 
     Kept are numbers whose bits are places in the order: all sets of a chain of thousands, each held at
@@ -137,9 +138,9 @@ class Closures(Mapping[str, frozenset[str]]):
         """Return all that a name needs, itself left out; raises KeyError."""
         return frozenset(self.below(name))
 
-    def below(self, name: str) -> Below:
+    def below(self, name: str) -> RecursiveDependencies:
         """Return the same in topological order, without holding it; raises KeyError."""
-        return Below(self._ordered, self._bits[name])
+        return RecursiveDependencies(self._ordered, self._bits[name])
 
     def __iter__(self) -> Iterator[str]:
         """Go through the names in their order."""
@@ -150,9 +151,9 @@ class Closures(Mapping[str, frozenset[str]]):
         return len(self._ordered)
 
 
-def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> Closures:
+def closures(needs: Mapping[str, frozenset[str]], ordered: Iterable[str]) -> TransitiveClosure:
     """Return for each name of a topological order all that it needs, itself left out."""
-    return Closures(needs, ordered)
+    return TransitiveClosure(needs, ordered)
 
 
 def reduced(needs: Mapping[str, Iterable[str]], ordered: Sequence[str]) -> dict[str, tuple[str, ...]]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _Item_co = TypeVar("_Item_co", covariant=True)
 
 
-class Deferred(Sequence[_Item_co]):
+class LazyTuple(Sequence[_Item_co]):
     """Stands for the tuple returned by the pure function `make`; equals it, and is pickled as it."""
 
     __slots__ = ("_made", "_make")
@@ -38,7 +38,7 @@ class Deferred(Sequence[_Item_co]):
 
     def __eq__(self, other: object) -> bool:
         """Compare with a tuple or another Deferred."""
-        return isinstance(other, tuple | Deferred) and self._all() == tuple(other)
+        return isinstance(other, tuple | LazyTuple) and self._all() == tuple(other)
 
     def __hash__(self) -> int:
         """Return the hash of the tuple."""

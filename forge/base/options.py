@@ -42,7 +42,7 @@ class Option:
     takes_options: bool = False
     """Take all arguments up to the next option of the command, even those that start with a dash."""
     inherited: bool = False
-    """Also allowed before the command, which holds if the command does not have it."""
+    """Also accepted before the command; a value after the command takes precedence."""
     first_build_only: bool = False
     """`forge build --watch` applies it only to its first build."""
 

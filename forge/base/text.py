@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 _MOST = 1_000_000
 """Bytes kept of the beginning, with the first error, and of the end of output."""
 
-_LEFT_OUT = b"[... the log has what stood here ...]\n"
+_LEFT_OUT = b"[... output truncated; the log has the full output ...]\n"
 
 _NAMES_SHOWN = 3
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 from xml.parsers import expat
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -140,4 +140,4 @@ class _Builder:
 def _problem(message: str, content: bytes, path: Path, line: int, column: int | None) -> Problem:
     lines = content.decode(errors="replace").split("\n")
     source = lines[line - 1].rstrip("\r") if line <= len(lines) else None
-    return Problem(f"not well-formed XML: {message}", Place(path, line, column, source))
+    return Problem(f"not well-formed XML: {message}", Location(path, line, column, source))

@@ -28,9 +28,9 @@ from forge.build.inputs.native_graph import read_by_cmake, read_native_graph
 from forge.build.reuse import (
     Decision,
     Reuse,
-    brought_back,
     decide,
     read_or_nothing,
+    restorable_outputs,
     undeclared_readers,
 )
 
@@ -67,15 +67,14 @@ class FileChecks:
     """Functions that check files outside the package.
 
     `needed_changes(name, then, now)` returns the difference between two states of a dependency's installed
-    files, or None if it is unknown,
-    `links_alike` whether they differ only in the code of shared libraries. `contents(paths)` returns content
-    digests.
+    files, or None if it is unknown; `only_library_code_changed` whether they differ only in the code of
+    shared libraries. `contents(paths)` returns content digests.
     """
 
     needed_changes: Callable[[str, str, str], Changes | None]
     contents: Callable[[Iterable[str]], Mapping[str, str]]
-    is_cmakes: Callable[[str], bool]
-    links_alike: Callable[[str, str, str], bool]
+    is_cmake_module: Callable[[str], bool]
+    only_library_code_changed: Callable[[str, str, str], bool]
 
 
 def prepare_build_dir(
@@ -111,7 +110,7 @@ def prepare_build_dir(
     return decision.reuse
 
 
-def restore_products(build: Path) -> None:
+def restore_outputs(build: Path) -> None:
     """Move products of the earlier build that the new build graph still contains back into the build folder.
 
     Files that CMake generated again with identical content get their old times, so that they cause no
@@ -124,7 +123,7 @@ def restore_products(build: Path) -> None:
     dropped = frozenset(note_data.get("dropped", ()))
     graph = replace(read_native_graph(build), reported=read_native_graph(before, build).reported)
     dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing)
-    for path in brought_back(graph, dropped):
+    for path in restorable_outputs(graph, dropped):
         if path.startswith(f"{build}/"):
             _move(path, path.replace(str(build), str(before), 1))
     for path in note_data.get("generated", ()):
@@ -160,7 +159,7 @@ def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconf
     external_paths = (path for path in graph.known() - then.keys() if not path.startswith(f"{build}/"))
     if needed_changes is None or not graph.tool or _externals_changed(build, external_paths, note, checks):
         return _NOTHING
-    decision = decide(graph, own, needed_changes, read_or_nothing, checks.is_cmakes)
+    decision = decide(graph, own, needed_changes, read_or_nothing, checks.is_cmake_module)
     must_configure = reconfigure or note.get("shape") != inputs.shape
     if must_configure and decision.reuse is Reuse.EVERYTHING:
         return Decision(Reuse.PRODUCTS if graph.tool == "ninja" else Reuse.NOTHING, decision.dropped)

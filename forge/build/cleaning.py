@@ -30,7 +30,7 @@ from forge.base.layout import (
 )
 from forge.base.text import listed
 from forge.build.build_dir import set_aside_path
-from forge.build.installed_lists import MANIFESTS
+from forge.build.install_manifests import MANIFESTS
 from forge.build.markers import remove_file
 from forge.build.rollback import leftover_backups
 from forge.environment.prefixes import PACKAGES

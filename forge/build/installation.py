@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.ament_index import INDEX
 from forge.base.files import read_file, replace_file, tree_below, write_if_changed
 from forge.base.layout import INSTALL_STATE_FILE
-from forge.build.installed_lists import listed_files
+from forge.build.install_manifests import listed_files
 from forge.environment import scripts
 from forge.environment.dsv import Installed
 from forge.environment.hooks import package_hooks
@@ -87,7 +87,7 @@ def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], 
     return tuple(sorted(path for path in found if os.path.lexists(path))), ()
 
 
-def markers(name: str, layout: Layout) -> tuple[str, ...]:
+def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
     """Return the files that mark a package as installed; the one that is read first comes first."""
     prefix = layout.prefix(name)
     scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
@@ -96,7 +96,7 @@ def markers(name: str, layout: Layout) -> tuple[str, ...]:
 
 def uninstall_markers(name: str, layout: Layout) -> None:
     """Remove the files that mark a package as installed."""
-    for path in markers(name, layout):
+    for path in package_markers(name, layout):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)  # noqa: PTH108  (seven of each package: no Path for each)
 

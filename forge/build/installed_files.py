@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.build.file_conflicts import owned_by_others
 from forge.build.inputs.fingerprints import RACY_NANOSECONDS, content_digest
-from forge.build.installation import markers
+from forge.build.installation import package_markers
 from forge.build.markers import remove_file
 from forge.build.rollback import backed_up_files, restore_files
 
@@ -35,7 +35,7 @@ def set_file_times(
     The package's own script gets its time last: later files were not installed by a build.
     """
     before = backed_up_files(task.name, layout)
-    marker = markers(task.name, layout)[0]
+    marker = package_markers(task.name, layout)[0]
     found = dict(known or {})
     dated = files if known is None or before else ()
     for path in (*(path for path in dated if path != marker), marker):
@@ -61,7 +61,7 @@ def restore_foreign_files(task: Task, layout: Layout, record: BuildRecord | None
     before = backed_up_files(task.name, layout)
     after = 0
     if not (record and record.files):
-        marker = before.get(markers(task.name, layout)[0])
+        marker = before.get(package_markers(task.name, layout)[0])
         after = marker[1].st_ctime_ns if marker else 0
     others = before.keys() - set(task.earlier)
     foreign = [path for path in others if before[path][1].st_ctime_ns > after]

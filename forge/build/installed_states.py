@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
 from forge.base.layout import INSTALLED_STATES_DIR
+from forge.build.inputs.elf_abi import SHARED_LIBRARY, abi_digest
 from forge.build.inputs.input_manifest import FileState, compare, read_manifest, write_manifest
-from forge.build.inputs.library_interface import SHARED_LIBRARY, library_interface
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -56,7 +56,7 @@ class InstalledStates:
             self._compared[key] = None if one is None or other is None else compare(one, other)
         return self._compared[key]
 
-    def links_alike(self, name: str, then: str, now: str) -> bool:
+    def only_library_code_changed(self, name: str, then: str, now: str) -> bool:
         """Tell if two states of a package differ, and only in the code of shared libraries.
 
         A program that is linked with either is the same: the libraries have equal interfaces.
@@ -79,7 +79,7 @@ class InstalledStates:
         if not libraries:
             return
         known = _read_interfaces(file)
-        now = {content: known.get(content) or library_interface(path) for content, path in libraries.items()}
+        now = {content: known.get(content) or abi_digest(path) for content, path in libraries.items()}
         older = {content: interface for content, interface in known.items() if content not in now}
         kept = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
         if kept != known:

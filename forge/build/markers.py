@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _BUILDERS = ("colcon", "forge")
 
 
-def begin_workspace(layout: Layout) -> None:
+def create_output_folders(layout: Layout) -> None:
     """Create the build and install folders with the markers that colcon and forge share.
 
     Raises WorkspaceError if a folder cannot be created, belongs to another tool, or has the other layout.
@@ -44,7 +44,7 @@ def foreign_build(layout: Layout) -> Problem | None:
     if builder in {None, *_BUILDERS}:
         return None
     hint = "remove the folder, or choose another with '--build-base'"
-    return Problem(f"the build folder '{layout.build}' belongs to '{builder}'", hint=hint)
+    return Problem(f"the build folder '{layout.build}' was created by '{builder}'", hint=hint)
 
 
 def other_layout(layout: Layout) -> Problem | None:

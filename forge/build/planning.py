@@ -6,10 +6,10 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
-from forge.base.lazy import Deferred
+from forge.base.lazy import LazyTuple
 from forge.base.names import did_you_mean
 from forge.build.model import BuildInputs, Fingerprint
 from forge.build.recipes import RECIPES
@@ -141,7 +141,7 @@ class GlobalInputs:
         return self.force if name in self.selected else ""
 
 
-def decided_task(
+def finalize_task(
     task: Task, hashes: DependencyHashes, record: BuildRecord | None, *, reads_other: bool = False
 ) -> Task | None:
     """Return the task with the hashes of its dependencies, or None if it is up to date.
@@ -225,11 +225,11 @@ def _task(
         prefix=context.layout.prefix(name),
         build_dir=context.layout.build_dir(name),
         needs=needs,
-        steps=Deferred(lambda: _replacing(earlier, recipe().steps)),
+        steps=LazyTuple(lambda: _replacing(earlier, recipe().steps)),
         reason="one of its dependencies is being rebuilt and may change",
         inputs=inputs,
         sources=snapshot.sources[name],
-        files=Deferred(lambda: recipe().files),
+        files=LazyTuple(lambda: recipe().files),
         conditional=True,
         earlier=earlier,
         reconfigure=context.force_configure or context.clean_cache,
@@ -248,7 +248,7 @@ def _unknown_types(names: Iterable[str], resolution: DependencyResolution) -> It
             hint = did_you_mean(package.build_type, RECIPES)
             message = f"unsupported build type '{package.build_type}' of package '{name}'"
             supported = f"supported build types: {', '.join(sorted(RECIPES))}"
-            yield Problem(message, Place(package.manifest.path), hint or supported)
+            yield Problem(message, Location(package.manifest.path), hint or supported)
 
 
 def _not_installed(

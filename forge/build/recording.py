@@ -194,7 +194,7 @@ def file_checks(build: Path, states: InstalledStates, table: FileTable) -> FileC
     cmakes = cmake_root(build)
     return FileChecks(
         needed_changes=states.changes,
-        links_alike=states.links_alike,
+        only_library_code_changed=states.only_library_code_changed,
         contents=lambda paths: contents_of(paths, table),
-        is_cmakes=lambda path: bool(cmakes) and path.startswith(cmakes),
+        is_cmake_module=lambda path: bool(cmakes) and path.startswith(cmakes),
     )

@@ -1,6 +1,6 @@
-"""Packages that a build would only link again, with the same result: they need not be built.
+"""Skip packages for which a build would only relink and produce identical files.
 
-This is so after a change inside a shared library whose interface stays the same.
+This is the case if a shared library changed but its ABI did not.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import Task
 
 
-def links_the_same(
+def relinking_is_redundant(
     task: Task, record: BuildRecord, needs: Mapping[str, str], checks: FileChecks, prefixes: Iterable[str]
 ) -> bool:
     """Return True if building a task would only link it with shared libraries whose interfaces are unchanged.
@@ -52,15 +52,15 @@ def links_the_same(
     if not ended or ended.get("saved") or not isinstance(then, dict) or then.keys() != needs.keys():
         return False
     changed = [(name, then[name], needs[name]) for name in needs if then[name] != needs[name]]
-    if not changed or not all(checks.links_alike(*each) for each in changed):
+    if not changed or not all(checks.only_library_code_changed(*each) for each in changed):
         return False
     needed = dependency_changes(then, needs, checks)
     graph = read_native_graph(build)
     if needed is None or not graph.tool:
         return False
-    decision = decide(graph, Changes(), needed, read_or_nothing, checks.is_cmakes)
+    decision = decide(graph, Changes(), needed, read_or_nothing, checks.is_cmake_module)
     if not would_only_link(graph, decision):
         return False
     scripts = [text_or_nothing(path) for path in build.rglob("cmake_install.cmake")]
-    own = (text_or_nothing(path) for path in graph.read_by_cmake if is_own_code(path, checks.is_cmakes))
+    own = (text_or_nothing(path) for path in graph.read_by_cmake if is_own_code(path, checks.is_cmake_module))
     return not installs_what_others_installed(scripts, own, prefixes)

@@ -1,15 +1,15 @@
 """How much of a build folder the next build may reuse, so that the result is that of an empty folder.
 
-The native tool compares times and knows only what was declared or reported to it. So forge compares
-contents, and decides from the files that changed:
+The native tool compares times and knows only what was declared or reported to it. So forge compares contents,
+and decides from the files that changed:
 
-- An input of a compiler or linker: the files made from it are removed, and the tool makes them again.
-- A file that CMake read, or a name that came or went: CMake runs again in an empty folder, and what the tool
-  made and still names is brought back. No cached answer and no generated file outlives that.
-- A file that nobody declared: the commands that may have read it run again. Those are the package's own
-  commands (add_custom_command, ExternalProject), whatever CMake code reads at configure time, and compilers
-  and linkers whose inputs mention the file by its name (.incbin, linker scripts, `-l`).
-- A name that came may be found before another: what mentions it is compiled again (#include, __has_include).
+- An input of a compiler or linker changed: its outputs are removed, and the native tool rebuilds them.
+- A file that CMake read changed, or a file was added or removed: CMake reruns in an empty folder, and outputs
+  that are still in the graph are restored. No cache entry and no generated file survives this.
+- An undeclared file changed: the commands that may have read it rerun. These are the package's custom
+  commands (add_custom_command, ExternalProject), CMake code that reads files at configure time, and compilers
+  and linkers whose inputs mention the file name (.incbin, linker scripts, `-l`).
+- A new file may shadow another one: whatever mentions its name is recompiled (#include, __has_include).
 """
 
 from __future__ import annotations
@@ -79,17 +79,17 @@ def decide(
     own: Changes,
     needed: Changes,
     read: Callable[[str], bytes],
-    is_cmakes: Callable[[str], bool],
+    is_cmake_module: Callable[[str], bool],
 ) -> Decision:
-    """Return what may be reused of a folder whose package or needs changed.
+    """Return how much of a build folder can be reused after the package or its dependencies changed.
 
-    `own` are changes of the package's sources, `needed` those of what its needs installed. `read` returns
-    what a file says now, `is_cmakes` tells if a path is one of CMake's own modules.
+    `own` are the changes of the package's sources, `needed` those of its dependencies' installed files.
+    `read` returns the current content of a file; `is_cmake_module` returns True for CMake's own modules.
     """
     changes = own | needed
     if not changes:
         return Decision(Reuse.EVERYTHING)
-    if not graph.tool or graph.has_modules:
+    if not graph.tool or graph.has_dyndeps:
         return Decision(Reuse.NOTHING)
     known = graph.known()
     code = frozenset(graph.read_by_cmake)
@@ -99,26 +99,26 @@ def decide(
         or any(path.endswith(".pc") for path in needed.modified)
         or any(_STEPS.search(output) for output in _made_from(graph, changes.all & known))
         or any(_may_have_read(edge, graph, changes.all, read) for edge in graph.opaque())
-        or _configure_reads(own.modified, needed.modified, code, read, is_cmakes)
+        or _configure_reads(own.modified, needed.modified, code, read, is_cmake_module)
     )
     if again and graph.tool != "ninja":
         return Decision(Reuse.NOTHING)
     dropped = _made_from(graph, changes.all & known) | undeclared_readers(graph, changes, read)
     if not again:
         return Decision(Reuse.EVERYTHING, dropped)
-    return Decision(Reuse.PRODUCTS, dropped | _made_again(graph))
+    return Decision(Reuse.PRODUCTS, dropped | _always_dirty_outputs(graph))
 
 
-def is_own_code(path: str, is_cmakes: Callable[[str], bool]) -> bool:
+def is_own_code(path: str, is_cmake_module: Callable[[str], bool]) -> bool:
     """Tell if a file of CMake code is neither CMake's, ament's nor rosidl's."""
-    return not is_cmakes(path) and not _OF_ROS.search(path)
+    return not is_cmake_module(path) and not _OF_ROS.search(path)
 
 
 def would_only_link(graph: NativeGraph, decision: Decision) -> bool:
-    """Tell if all that a build would do after a change of shared libraries is to link with them again.
+    """Return True if the only work after a change of shared libraries is to relink.
 
-    `decision` is that of decide(). Commands that may run what is linked, or read what they do not declare,
-    may do more.
+    `decision` is the result of decide(). False if a command may run the linked program or read undeclared
+    files.
     """
     if graph.tool != "ninja" or decision.reuse is not Reuse.EVERYTHING:
         return False
@@ -155,12 +155,12 @@ def undeclared_readers(graph: NativeGraph, changes: Changes, read: Callable[[str
     return _mentioning(graph, changes.names | (changes.modified - known), changes.all, read)
 
 
-def brought_back(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]:
-    """Return the outputs, by a newly configured graph, that an earlier build may have made already.
+def restorable_outputs(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]:
+    """Return the outputs in the newly configured graph that can be restored from the earlier build.
 
-    A command that may write more than it declares has to run again: only what it declares would come back.
+    Commands that may write undeclared outputs are excluded, because only the declared ones could be restored.
     """
-    made_again = _made_again(graph)
+    made_again = _always_dirty_outputs(graph)
     kept = (edge.outputs for edge in graph.edges if edge.outputs_known)
     return tuple(
         output
@@ -170,11 +170,11 @@ def brought_back(graph: NativeGraph, dropped: frozenset[str]) -> tuple[str, ...]
     )
 
 
-def _made_again(graph: NativeGraph) -> frozenset[str]:
-    """Return the outputs of commands that have to run again, and of all that is made from these.
+def _always_dirty_outputs(graph: NativeGraph) -> frozenset[str]:
+    """Return the outputs of commands that must rerun, and all outputs that depend on them.
 
-    Ninja would find out most of it by times. It does not where a command makes its output later than the
-    rules say, as the steps of an ExternalProject do.
+    Ninja detects most of these by their times, but not if a command writes its output later than its rule
+    says, as ExternalProject steps do.
     """
     made = {output for edge in graph.edges if not edge.outputs_known for output in edge.outputs}
     while True:
@@ -194,14 +194,14 @@ def _configure_reads(
     needed: frozenset[str],
     code: frozenset[str],
     read: Callable[[str], bytes],
-    is_cmakes: Callable[[str], bool],
+    is_cmake_module: Callable[[str], bool],
 ) -> bool:
     """Tell if CMake code may have read one of the modified files without CMake keeping account of it."""
     if not own and not needed:
         return False
     headers = [path for path in needed if not _LIBRARY.match(os.path.basename(path))]  # noqa: PTH119
     for path in code:
-        if is_cmakes(path):
+        if is_cmake_module(path):
             # CMake's modules look at what others install, never at a package's own sources.
             if headers and _FINDS.search(path):
                 return True

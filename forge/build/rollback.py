@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
 from forge.base.layout import BACKUP_DIR
-from forge.build.installation import markers
+from forge.build.installation import package_markers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
@@ -40,7 +40,7 @@ def back_up(name: str, layout: Layout, files: Iterable[str], shared: Collection[
     `shared` ones.
     """
     prefix = str(layout.prefix(name))
-    files = dict.fromkeys((*files, *(markers(name, layout) if layout.merged else ())))
+    files = dict.fromkeys((*files, *(package_markers(name, layout) if layout.merged else ())))
     movable = [path for path in files if path.startswith(f"{prefix}/") and path not in shared]
     staying = files.keys() - set(movable)
     if staying:
@@ -84,7 +84,7 @@ def restore(name: str, layout: Layout) -> None:
         else:
             _restore_prefix(name, layout)
     if not _restore_copies(_folder(name, layout, "copies")):
-        for path in markers(name, layout):
+        for path in package_markers(name, layout):
             remove_tree(path)
     drop(name, layout)
 

@@ -6,14 +6,14 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.build.inputs.fingerprints import (
-    NAMES_IN,
+    DIR_LISTING_SUFFIX,
     contents_of,
     digest_of,
     fingerprint_files,
     fingerprint_tree,
     stamp_files,
 )
-from forge.build.installed_lists import ListedFiles, installed_links
+from forge.build.install_manifests import ManifestFiles, installed_links
 from forge.build.model import Snapshot
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def take_snapshot(
             installed[name] = fingerprint_files((*record.files, *record.folders), table, record.installed)
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
-    listed = ListedFiles(layout, _unrecorded_links(root, packages, layout, records))
+    listed = ManifestFiles(layout, _unrecorded_links(root, packages, layout, records))
     return Snapshot(records, sources, installed, changed_externals, listed, frozenset(present), changed_files)
 
 
@@ -80,5 +80,5 @@ def find_changed_externals(journal: Journal, table: FileTable) -> dict[str, str]
             changed = [path for path in record.externals if path in table.changed_files]
             changed_externals[name] = (
                 changed[0] if changed else "a file outside the workspace"
-            ).removesuffix(NAMES_IN)
+            ).removesuffix(DIR_LISTING_SUFFIX)
     return changed_externals

@@ -15,7 +15,7 @@ from forge.build.file_conflicts import MergedPrefix
 from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_files
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import open_journal
-from forge.build.planning import decided_task
+from forge.build.planning import finalize_task
 from forge.build.snapshot import find_changed_externals
 from forge.build.up_to_date import UNKNOWN
 from forge.build.workspace_scripts import WorkspaceScripts
@@ -82,20 +82,20 @@ class BuildState:
 
     def resolve(self, task: Task) -> Task | None:
         """Return the task with its final inputs, or None if none of its dependencies changed."""
-        assert self._hashes is not None  # noqa: S101  (confirm() comes first)
+        assert self._hashes is not None  # noqa: S101  (confirm_up_to_date() comes first)
         record = self.journal.records.get(task.name)
         reads_other = bool(task.after) and record is not None and self._reads_other(record)
-        decided = decided_task(task, self._hashes, record, reads_other=reads_other)
+        decided = finalize_task(task, self._hashes, record, reads_other=reads_other)
         if decided is None or record is None or reads_other or not task.conditional:
             return decided
         from forge.build.recording import file_checks  # noqa: PLC0415
-        from forge.build.relinking import links_the_same  # noqa: PLC0415  (most builds make nothing)
+        from forge.build.relinking import relinking_is_redundant  # noqa: PLC0415  (most builds make nothing)
 
         records = self.journal.records
         needs = {need: records[need].installed.digest if need in records else UNKNOWN for need in task.needs}
         prefixes = [str(self.layout.prefix(need)) for need in task.needs]
         checks = file_checks(task.build_dir, self.installed_states, self.table)
-        if not links_the_same(decided, record, needs, checks, prefixes):
+        if not relinking_is_redundant(decided, record, needs, checks, prefixes):
             return decided
         self.journal.set_record(task.name, replace(record, inputs=decided.inputs))
         return None
@@ -106,7 +106,7 @@ class BuildState:
 
     def record_event(self, event: Event, plan: BuildPlan) -> None:
         """Record an event."""
-        assert self._hashes is not None  # noqa: S101  (confirm() comes first)
+        assert self._hashes is not None  # noqa: S101  (confirm_up_to_date() comes first)
         self.journal.record(event, plan)
         match event:
             case Fresh(name):

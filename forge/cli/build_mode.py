@@ -20,7 +20,7 @@ class BuildMode:
 
     quiet = False
     """Whether to omit progress messages; failures and stderr output of packages are printed in any case."""
-    checking = False
+    silent_if_up_to_date = False
     """Whether to print nothing if all packages are up to date."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.cleaning import stale_package_warnings
 from forge.build.compile_commands import merge_compile_commands
-from forge.build.inputs.named_inputs import named_by
+from forge.build.inputs.referenced_inputs import named_by
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recording import PackageRecorder
 from forge.build.up_to_date import relevant_environment
@@ -84,7 +84,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state.finish(plan, build.variables)
             if build.options.report.handlers["compile_commands"]:
                 merge_compile_commands(build.context.layout.build)
-            session.report.outcomes = opened.launcher_stats.finish()
+            session.report.launcher_summaries = opened.launcher_stats.finish()
             _report_results(plan, build, opened)
     _report_conflicts(plan, build, state)
     code = session.report.exit_code

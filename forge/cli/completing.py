@@ -33,7 +33,7 @@ class Expected:
 
 
 @frozen
-class Option:
+class CompletionOption:
     """An option with all its spellings; `expected` is None for flags."""
 
     flags: tuple[str, ...]
@@ -42,16 +42,16 @@ class Option:
 
 
 @frozen
-class Context:
+class CompletionContext:
     """Completions after the words `path`: subcommands with summaries, options, positional values."""
 
     path: tuple[str, ...]
     words: tuple[tuple[str, str], ...] = ()
-    options: tuple[Option, ...] = ()
+    options: tuple[CompletionOption, ...] = ()
     expected: Expected | None = None
 
 
-def completion(shell: str, contexts: Sequence[Context], answer: Sequence[str]) -> str:
+def completion(shell: str, contexts: Sequence[CompletionContext], answer: Sequence[str]) -> str:
     """Return the script for a shell; `answer` is the command that prints names."""
     program = shlex.join(answer)
     if shell == "fish":
@@ -85,18 +85,18 @@ class _Row:
     words: str
 
 
-def _pattern(context: Context) -> str:
+def _pattern(context: CompletionContext) -> str:
     return shlex.quote(" ".join(context.path))
 
 
-def _offered(context: Context) -> Iterator[str]:
+def _offered(context: CompletionContext) -> Iterator[str]:
     """Yield words and options; short options only if they have no long spelling."""
     yield from (word for word, _ in context.words)
     for option in context.options:
         yield from [flag for flag in option.flags if flag.startswith("--")] or option.flags
 
 
-def _values(context: Context) -> Iterator[_Row]:
+def _values(context: CompletionContext) -> Iterator[_Row]:
     for option in context.options:
         if option.expected:
             pattern = "|".join(shlex.quote(" ".join((*context.path, flag))) for flag in option.flags)
@@ -112,19 +112,19 @@ def _quoted(words: Iterable[str]) -> str:
     return " ".join(map(shlex.quote, words))
 
 
-def _paths(contexts: Sequence[Context]) -> str:
+def _paths(contexts: Sequence[CompletionContext]) -> str:
     """Return the paths of all contexts as a fish list."""
     return " ".join(_fish_quoted(" ".join(context.path)) for context in contexts if context.path)
 
 
-def _valued(contexts: Sequence[Context], *, several: bool) -> str:
+def _valued(contexts: Sequence[CompletionContext], *, several: bool) -> str:
     """Return all options that take one value, or several."""
     options = [option for context in contexts for option in context.options]
     found = (option for option in options if option.expected and option.expected.several is several)
     return " ".join(sorted({flag for option in found for flag in option.flags}))
 
 
-def _fish(contexts: Sequence[Context]) -> Iterator[str]:
+def _fish(contexts: Sequence[CompletionContext]) -> Iterator[str]:
     """Yield a `complete` line for each word, option and value."""
     for context in contexts:
         where = _fish_quoted(" ".join(context.path))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.env_vars import home, setting
-from forge.base.errors import Place, Problem, SelectionError
+from forge.base.errors import Location, Problem, SelectionError
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
@@ -84,7 +84,7 @@ def _sources(
         return
     if name not in profiles:
         hint = did_you_mean(name, profiles) or f"add a table [profiles.{name}.{verb}] to {FORGE_TOML}"
-        raise SelectionError(Problem(f"unknown profile '{name}'", Place(path), hint))
+        raise SelectionError(Problem(f"unknown profile '{name}'", Location(path), hint))
     yield OptionFile(path, table_of(table_of(profiles, name, path), verb, path))
 
 
@@ -95,14 +95,14 @@ def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str
         action = known.get(str(key))
         if action is None:
             hint = did_you_mean(str(key), known)
-            _warn(Problem(f"'forge {verb}' has no option '{key}'", Place(source.path), hint))
+            _warn(Problem(f"'forge {verb}' has no option '{key}'", Location(source.path), hint))
             continue
         try:
             values[action.dest] = _value(action, value)
         except (TypeError, ValueError, argparse.ArgumentTypeError) as error:
             _warn(
                 Problem(
-                    f"option '{key}' of 'forge {verb}' expects {error}, not {value!r}", Place(source.path)
+                    f"option '{key}' of 'forge {verb}' expects {error}, not {value!r}", Location(source.path)
                 )
             )
     return values

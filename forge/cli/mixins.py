@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Place, Problem, SelectionError, WorkspaceError
+from forge.base.errors import Location, Problem, SelectionError, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
@@ -101,13 +101,15 @@ def _read(path: Path) -> Iterator[Mixin]:
     try:
         content = read_yaml(read_file(path), path)
     except OSError as error:
-        raise SelectionError(Problem(f"cannot read mixin file: {error.strerror}", Place(path))) from None
+        raise SelectionError(Problem(f"cannot read mixin file: {error.strerror}", Location(path))) from None
     for verb, mixins in content.items():
         if not isinstance(mixins, dict) or not all(isinstance(value, dict) for value in mixins.values()):
             hint = "the format is 'COMMAND:', below it 'NAME:', below that 'option: value'"
-            raise WorkspaceError(Problem(f"'{verb}' is not a mapping of names to options", Place(path), hint))
+            raise WorkspaceError(
+                Problem(f"'{verb}' is not a mapping of names to options", Location(path), hint)
+            )
         for name, options in mixins.items():
             others = options.get("mixin", [])
             if not isinstance(others, list) or not all(isinstance(other, str) for other in others):
-                raise WorkspaceError(Problem(f"'mixin' of '{name}' is not a list of names", Place(path)))
+                raise WorkspaceError(Problem(f"'mixin' of '{name}' is not a list of names", Location(path)))
         yield from (Mixin(verb, str(name), options, path) for name, options in mixins.items())

@@ -196,7 +196,7 @@ def _filters_of(options: argparse.Namespace) -> PackageFilters:
     )
 
 
-def chooses(options: argparse.Namespace) -> bool:
+def has_selection(options: argparse.Namespace) -> bool:
     """Tell whether any option selects packages."""
     query = query_of(options)
     unlimited = PackageFilters(build_base=query.filters.build_base, since=query.filters.since)

@@ -14,7 +14,7 @@ from forge import __version__
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.layout import PACKAGE, own_folders
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
-from forge.build.inputs.named_inputs import NamedInputs
+from forge.build.inputs.referenced_inputs import ReferencedInputs
 from forge.build.planning import GlobalInputs
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
@@ -183,13 +183,13 @@ def global_inputs(
     loaded: Loaded,
     context: BuildContext,
     variables: Mapping[str, str],
-) -> tuple[GlobalInputs, NamedInputs]:
+) -> tuple[GlobalInputs, ReferencedInputs]:
     """Return the inputs shared by all packages, and the collector of inputs named by single packages.
 
     The collector must be saved after planning.
     """
     stamp, resolution = forge_stamp(), loaded.resolution
-    named = NamedInputs(context, resolution.needs, resolution.packages, variables, stamp)
+    named = ReferencedInputs(context, resolution.needs, resolution.packages, variables, stamp)
     shared = GlobalInputs(
         forge=stamp,
         tools=condensed(context.tools),

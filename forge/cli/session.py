@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.execution.loop import execute
 from forge.output.console import ConsoleReporter
-from forge.output.handlers import without_prose
+from forge.output.handlers import without_text_output
 from forge.output.json_events import JsonEvents
 from forge.output.live import is_wanted, live_view
 from forge.output.logs import open_log
@@ -108,7 +108,7 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
         closing(open_log(logs, command, sys.argv)) as log,
         live_view(plan, seconds or {}, wanted=live) as view,
     ):
-        shown = without_prose(handlers) if options.json or quiet else handlers
+        shown = without_text_output(handlers) if options.json or quiet else handlers
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
         report.screen = view.screen
         report.python = python

@@ -13,7 +13,7 @@ from pathlib import PurePosixPath
 from posixpath import splitext
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]
             problems.append(
                 Problem(
                     "invalid environment hook",
-                    Place(path, number, source=line),
+                    Location(path, number, source=line),
                     hint="the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'",
                 )
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.layout import INSTALL_STATE_FILE
 
@@ -35,6 +35,6 @@ def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
         return None, ()
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         problem = Problem(
-            "invalid state file", Place(root / INSTALL_STATE_FILE), hint="remove the file and build again"
+            "invalid state file", Location(root / INSTALL_STATE_FILE), hint="remove the file and build again"
         )
         raise WorkspaceError(problem) from error

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from forge.base.files import says, write_if_changed
+from forge.base.files import has_text, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
@@ -218,7 +218,7 @@ class ProcessRunner:
         self, task: Task, step: Step, environment: Mapping[str, str], put: Callable[[Event], None]
     ) -> int:
         if step.record:
-            if says(*step.record):
+            if has_text(*step.record):
                 return 0
             step.record[0].unlink(missing_ok=True)
         for path in filter(os.path.islink, step.replaces):
@@ -232,9 +232,9 @@ class ProcessRunner:
             code = self._start(task, replace(step, argv=tuple(argv)), tool_context, put)
         if step.record and code == 0:
             if step.kind is StepKind.CONFIGURE:
-                from forge.build.build_dir import restore_products  # noqa: PLC0415  (few steps configure)
+                from forge.build.build_dir import restore_outputs  # noqa: PLC0415  (few steps configure)
 
-                restore_products(step.cwd)
+                restore_outputs(step.cwd)
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code

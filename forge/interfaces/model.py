@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from forge.base.errors import Place
+    from forge.base.errors import Location
 
 HIDDEN_MEMBER = "structure_needs_at_least_one_member"
 
@@ -88,7 +88,7 @@ class Field:
     default: Value | None = None
     doc: tuple[str, ...] = ()
     unit: str | None = None
-    place: Place | None = field(default=None, compare=False)
+    place: Location | None = field(default=None, compare=False)
 
 
 @frozen
@@ -99,7 +99,7 @@ class Constant:
     type: Primitive | String
     value: Value
     doc: tuple[str, ...] = ()
-    place: Place | None = field(default=None, compare=False)
+    place: Location | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

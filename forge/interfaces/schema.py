@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import InterfaceError, Place, Problem
+from forge.base.errors import InterfaceError, Location, Problem
 from forge.interfaces.idl.target import idl_text
 from forge.interfaces.model import Named, Source, TypeName, element_of, sections_of
 from forge.interfaces.read.declarations import LOWER_NAME
@@ -50,7 +50,7 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
         number, heading = next(lines, (None, ""))
         found = _HEADING.fullmatch(heading)
         if not found:
-            place = Place(str(name), number, 1 if number else None, heading if number else None)
+            place = Location(str(name), number, 1 if number else None, heading if number else None)
             hint = "such as 'MSG: std_msgs/Header'"
             raise InterfaceError(Problem("expected the name of a type after a line of '='", place, hint))
         word, package, kind, stem = found.groups()
@@ -103,7 +103,7 @@ def _heading(parsed: Parsed, encoding: str) -> str:
 def _as_written(parsed: Parsed) -> str:
     if parsed.source.relative.endswith(".idl"):
         message = f"'{parsed.interface.name}' is written in IDL"
-        raise InterfaceError(Problem(message, Place(parsed.source.path), "use --encoding ros2idl"))
+        raise InterfaceError(Problem(message, Location(parsed.source.path), "use --encoding ros2idl"))
     return parsed.source.text.removeprefix("\ufeff")
 
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Place, Problem
+from forge.base.errors import EnvironmentFault, Location, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
 from forge.interfaces.output_state import OutputState, PartState, file_stat, read_states, write_state
@@ -78,7 +78,7 @@ def write_site(files: Iterable[File], out: Path, first_page: str) -> Written:
     try:
         if not listing.is_file() and (out / first_page).exists():
             hint = "choose another folder with --output, or remove the file"
-            problem = Problem(f"'{first_page}' exists, but forge did not write it", Place(out), hint)
+            problem = Problem(f"'{first_page}' exists, but forge did not write it", Location(out), hint)
             raise EnvironmentFault(problem)
         before = _listed(listing)
         written = {file.path: write_if_changed(out / file.path, file.text) for file in files}
@@ -111,7 +111,7 @@ def _remove(paths: Iterable[str], out: Path) -> None:
 
 def _unwritable(error: OSError, out: Path) -> EnvironmentFault:
     reason = (error.strerror or str(error)).lower()
-    return EnvironmentFault(Problem(f"cannot write: {reason}", Place(error.filename or out)))
+    return EnvironmentFault(Problem(f"cannot write: {reason}", Location(error.filename or out)))
 
 
 def write_depfile(path: Path, target: Path, sources: Iterable[Path]) -> None:

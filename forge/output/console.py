@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Protocol
 from forge.base.frozen import frozen
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, duration
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
+from forge.build.events import (
+    Aborted,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
 from forge.toolchain.cmake_warnings import UnusedVariables
@@ -107,7 +116,7 @@ class ConsoleReporter:
         self.screen = PLAIN
         self.python = "python3"
         """The workspace's interpreter, for hints."""
-        self.outcomes: tuple[LauncherSummary, ...] = ()
+        self.launcher_summaries: tuple[LauncherSummary, ...] = ()
         """The summaries of compiler launchers."""
         self.packages = packages
         self._tasks = plan.tasks
@@ -196,7 +205,7 @@ class ConsoleReporter:
             self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} finished")
         if tally.restored:
             self._out(f"  {_count(tally.restored)} came from the cache")
-        for outcome in self.outcomes:
+        for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
         for names, words in (
             (tally.failed, "failed"),

@@ -52,7 +52,7 @@ def handlers_of(words: Sequence[str]) -> dict[str, bool]:
     return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
 
 
-def without_prose(handlers: Mapping[str, bool]) -> dict[str, bool]:
+def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:
     """Return the event handlers with those disabled that print text on stdout."""
     return {**handlers, **dict.fromkeys(_PROSE, False)}
 

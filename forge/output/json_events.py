@@ -15,7 +15,16 @@ from forge.base.errors import EXIT_INTERRUPTED
 from forge.base.graph import reduced
 from forge.base.signals import ignore_closed_output
 from forge.base.text import split_lines
-from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
+from forge.build.events import (
+    Aborted,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -25,7 +34,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan, Step
     from forge.output.charts.sampling import Usage
     from forge.output.console import ConsoleReporter
-    from forge.testing.showing import Failure
+    from forge.testing.failures import Failure
     from forge.workspace.model import Package
 
 
@@ -102,7 +111,7 @@ class JsonEvents:
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""
-        for outcome in report.outcomes:
+        for outcome in report.launcher_summaries:
             counted = {name: number for name, number in asdict(outcome).items() if number is not None}
             self._emit("Launcher", None, **counted)
         log = str(report.logs) if report.logs else None

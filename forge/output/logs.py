@@ -15,7 +15,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import without_passwords
-from forge.base.errors import EnvironmentFault, Place, Problem
+from forge.base.errors import EnvironmentFault, Location, Problem
 from forge.base.files import naming
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
@@ -95,7 +95,9 @@ def open_log(logs: Path | None, verb: str, argv: list[str]) -> LogWriter:
         _point(logs / "latest", f"latest_{verb}")
     except OSError as error:
         problem = Problem(
-            f"cannot write logs: {error.strerror}", Place(logs), "choose another folder with --log-base DIR"
+            f"cannot write logs: {error.strerror}",
+            Location(logs),
+            "choose another folder with --log-base DIR",
         )
         raise EnvironmentFault(problem) from None
     return LogWriter(folder)

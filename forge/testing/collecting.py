@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import is_word
@@ -48,7 +48,7 @@ def collect(base: Path) -> Collection:
             problems += error.problems
         except NotAResultError as error:
             if tag is not None:
-                problems.append(Problem(f"not a CTest result: {error}", Place(path)))
+                problems.append(Problem(f"not a CTest result: {error}", Location(path)))
         else:
             files.append(path)
     return Collection(
@@ -97,7 +97,7 @@ def _read(path: str, home: str, read: Read) -> Outcome:
     try:
         content = read_file(path)
     except OSError as error:
-        problem = Problem(f"cannot read the result: {error.strerror}", Place(path))
+        problem = Problem(f"cannot read the result: {error.strerror}", Location(path))
         raise WorkspaceError(problem) from None
     if b"<testsuite" not in content and read is read_junit:
         raise NotAResultError("it contains no 'testsuite'")

@@ -103,7 +103,7 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
     return Outcome(path, home, sum((counts for _, counts in verdicts), Counts()), failed, verdicts)
 
 
-def find_twin(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
+def find_junit(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
     """Return the JUnit file of ament's test `name` in that home, or None."""
     found = (junit for junit in junits if junit.test == name and junit.home == home and not junit.by_name)
     return next(found, None)
@@ -118,14 +118,14 @@ def counted_once(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
     named: dict[tuple[str, str], list[Outcome]] = {}
     for outcome in outcomes:
         named.setdefault((outcome.home, outcome.test), []).append(outcome)
-    return tuple(_without_twins(outcome, named) if outcome.by_name else outcome for outcome in outcomes)
+    return tuple(_without_duplicates(outcome, named) if outcome.by_name else outcome for outcome in outcomes)
 
 
-def _without_twins(outcome: Outcome, named: Mapping[tuple[str, str], list[Outcome]]) -> Outcome:
+def _without_duplicates(outcome: Outcome, named: Mapping[tuple[str, str], list[Outcome]]) -> Outcome:
     left = []
     for name, counts in outcome.by_name:
-        twin = find_twin(name, outcome.home, named.get((outcome.home, name), ()))
-        if twin is None or (counts.bad and not twin.counts.bad):
+        junit = find_junit(name, outcome.home, named.get((outcome.home, name), ()))
+        if junit is None or (counts.bad and not junit.counts.bad):
             left.append((name, counts))
     names = {name for name, _ in left}
     return replace(

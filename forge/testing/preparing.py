@@ -6,7 +6,7 @@ import os
 from functools import partial
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
@@ -18,8 +18,8 @@ from forge.environment.recorded import recorded_python
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
-from forge.testing.looking import inspect_tests
-from forge.testing.recipes import TEST_RECIPES, Look, TestContext, framework
+from forge.testing.detection import inspect_tests
+from forge.testing.recipes import TEST_RECIPES, PackageTests, TestContext, framework
 from forge.toolchain.interpreter import find_interpreter, missing_modules
 from forge.toolchain.programs import CMAKE_TYPES, find_ctest
 from forge.toolchain.resources import processors, shortage
@@ -99,7 +99,9 @@ def not_built_here(names: Sequence[str], loaded: Loaded, layout: Layout) -> tupl
     return (Problem(message, hint=f"forge build --force --packages-select {' '.join(gone)}"),)
 
 
-def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: Layout) -> tuple[Problem, ...]:
+def changed_since_build(
+    needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: Layout
+) -> tuple[Problem, ...]:
     """Return warnings for packages that changed since their last build, which the tests use.
 
     Python tests run in the source folder, and symbolic links lead there, too.
@@ -122,7 +124,7 @@ def unbuilt_edits(needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: La
         if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
             what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.changed_files)))
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
-            problems.append(Problem(message, Place(package.path), "forge build"))
+            problems.append(Problem(message, Location(package.path), "forge build"))
     return tuple(problems)
 
 
@@ -175,7 +177,7 @@ def make_test_plan(
     return BuildPlan(tasks)
 
 
-def _task(package: Package, context: TestContext, seen: Look) -> Task:
+def _task(package: Package, context: TestContext, seen: PackageTests) -> Task:
     recipe = TEST_RECIPES[package.build_type](package, context, seen)
     return Task(
         name=package.name,
@@ -192,7 +194,7 @@ def _task(package: Package, context: TestContext, seen: Look) -> Task:
 
 
 def _without_pytest(
-    packages: Sequence[Package], context: TestContext, looks: Mapping[str, Look]
+    packages: Sequence[Package], context: TestContext, looks: Mapping[str, PackageTests]
 ) -> Iterator[Problem]:
     wanting = [
         package.name

@@ -66,7 +66,7 @@ class TestContext:
 
 
 @frozen
-class Look:
+class PackageTests:
     """Properties of a package's tests.
 
     `configuration` is the configuration that CMake built, '' without CTest tests; `wants` are the normalized
@@ -88,7 +88,7 @@ class TestRecipe:
     clean: tuple[Path, ...] = ()
 
 
-def ctest_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
+def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> TestRecipe:
     """Return the CTest run with colcon's options; no steps without tests."""
     if not look.configuration:
         return TestRecipe()
@@ -111,13 +111,13 @@ def ctest_recipe(package: Package, context: TestContext, look: Look) -> TestReci
     return TestRecipe((step, *(again,) * context.options.retest_until_pass), clean=tuple(stale))
 
 
-def python_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
+def python_recipe(package: Package, context: TestContext, look: PackageTests) -> TestRecipe:
     """Return the pytest run if the package requires pytest, else the unittest run."""
     name = framework(package, context, look)
     return (pytest_recipe if name == "pytest" else unittest_recipe)(package, context, look)
 
 
-def framework(package: Package, context: TestContext, look: Look) -> str:
+def framework(package: Package, context: TestContext, look: PackageTests) -> str:
     """Return 'pytest' or 'unittest': the option, else according to the package's metadata and manifest."""
     if context.options.python_testing:
         return "pytest" if context.options.python_testing == "pytest" else "unittest"
@@ -125,7 +125,7 @@ def framework(package: Package, context: TestContext, look: Look) -> str:
     return "pytest" if "pytest" in look.wants or "python3-pytest" in declared else "unittest"
 
 
-def pytest_recipe(package: Package, context: TestContext, look: Look) -> TestRecipe:
+def pytest_recipe(package: Package, context: TestContext, look: PackageTests) -> TestRecipe:
     """Return the pytest run; without plugins for repetition the whole run is repeated."""
     build = context.layout.build_dir(package.name)
     junit = context.results_of(package.name) / "pytest.xml"
@@ -151,7 +151,7 @@ def pytest_recipe(package: Package, context: TestContext, look: Look) -> TestRec
     )
 
 
-def unittest_recipe(package: Package, context: TestContext, _: Look) -> TestRecipe:
+def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> TestRecipe:
     """Return the unittest run through forge's runner, which writes a JUnit file."""
     junit = context.results_of(package.name) / "unittest.xml"
     argv = (
@@ -174,7 +174,7 @@ def missing_result(package: Package, program: str) -> str:
     return render("testing/missing_result.xml.j2", package=package.name, program=program)
 
 
-TEST_RECIPES: Mapping[str, Callable[[Package, TestContext, Look], TestRecipe]] = {
+TEST_RECIPES: Mapping[str, Callable[[Package, TestContext, PackageTests], TestRecipe]] = {
     "ament_cmake": ctest_recipe,
     "cmake": ctest_recipe,
     "ament_python": python_recipe,

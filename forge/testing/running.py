@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished
-from forge.build.installed_lists import clean_paths
+from forge.build.install_manifests import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import VARIABLE, StartedProcesses
 from forge.testing.collecting import collect
-from forge.testing.outcomes import find_twin
-from forge.testing.showing import Failure, first_lines, last_lines
+from forge.testing.failures import Failure, first_lines, last_lines
+from forge.testing.outcomes import find_junit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,10 +42,10 @@ class TestSetup:
     needs: Mapping[str, Sequence[str]]
     variables: Mapping[str, str]
 
-    def runner(self, budget: JobPool) -> ProcessRunner:
+    def runner(self, job_pool: JobPool) -> ProcessRunner:
         """Return the runner of the tests."""
-        frame = TaskLifecycle(self._environment, lambda task, _: clean_paths(task), self._finish)
-        return ProcessRunner(frame, budget, StartedProcesses(self.context.layout.build))
+        lifecycle = TaskLifecycle(self._environment, lambda task, _: clean_paths(task), self._finish)
+        return ProcessRunner(lifecycle, job_pool, StartedProcesses(self.context.layout.build))
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         layout = self.context.layout
@@ -60,7 +60,7 @@ class TestSetup:
         return BuildRecord(BuildInputs())
 
 
-def note_result(event: Event, task: Task, failed_tests: frozenset[str]) -> None:
+def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) -> None:
     """Write colcon's marker file with the result of a package, which selection options read."""
     match event:
         case Finished(name, code):
@@ -95,10 +95,10 @@ def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
 
 def _ctest_failure(case: Case, task: Task, junits: Sequence[Outcome]) -> Failure:
     """Return a CTest failure; the JUnit file of the test is preferred to its output."""
-    twin = next(
-        (found for home in {j.home for j in junits} if (found := find_twin(case.name, home, junits))), None
+    junit = next(
+        (found for home in {j.home for j in junits} if (found := find_junit(case.name, home, junits))), None
     )
-    lines = first_lines(twin.cases) if twin and twin.cases else last_lines(case.text)
+    lines = first_lines(junit.cases) if junit and junit.cases else last_lines(case.text)
     step = task.steps[0]
     argv = (step.argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
     return Failure(

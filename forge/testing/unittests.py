@@ -36,37 +36,37 @@ _UNPRINTABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff
 class Result(unittest.TextTestResult):
     """unittest's result class with a record of each test."""
 
-    notes: list[Note]
+    records: list[CaseRecord]
 
     def startTestRun(self) -> None:  # noqa: N802  (unittest's name)
         """Start without records."""
         super().startTestRun()
-        self.notes = []
+        self.records = []
 
     def startTest(self, test: unittest.TestCase) -> None:  # noqa: N802
         """Start the record of a test."""
         super().startTest(test)
-        self.notes.append(Note(test.id()))
+        self.records.append(CaseRecord(test.id()))
 
     def stopTest(self, test: unittest.TestCase) -> None:  # noqa: N802
         """Record the duration."""
         super().stopTest(test)
-        self.notes[-1].stop()
+        self.records[-1].stop()
 
     def addError(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
         """Record an error, also of the set-up of a class or module."""
         super().addError(test, err)
-        self._note(test).add("error", self._message(err), self.errors[-1][1])
+        self._record(test).add("error", self._message(err), self.errors[-1][1])
 
     def addFailure(self, test: unittest.TestCase, err: Fault) -> None:  # noqa: N802
         """Record a failure."""
         super().addFailure(test, err)
-        self._note(test).add("failure", self._message(err), self.failures[-1][1])
+        self._record(test).add("failure", self._message(err), self.failures[-1][1])
 
     def addSkip(self, test: unittest.TestCase, reason: str) -> None:  # noqa: N802
         """Record a skipped test."""
         super().addSkip(test, reason)
-        self._note(test).add("skipped", reason, "")
+        self._record(test).add("skipped", reason, "")
 
     def addSubTest(  # noqa: N802
         self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None
@@ -79,17 +79,17 @@ class Result(unittest.TextTestResult):
             # The description of the subtest identifies it.
             part = str(subtest).removeprefix(str(test)).strip()
             message = f"{part} {self._message(err)}"
-            self._note(test).add("failure" if failed else "error", message, text)
+            self._record(test).add("failure" if failed else "error", message, text)
 
     def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:  # noqa: N802
         """Record an unexpected success."""
         super().addUnexpectedSuccess(test)
-        self._note(test).add("failure", "unexpected success of a test marked as expected failure", "")
+        self._record(test).add("failure", "unexpected success of a test marked as expected failure", "")
 
-    def _note(self, test: unittest.TestCase) -> Note:
-        if not self.notes or self.notes[-1].name != test.id():
-            self.notes.append(Note(test.id()))
-        return self.notes[-1]
+    def _record(self, test: unittest.TestCase) -> CaseRecord:
+        if not self.records or self.records[-1].name != test.id():
+            self.records.append(CaseRecord(test.id()))
+        return self.records[-1]
 
     @staticmethod
     def _message(err: Fault) -> str:
@@ -103,7 +103,7 @@ class Runner(unittest.TextTestRunner):
     resultclass = Result  # type: ignore[assignment]  # (typeshed expects a factory function)
 
 
-class Note:
+class CaseRecord:
     """The record of one test."""
 
     def __init__(self, name: str) -> None:
@@ -138,21 +138,21 @@ def main(words: Sequence[str]) -> int:
     assert isinstance(result, Result)  # noqa: S101  (the runner above makes one)
     path = Path(junit)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(_junit(package, result.notes)) + "\n", encoding="utf-8")
+    path.write_text("\n".join(_junit(package, result.records)) + "\n", encoding="utf-8")
     if not result.wasSuccessful():
         return FAILED
-    return 0 if result.notes else NONE_FOUND
+    return 0 if result.records else NONE_FOUND
 
 
-def _junit(package: str, notes: Sequence[Note]) -> Iterator[str]:
-    kinds = [note.kind for note in notes]
+def _junit(package: str, records: Sequence[CaseRecord]) -> Iterator[str]:
+    kinds = [note.kind for note in records]
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield (
-        f'<testsuite name={_quoted(package)} tests="{len(notes)}" errors="{kinds.count("error")}" '
+        f'<testsuite name={_quoted(package)} tests="{len(records)}" errors="{kinds.count("error")}" '
         f'failures="{kinds.count("failure")}" skipped="{kinds.count("skipped")}" '
-        f'time="{sum(note.seconds for note in notes):.3f}">'
+        f'time="{sum(note.seconds for note in records):.3f}">'
     )
-    for note in notes:
+    for note in records:
         # 'setUpClass (module.Class)' is not a test name.
         suite, _, name = (package, "", note.name) if " " in note.name else note.name.rpartition(".")
         opening = f'  <testcase classname={_quoted(suite)} name={_quoted(name)} time="{note.seconds:.3f}"'

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.base.files import unfit
 from forge.base.layout import PACKAGE
 from forge.workspace.identification import TELLING, identify, read_package
@@ -83,7 +83,7 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
                     continue
                 if not stat.S_ISDIR(status.st_mode) and (reason := unfit(entry.path, status)):
                     place = folder / os.path.relpath(entry.path, root / folder)
-                    yield Problem(f"cannot read the file: {reason}", Place(place))
+                    yield Problem(f"cannot read the file: {reason}", Location(place))
 
 
 class _Walk:
@@ -172,7 +172,7 @@ def _entries(folder: str, visited: set[tuple[int, int]]) -> dict[str, bool] | No
 def _unreadable(spelling: str, error: PermissionError) -> Problem:
     reason = (error.strerror or str(error)).lower()
     hint = "grant read permission, or ignore it with an empty file COLCON_IGNORE in its parent folder"
-    return Problem(f"ignoring unreadable folder: {reason}", Place(Path(spelling)), hint)
+    return Problem(f"ignoring unreadable folder: {reason}", Location(Path(spelling)), hint)
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:

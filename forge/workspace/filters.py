@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem, SelectionError
+from forge.base.errors import Location, Problem, SelectionError
 from forge.base.graph import closure, reverse
 from forge.base.layout import BUILD_RESULT, TEST_RESULT
 
@@ -105,5 +105,5 @@ def _changes(repository: Path, revision: str) -> Iterator[Path]:
             reason = os.fsdecode(error.stderr).strip().partition("\n")[0]
             hint = "use '--since REV' with a revision that exists in all repositories of the workspace"
             message = f"git cannot determine changes since '{revision}': {reason}"
-            raise SelectionError(Problem(message, Place(repository), hint)) from None
+            raise SelectionError(Problem(message, Location(repository), hint)) from None
         yield from (repository / os.fsdecode(name) for name in done.stdout.split(b"\0") if name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_toml
 
@@ -28,7 +28,9 @@ def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]
         return {}
     if not isinstance(table, dict):
         raise WorkspaceError(
-            Problem(f"'{key}' is not a table of options", Place(path), f"write 'option: value' below '{key}'")
+            Problem(
+                f"'{key}' is not a table of options", Location(path), f"write 'option: value' below '{key}'"
+            )
         )
     return table
 

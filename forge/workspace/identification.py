@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.layout import IGNORE_MARK
 from forge.base.names import is_word
@@ -59,7 +59,7 @@ def identify(
     except OSError as error:
         file = os.path.relpath(error.filename, folder.place) if error.filename else "package.xml"
         what = "the manifest" if file == "package.xml" else "the file"
-        return Identity(problems=(Problem(f"cannot read {what}: {error.strerror}", Place(path / file)),))
+        return Identity(problems=(Problem(f"cannot read {what}: {error.strerror}", Location(path / file)),))
     return replace(identity, notes=(*conflicts, *identity.notes))
 
 
@@ -69,7 +69,7 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
     try:
         content = read_file(root / path)
     except OSError as error:
-        raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Place(path))) from None
+        raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Location(path))) from None
     manifest = parse_manifest(content, path, variables)
     actions = root / folder / "action"
     has_actions = actions.is_dir() and next(actions.glob("*.action"), None) is not None
@@ -88,7 +88,7 @@ def _check_name(package: Package) -> None:
         hint = (
             f"write 'name: NAME' into '{package.path / COLCON_PKG}', with letters, digits, '_', '-' and '.'"
         )
-        raise WorkspaceError(Problem(message, Place(package.manifest.path), hint))
+        raise WorkspaceError(Problem(message, Location(package.manifest.path), hint))
 
 
 def _claim(
@@ -103,7 +103,7 @@ def _claim(
                 setattr(folder, key, str(value))
             elif value and known != value:
                 message = f"the {key} '{known}' in {COLCON_PKG} overrides '{value}' in a *.meta file"
-                conflicts.append(Problem(message, Place(folder.path)))
+                conflicts.append(Problem(message, Location(folder.path)))
     if folder.name and folder.type is None:
         said_type = overrides.named(folder.name).get("type")
         folder.type = str(said_type) if said_type else None
@@ -153,15 +153,19 @@ def _ros_package(folder: Folder, variables: Mapping[str, str]) -> Package:
 
 def _incomplete(folder: Folder, why: str) -> Identity:
     assigned = f"type '{folder.type}'" if folder.type else f"name '{folder.name}'"
-    note = Problem(f"the folder was assigned the {assigned}, but is not a package: {why}", Place(folder.path))
+    note = Problem(
+        f"the folder was assigned the {assigned}, but is not a package: {why}", Location(folder.path)
+    )
     return Identity(descend=True, notes=(note,))
 
 
 def _relative(problems: tuple[Problem, ...], folder: Folder) -> tuple[Problem, ...]:
     """Return the problems with paths spelled like the folder."""
     return tuple(
-        replace(problem, place=replace(problem.place, path=folder.path / Path(problem.place.path).name))
-        if problem.place
+        replace(
+            problem, location=replace(problem.location, path=folder.path / Path(problem.location.path).name)
+        )
+        if problem.location
         else problem
         for problem in problems
     )

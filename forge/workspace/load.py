@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import home
-from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import ordered_names
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
@@ -128,6 +128,6 @@ def _needs(resolution: DependencyResolution, twins: Iterable[Package]) -> Mappin
 def _clash(first: Package, second: Package) -> Problem:
     return Problem(
         f"two packages are named '{first.name}': '{first.path}' and '{second.path}'",
-        Place(second.manifest.path),
+        Location(second.manifest.path),
         f"rename one, or ignore one by creating an empty file '{second.path}/COLCON_IGNORE'",
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_word
 from forge.base.xml import Element, parse_xml
@@ -306,10 +306,10 @@ class _Reader:
     def warn(self, element: Element, message: str) -> None:
         self.warnings.append(Problem(message, self.place(element)))
 
-    def place(self, element: Element) -> Place:
+    def place(self, element: Element) -> Location:
         if not self.lines:
             self.lines = self.content.decode(errors="replace").split("\n")
-        return Place(self.path, element.line, element.column, self.lines[element.line - 1].rstrip("\r"))
+        return Location(self.path, element.line, element.column, self.lines[element.line - 1].rstrip("\r"))
 
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:

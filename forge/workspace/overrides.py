@@ -10,7 +10,7 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
@@ -113,7 +113,9 @@ def _names(options: Mapping[str, Any], key: str, package: Package) -> list[str]:
     names = options.get(key) or []
     if not isinstance(names, list) or not all(isinstance(name, str) and is_word(name) for name in names):
         raise WorkspaceError(
-            Problem(f"'{key}' of '{package.name}' is not a list of names", Place(package.path / COLCON_PKG))
+            Problem(
+                f"'{key}' of '{package.name}' is not a list of names", Location(package.path / COLCON_PKG)
+            )
         )
     return names
 
@@ -127,7 +129,7 @@ def _hooks(options: Mapping[str, Any], package: Package) -> list[str]:
     if len(paths) < len(listed):
         message = f"'hooks' of '{package.name}' is not a list of paths relative to its prefix"
         raise WorkspaceError(
-            Problem(message, Place(package.path / COLCON_PKG), "for example 'share/NAME/hook.sh'")
+            Problem(message, Location(package.path / COLCON_PKG), "for example 'share/NAME/hook.sh'")
         )
     return paths
 
@@ -153,7 +155,7 @@ def _section(options: Mapping[str, Any], key: str, path: Path) -> Mapping[str, M
     section = options.get(key) or {}
     if not isinstance(section, dict) or not all(isinstance(value, dict) for value in section.values()):
         hint = f"the format is '{key}:', below it 'NAME_OR_PATH:', below that 'option: value'"
-        raise WorkspaceError(Problem(f"'{key}' is not a mapping of names to options", Place(path), hint))
+        raise WorkspaceError(Problem(f"'{key}' is not a mapping of names to options", Location(path), hint))
     return section
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.base.files import text_or_nothing, unfit
 from forge.base.formats import read_toml
 from forge.workspace.cmake_metadata import (
@@ -54,7 +54,7 @@ def _unfit(folder: Folder) -> Identity | None:
         except OSError:
             continue  # a dangling link, as catkin creates above its packages
         if reason:
-            notes.append(Problem(f"ignored: {reason}", Place(folder.path / name)))
+            notes.append(Problem(f"ignored: {reason}", Location(folder.path / name)))
     return Identity(descend=True, notes=tuple(notes)) if notes else None
 
 
@@ -69,7 +69,7 @@ def _ambiguous(folder: Folder) -> Identity | None:
         return None
     message = "ignored: ambiguous package with a CMakeLists.txt and a setup.cfg"
     hint = f"set the type in '{folder.path / COLCON_PKG}': 'type: cmake' or 'type: python'"
-    return Identity(notes=(Problem(message, Place(folder.path), hint),))
+    return Identity(notes=(Problem(message, Location(folder.path), hint),))
 
 
 def _cmake_package(folder: Folder) -> Identity | None:
@@ -79,7 +79,8 @@ def _cmake_package(folder: Folder) -> Identity | None:
     path = folder.path / "CMakeLists.txt"
     if is_catkin_toplevel(text):
         return Identity(
-            descend=True, notes=(Problem("ignored: created by catkin_make above its packages", Place(path)),)
+            descend=True,
+            notes=(Problem("ignored: created by catkin_make above its packages", Location(path)),),
         )
     name = project_name(text)
     notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
@@ -102,7 +103,7 @@ def _python_package(folder: Folder) -> Identity | None:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None)
         return Identity(
-            notes=(Problem(f"cannot parse setup.py: {_reason(error)}", Place(path, line)),), descend=True
+            notes=(Problem(f"cannot parse setup.py: {_reason(error)}", Location(path, line)),), descend=True
         )
     if facts is None:
         return None
@@ -130,7 +131,7 @@ def _python(folder: Folder, facts: PythonFacts, path: Path) -> Identity:
     if folder.name and facts.name and folder.name != facts.name:
         message = f"ignored: the assigned name '{folder.name}' differs from the Python name '{facts.name}'"
         hint = "remove the name from colcon.pkg or the *.meta file"
-        return Identity(problems=(Problem(message, Place(path), hint),))
+        return Identity(problems=(Problem(message, Location(path), hint),))
     notes = () if facts.name or folder.name else (_no_literal(folder, path),)
     name = folder.name or facts.name or folder.place.resolve().name
     package = _plain(folder, name, "python", path, facts.dependencies)
@@ -170,6 +171,6 @@ def _no_literal(folder: Folder, path: Path) -> Problem:
     name = folder.place.resolve().name
     return Problem(
         f"the project name is not a literal; using the name of the folder, '{name}'",
-        Place(path),
+        Location(path),
         f"to use another name, add 'name: NAME' to '{folder.path / COLCON_PKG}'",
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import order, weak_edges_on_cycles
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
@@ -119,7 +119,7 @@ def break_test_cycles(
     warnings = (
         Problem(
             f"test dependency of '{name}' on {_quoted(sorted(wanted))} closes a cycle and is ignored",
-            Place(resolution.packages[name].manifest.path),
+            Location(resolution.packages[name].manifest.path),
         )
         for name, wanted in sorted(dropped.items())
     )
@@ -253,7 +253,7 @@ def _missing(
     dependents = ", ".join(f"'{user}'" for user in users) + (" needs" if len(users) == 1 else " need")
     which = "which is" if len(names) == 1 else "which are"
     message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
-    location = Place(resolution.packages[users[0]].manifest.path)
+    location = Location(resolution.packages[users[0]].manifest.path)
     if reason:
         return Problem(
             f"{message}; the embedded packages cannot be used, because {reason}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
                     words = " and ".join(_WORDS[word].format(version) for word, version in wanted)
                     yield Problem(
                         f"'{package.name}' requires '{need.name}' in version {words}; it is {present} here",
-                        Place(package.manifest.path),
+                        Location(package.manifest.path),
                     )
 
 

@@ -80,7 +80,7 @@ def test_following_the_advice_helps(forge: Forge, tree: Tree, tmp_path: Path, ge
         f"set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS {folder}/configured.txt)\n"
     )
     ran, lines = audit(forge, tree(files) / "ws", "--cmake-args", f"-G{generator}")
-    assert lines == ["audit: 1 package, nothing unexplained"]
+    assert lines == ["audit: 1 package, no unexpected inputs"]
     assert ran.code == 0
 
 
@@ -98,7 +98,7 @@ def test_a_package_that_fails_is_told_of_as_ever(forge: Forge, tree: Tree, tmp_p
     files = {**outside(tmp_path), "ws/src/a/x.c": "nonsense\n"}
     ran, _ = audit(forge, tree(files) / "ws")
     assert ran.code == 1
-    assert ran.out.endswith("audit: 0 packages, nothing unexplained\n")
+    assert ran.out.endswith("audit: 0 packages, no unexpected inputs\n")
 
 
 def test_setup_py_and_a_library_by_its_name(forge: Forge, tree: Tree, tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_setup_py_and_a_library_by_its_name(forge: Forge, tree: Tree, tmp_path: 
     subprocess.run(["cmake", "-S", "vendor", "-B", "vendor/out"], cwd=root, check=True, capture_output=True)
     subprocess.run(["cmake", "--build", "vendor/out"], cwd=root, check=True, capture_output=True)
     _, lines = audit(forge, root / "ws")
-    assert lines == ["audit: 2 packages, nothing unexplained"]
+    assert lines == ["audit: 2 packages, no unexpected inputs"]
     (root / "vendor/v.c").write_text("int v(void) { return 1; }\n", encoding="utf-8")
     subprocess.run(["cmake", "--build", "vendor/out"], cwd=root, check=True, capture_output=True)
     assert "Starting >>> l" in forge("build", cwd=root / "ws").out
@@ -177,7 +177,7 @@ def test_the_examples_use_nothing_that_is_not_tracked(
 ) -> None:
     shutil.copytree(ROOT / "examples_ws/src", tmp_path / "src")
     ran, lines = audit(forge, tmp_path, *options)
-    assert lines[-1] == "audit: 17 packages, nothing unexplained", "\n".join(lines)
+    assert lines[-1] == "audit: 17 packages, no unexpected inputs", "\n".join(lines)
     assert ran.code == 0
 
 
@@ -186,4 +186,4 @@ def test_the_shapes_use_nothing_that_is_not_tracked(forge: Forge, tmp_path: Path
     copy_shapes(tmp_path, 20)
     ran, lines = audit(forge, tmp_path)
     assert ran.code == 0, ran.err
-    assert lines[-1] == "audit: 24 packages, nothing unexplained", "\n".join(lines)
+    assert lines[-1] == "audit: 24 packages, no unexpected inputs", "\n".join(lines)

@@ -24,7 +24,7 @@ from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.depfiles import external_inputs
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.inputs.input_manifest import read_manifest
-from forge.build.installed_lists import ListedFiles
+from forge.build.install_manifests import ManifestFiles
 from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
 from forge.build.snapshot import find_changed_externals
@@ -339,7 +339,7 @@ def build_logs(data: bytes) -> None:
     place("make", "CMakeFiles/Makefile.cmake", data)
     external_inputs(made, Path("/ws/src/p"), [])
     place("make", "p/install_manifest.txt", data)
-    ListedFiles(replace(_LAYOUT, build=made)).get("p")
+    ManifestFiles(replace(_LAYOUT, build=made)).get("p")
     place("make", "p/compile_commands.json", data)
     merge_compile_commands(made, force=True)
 

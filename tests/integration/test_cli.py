@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.base.errors import ForgeError, Place, Problem, raise_if_any, share_hints
+from forge.base.errors import ForgeError, Location, Problem, raise_if_any, share_hints
 from forge.cli import commands, main
 
 if TYPE_CHECKING:
@@ -114,8 +114,8 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
 
 
 def test_a_problem_renders_place_source_caret_and_hint() -> None:
-    problem = Problem("what", Place("a.msg", 3, 3, "\tx y"), "do this")
+    problem = Problem("what", Location("a.msg", 3, 3, "\tx y"), "do this")
     assert problem.render("warning") == "a.msg:3:3: warning: what\n    \tx y\n    \t ^\nhint: do this"
-    assert str(Place("a")) == "a"
-    assert str(Place("a", 1)) == "a:1"
+    assert str(Location("a")) == "a"
+    assert str(Location("a", 1)) == "a:1"
     raise_if_any(())

@@ -281,7 +281,7 @@ def test_folders_of_other_tools_and_of_before(forge: Forge, tree: Tree) -> None:
     )
     found = of_topic(findings(forge, root), "results")
     assert [finding["severity"] for finding in found] == ["error", "error", "note"]
-    assert "belongs to 'catkin_make'" in found[0]["message"]
+    assert "was created by 'catkin_make'" in found[0]["message"]
     assert "the merged layout, not the isolated one" in found[1]["message"]
     assert "'/elsewhere/src/a'" in found[2]["message"]
 

@@ -15,7 +15,7 @@ from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Starte
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.output.charts.sampling import Usage
 from forge.output.console import ConsoleReporter
-from forge.output.handlers import HANDLERS, without_prose
+from forge.output.handlers import HANDLERS, without_text_output
 from forge.output.json_events import JsonEvents
 from tests.packages import manifest_text, package
 from tests.snippets import ROOT
@@ -185,7 +185,7 @@ def test_the_page_names_every_event_and_every_key(capfd: pytest.CaptureFixture[s
     table = {"a": package("a")}
     step = Step(StepKind.BUILD, ("make",), tmp_path)
     plan = BuildPlan({"a": Task("a", table["a"], tmp_path, tmp_path, (), (step,), "why")}, ("a",))
-    report = ConsoleReporter(plan, table, without_prose(HANDLERS), tmp_path)
+    report = ConsoleReporter(plan, table, without_text_output(HANDLERS), tmp_path)
     json_events = JsonEvents(plan, table, printed=True, output=True)
     json_events.announce(steps=True, seconds={"a": 1.0})
     json_events.report_usage(Usage(2, 1 << 30, ((1.0, 0.5, 1 << 20),)))

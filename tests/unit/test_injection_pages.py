@@ -15,8 +15,8 @@ from hypothesis import example, given
 from forge.base.templating import render
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
 from forge.interfaces.site.generator import PackageInfo, site
-from forge.output.charts.charts import Chart, drawn_graph, mermaid, printable
 from forge.output.charts.drawing import drawn, facts
+from forge.output.charts.graph_formats import PackageGraph, drawn_graph, mermaid, printable
 from forge.output.charts.pages import trace
 from forge.output.charts.timing_views import STEP_KINDS, page
 from forge.output.charts.timing_views import facts as timing_facts
@@ -101,16 +101,16 @@ def test_pages_about_interfaces_say_every_fragment(fragment: str) -> None:
 # --- Pictures of the graph ----------------------------------------------------------------------------------
 
 
-def chart_of(text: str, name: str) -> Chart:
+def chart_of(text: str, name: str) -> PackageGraph:
     """Return a graph of two packages that say a text wherever that is taken; one is called `name`."""
     below, above = package("below"), package("above", "below")
     said = replace(below.manifest, name=name, version=text, description=text, build_type=text)
     packages = {name: replace(below, path=Path("src") / f"x{text}", manifest=said), "above": above}
     needs = {name: frozenset[str](), "above": frozenset({name})}
-    return Chart((name, "above"), needs, packages, frozenset(packages))
+    return PackageGraph((name, "above"), needs, packages, frozenset(packages))
 
 
-def picture_of(chart: Chart, form: str) -> str:
+def picture_of(chart: PackageGraph, form: str) -> str:
     """Return the page or the picture of a graph whose packages took a second each."""
     seconds, graph = dict.fromkeys(chart.ordered, 1.0), drawn_graph(chart)
     about: dict[str, object] = {"title": chart.ordered[0], "picture": drawn(chart, graph, seconds)}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 
-class Kind(Enum):
+class AccessKind(Enum):
     """The kind of access; the values appear in reports."""
 
     RAN = "ran"
@@ -40,7 +40,7 @@ class Access:
     """An access of a program to an absolute path."""
 
     path: str
-    kind: Kind
+    kind: AccessKind
     program: str
 
 
@@ -51,7 +51,7 @@ class Accesses:
     Paths that were read only after the step itself created them are left out.
     """
 
-    found: Mapping[tuple[str, Kind], str]
+    found: Mapping[tuple[str, AccessKind], str]
     made: frozenset[str]
 
     def after(self, made: frozenset[str]) -> Accesses:
@@ -99,10 +99,10 @@ def parent_processes(lines: Iterable[str]) -> dict[str, str]:
 
 def read_accesses(lines: Iterable[str], cwd: str, parents: Mapping[str, str]) -> Accesses:
     """Return all accesses of a step that started in the folder `cwd`."""
-    found: dict[tuple[str, Kind], str] = {}
+    found: dict[tuple[str, AccessKind], str] = {}
     made: set[str] = set()
     for access in _accesses(lines, cwd, parents):
-        if access.kind is Kind.MADE:
+        if access.kind is AccessKind.MADE:
             made.add(access.path)
         elif access.path not in made:
             found.setdefault((access.path, access.kind), access.program)
@@ -134,33 +134,33 @@ def _accesses_of_call(processes: _Processes, process: str, call: tuple[str, str,
     if match is None or kind is None or not match[2]:
         return
     path = processes.absolute(process, match)
-    if kind is Kind.RAN:
+    if kind is AccessKind.RAN:
         processes.executed(process, basename(path))
-    if kind is Kind.READ:
+    if kind is AccessKind.READ:
         kind = processes.reading(process, path)
     program = processes.program(process)
-    if kind is not Kind.MADE or not _TWO_PATHS.match(name):
+    if kind is not AccessKind.MADE or not _TWO_PATHS.match(name):
         yield Access(path, kind, program)
         return
     if name.startswith("link"):
-        yield Access(path, Kind.READ, program)
+        yield Access(path, AccessKind.READ, program)
     other = _PATH.search(arguments, match.end())
     if other is not None:
         yield Access(processes.absolute(process, other), kind, program)
 
 
-def _kind(name: str, arguments: str, error: str) -> Kind | None:
+def _kind(name: str, arguments: str, error: str) -> AccessKind | None:
     """Return the kind of a call, or None if it reveals nothing about the path."""
     if error:
-        return Kind.MISSED if error in _ABSENT and not _makes(name, arguments) else None
+        return AccessKind.MISSED if error in _ABSENT and not _makes(name, arguments) else None
     if name.startswith("exec"):
-        return Kind.RAN
+        return AccessKind.RAN
     if _makes(name, arguments):
-        return Kind.MADE
+        return AccessKind.MADE
     if name.startswith("open"):
         return _kind_of_open(arguments)
     leads_on = name.startswith("readlink") or _FOLDER.search(arguments)
-    return Kind.FOLDER if leads_on else Kind.SEEN
+    return AccessKind.FOLDER if leads_on else AccessKind.SEEN
 
 
 def _makes(name: str, arguments: str) -> bool:
@@ -171,13 +171,13 @@ def _makes(name: str, arguments: str) -> bool:
     return name == "creat" or name.startswith(("mkdir", "symlink", "link", "rename"))
 
 
-def _kind_of_open(arguments: str) -> Kind | None:
+def _kind_of_open(arguments: str) -> AccessKind | None:
     flags = arguments.rpartition('"')[2]
     if "O_DIRECTORY" in flags:
-        return Kind.LISTED
+        return AccessKind.LISTED
     if "O_WRONLY" in flags:
         return None
-    return Kind.SEEN if "O_PATH" in flags else Kind.READ
+    return AccessKind.SEEN if "O_PATH" in flags else AccessKind.READ
 
 
 class _Processes:
@@ -213,15 +213,15 @@ class _Processes:
         self._programs[process] = program
         self._loading.add(process)
 
-    def reading(self, process: str, path: str) -> Kind:
+    def reading(self, process: str, path: str) -> AccessKind:
         """Return the kind of opening a file for reading: LOADED by the dynamic loader, or READ.
 
         The dynamic loader runs before the program reads anything.
         """
         if process in self._loading and _LOADED.search(path):
-            return Kind.LOADED
+            return AccessKind.LOADED
         self._loading.discard(process)
-        return Kind.READ
+        return AccessKind.READ
 
     def program(self, process: str) -> str:
         """Return the name of the program that a process runs."""

@@ -8,15 +8,15 @@ from posixpath import basename, dirname
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.audit.accesses import Access, Kind
-from forge.build.audit.untracked import COMPILER, LITTER, untracked
+from forge.build.audit.accesses import Access, AccessKind
+from forge.build.audit.ignored_inputs import COMPILER, LITTER, untracked
 from forge.build.tasks import StepKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping
 
     from forge.build.audit.accesses import Accesses
-    from forge.build.audit.untracked import Machine
+    from forge.build.audit.ignored_inputs import Machine
 
 _MAX_LISTED = 3
 """The number of files of one folder that are listed; of more, only the count is reported."""
@@ -58,7 +58,7 @@ class Finding:
     package: str
     step: StepKind
     path: str
-    kind: Kind
+    kind: AccessKind
     program: str
     owner: str = ""
 
@@ -81,27 +81,27 @@ def findings(
     return tuple(found[path] for path in sorted(found))
 
 
-_WEIGHT = {kind: weight for weight, kind in enumerate(Kind)}
+_WEIGHT = {kind: weight for weight, kind in enumerate(AccessKind)}
 
 
-def _effective_kind(kind: Kind, program: str, step: StepKind) -> Kind:
+def _effective_kind(kind: AccessKind, program: str, step: StepKind) -> AccessKind:
     """Return the effective kind of an access.
 
     A compiler reports all headers that it used; it opens others only for __has_include, which depends on
     names. This does not apply to CMake's compile checks, whose headers are not reported.
     """
-    if kind is Kind.READ and step is not StepKind.CONFIGURE and COMPILER.match(program):
-        return Kind.SEEN
+    if kind is AccessKind.READ and step is not StepKind.CONFIGURE and COMPILER.match(program):
+        return AccessKind.SEEN
     return kind
 
 
 def explain(access: Access, tracked: Tracked, machine: Machine, disk: Disk) -> str:
     """Return why an access is not a finding, or '' if it is one."""
     path, kind = access.path, access.kind
-    if kind is Kind.SEEN and disk.is_folder(path):
-        access = Access(path, Kind.FOLDER, access.program)
+    if kind is AccessKind.SEEN and disk.is_folder(path):
+        access = Access(path, AccessKind.FOLDER, access.program)
     reason = _explain(access, tracked, machine)
-    if not reason and kind is Kind.MISSED:
+    if not reason and kind is AccessKind.MISSED:
         missing = disk.first_missing(path)
         if not missing or dirname(missing) in tracked.names:
             return NAMES
@@ -122,7 +122,7 @@ def _explain(access: Access, tracked: Tracked, machine: Machine) -> str:
     reason = _by_folder(access, tracked)
     if reason:
         return reason
-    if kind is not Kind.READ and path in tracked.parents:
+    if kind is not AccessKind.READ and path in tracked.parents:
         return NAMES
     if kind in _ABOUT_NAMES and (path in tracked.names or dirname(path) in tracked.names):
         return NAMES
@@ -151,7 +151,7 @@ def _source_folder(path: str, tracked: Tracked) -> bool:
     return any(tracked.folders.get(folder) == SOURCES for folder in _upwards(path))
 
 
-_ABOUT_NAMES = frozenset({Kind.MISSED, Kind.LISTED, Kind.FOLDER})
+_ABOUT_NAMES = frozenset({AccessKind.MISSED, AccessKind.LISTED, AccessKind.FOLDER})
 
 
 def _upwards(path: str) -> Iterator[str]:
@@ -175,10 +175,10 @@ def report(found: Iterable[Finding], packages: int) -> tuple[str, ...]:
     number = sum(map(len, groups.values()))
     affected = len({finding.package for finding, _ in groups})
     if not number:
-        lines.append(f"audit: {_plural(packages, 'package')}, nothing unexplained")
+        lines.append(f"audit: {_plural(packages, 'package')}, no unexpected inputs")
     else:
         uses = "uses" if affected == 1 else "use"
-        of_them = f"of {_plural(packages, 'package')}, {affected} {uses} {_plural(number, 'path')}"
+        of_them = f"{affected} of {_plural(packages, 'package')} {uses} {_plural(number, 'path')}"
         lines.append(f"audit: {of_them} that forge does not track")
     return tuple(lines)
 
@@ -197,13 +197,13 @@ def _plural(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _advice(step: StepKind, kind: Kind, owner: str) -> str:
+def _advice(step: StepKind, kind: AccessKind, owner: str) -> str:
     """Return a hint for the author of the package."""
     if owner:
         return f"add <depend>{owner}</depend> to package.xml"
     if kind in _ABOUT_NAMES:
-        return "forge does not notice when something appears there; build with --force then"
-    if kind is Kind.RAN:
+        return "forge cannot detect new files there; after adding one, rebuild with --force"
+    if kind is AccessKind.RAN:
         return "find the program with find_program(), and forge notices when it changes"
     return _ADVICE.get(step, "keep the file in the package, or build with --force when it changes")
 

@@ -15,9 +15,9 @@ from forge.base.env_vars import own_cache
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, own_folders
 from forge.build.audit.comparison import SOURCES, Disk, Tracked, findings, report
-from forge.build.audit.untracked import LINKED, MERGED, Machine
+from forge.build.audit.ignored_inputs import LINKED, MERGED, Machine
 from forge.build.inputs.depfiles import cmake_root
-from forge.build.inputs.fingerprints import NAMES_IN, source_folders
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_folders
 from forge.environment.prefixes import find_underlays
 from forge.toolchain.programs import program_of
 from forge.workspace.source_names import is_source, is_source_folder
@@ -90,7 +90,11 @@ def tracked_of(task: Task, record: BuildRecord, context: BuildContext, shared: S
         prefixes[str(layout.install)] = MERGED.what
     else:
         folders[str(layout.prefix(task.name))] = "its prefix"
-    names = {path.removesuffix(NAMES_IN) for path in record.externals if path.endswith(NAMES_IN)}
+    names = {
+        path.removesuffix(DIR_LISTING_SUFFIX)
+        for path in record.externals
+        if path.endswith(DIR_LISTING_SUFFIX)
+    }
     files = shared.files | linked | frozenset((*record.externals, *_programs(record.inputs.tools)))
     parents = {str(folder) for path in (*folders, *prefixes, *files) for folder in Path(path).parents}
     declared = frozenset((task.name, *task.needs))

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.layout import SCRATCH_DIR
-from forge.build.inputs.fingerprints import NAMES_IN, source_files, source_folders
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_files, source_folders
 from forge.build.inputs.native_graph import read_native_graph
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def _matched(pattern: str) -> Iterator[str]:
     """Yield the folders whose file names affect a pattern of file(GLOB) or file(GLOB_RECURSE)."""
     fixed = _GLOB.split(pattern, maxsplit=1)[0].rpartition("/")[0]
     folders = itertools.islice(source_folders(fixed), _TREE_LIMIT) if os.path.isdir(fixed) else ()  # noqa: PTH112
-    yield from (f"{folder}{NAMES_IN}" for folder, _ in folders)
+    yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder, _ in folders)
 
 
 def _files_of(path: str, inside: Iterable[Path]) -> Iterator[str]:
@@ -207,7 +207,7 @@ def _files_of(path: str, inside: Iterable[Path]) -> Iterator[str]:
         if len(files) > _TREE_LIMIT:
             return
     yield from files
-    yield from (f"{folder}{NAMES_IN}" for folder, _ in source_folders(path))
+    yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder, _ in source_folders(path))
 
 
 def _searched(graph: NativeGraph, outside: Iterable[str]) -> Iterator[str]:
@@ -226,11 +226,11 @@ def _searched(graph: NativeGraph, outside: Iterable[str]) -> Iterator[str]:
         for folder in ("", *relative):
             path = f"{top}/{folder}" if folder else top
             if os.path.isdir(path):  # noqa: PTH112
-                yield f"{path}{NAMES_IN}"
+                yield f"{path}{DIR_LISTING_SUFFIX}"
         if not os.path.isdir(top):  # noqa: PTH112
             above = os.path.dirname(top)  # noqa: PTH120
             if os.path.isdir(above):  # noqa: PTH112
-                yield f"{above}{NAMES_IN}"
+                yield f"{above}{DIR_LISTING_SUFFIX}"
 
 
 def _text(path: Path) -> str:

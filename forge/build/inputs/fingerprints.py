@@ -34,7 +34,7 @@ RACY_NANOSECONDS = 20_000_000
 _COARSE_NANOSECONDS = 2_000_000_000
 """The resolution of file times on file systems with whole seconds: FAT, old NFS servers and ext3."""
 
-NAMES_IN = "/."
+DIR_LISTING_SUFFIX = "/."
 """The suffix of a path that represents the file names in a folder, regardless of the files' contents."""
 
 _BLOCK = 1 << 20
@@ -349,7 +349,7 @@ def _content(path: str, status: os.stat_result | None, table: FileTable) -> str:
     try:
         if path.endswith("/"):
             return f"folder {stat.S_IMODE(status.st_mode):o}"
-        if path.endswith(NAMES_IN):
+        if path.endswith(DIR_LISTING_SUFFIX):
             return f"names {_digest(os.fsencode(chr(0).join(sorted(os.listdir(path)))))}"  # noqa: PTH208
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status)}"

@@ -1,4 +1,4 @@
-"""What ninja or make knows of a build folder: its edges, and the inputs that compilers reported.
+"""Read the build graph of a build folder from files of ninja or make, and what compilers reported.
 
 CMake writes build.ninja, or a build.make for each target. Compilers report the headers that they read in
 depfiles; ninja moves those into its binary log .ninja_deps (format versions 3 and 4), make leaves them.
@@ -95,7 +95,7 @@ class NativeGraph:
     read_by_cmake: tuple[str, ...] = ()
     tool: str = ""
     """'ninja' or 'make'; '' for an unconfigured folder."""
-    has_modules: bool = False
+    has_dyndeps: bool = False
     """Whether C++ modules or Fortran make the order of compilation depend on contents."""
 
     def inputs_of(self, edge: Edge) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.inputs.fingerprints import NAMES_IN
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -116,7 +116,7 @@ def external_files(traced: Traced, headers: Iterable[str], inside: Sequence[str]
     condensed = _by_distribution(filter(is_input, read), sorted(traced.search_path))
     files = (path for path in condensed if _may_be_a_file(path, traced.search_path))
     listed = {os.path.realpath(path) for path in folders if is_input(path)} - traced.search_path
-    folders = {f"{path}{NAMES_IN}" for path in listed if os.path.isdir(path) and is_input(path)}  # noqa: PTH112
+    folders = {f"{path}{DIR_LISTING_SUFFIX}" for path in listed if os.path.isdir(path) and is_input(path)}  # noqa: PTH112
     return tuple(sorted({*files, *absent, *folders}))
 
 

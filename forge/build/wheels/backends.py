@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyproject_hooks
 
-from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.layout import SCRATCH_DIR
@@ -263,7 +263,7 @@ def _non_utf8_names(source: Path) -> Iterator[Problem]:
             hint = "rename it, or remove it from 'package_data' and 'data_files'"
             yield Problem(
                 f"the file name {os.fsencode(name)!r} is not UTF-8, as wheels require",
-                Place(source),
+                Location(source),
                 hint,
             )
 
@@ -278,5 +278,5 @@ def _build_system(source: Path) -> dict[str, Any]:
     folders = system.get("backend-path", [])
     if not isinstance(system["build-backend"], str) or not isinstance(folders, list):
         hint = "'build-backend' must be a string, and 'backend-path' a list"
-        raise WorkspaceError(Problem("invalid 'build-system' table", Place(path), hint))
+        raise WorkspaceError(Problem("invalid 'build-system' table", Location(path), hint))
     return system

@@ -21,7 +21,7 @@ from installer.exceptions import InstallerError
 from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.build.wheels.backends import build_wheel
@@ -93,7 +93,7 @@ def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tupl
         except (InstallerError, InvalidRecordEntry) as error:
             message = f"the package's build backend produced an invalid wheel: {error}"
             hint = "check whether a file name contains a line break"
-            raise WorkspaceError(Problem(message, Place(options.source), hint)) from None
+            raise WorkspaceError(Problem(message, Location(options.source), hint)) from None
         record = site / source.dist_info_dir / "RECORD"
     # CSV (PEP 376): a name may have line breaks.
     with record.open(encoding="utf-8", newline="") as stream:
@@ -137,7 +137,7 @@ def _install_scripts(path: Path) -> str | None:
         return None
     if ".." in Path(folder).parts or "\0" in folder:
         message = f"install_scripts is '{folder}', which is outside the prefix"
-        raise WorkspaceError(Problem(message, Place(path), "use a folder such as '$base/lib/PACKAGE'"))
+        raise WorkspaceError(Problem(message, Location(path), "use a folder such as '$base/lib/PACKAGE'"))
     return folder
 
 

@@ -8,7 +8,7 @@ import re
 import sys
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, text_or_nothing
 from forge.base.names import did_you_mean
 
@@ -28,7 +28,9 @@ def refuse_what_no_backend_reads(source: Path) -> None:
         raise_if_any((problem,) if problem else (), WorkspaceError)
     elif not (source / "pyproject.toml").is_file() and not _is_named(source / "setup.cfg"):
         hint = "'forge pkg create --build-type ament_python NAME' creates a complete package"
-        raise WorkspaceError(Problem("there is neither a setup.py nor a pyproject.toml", Place(source), hint))
+        raise WorkspaceError(
+            Problem("there is neither a setup.py nor a pyproject.toml", Location(source), hint)
+        )
 
 
 def _is_named(path: Path) -> bool:
@@ -64,7 +66,7 @@ def _missing_module(source: Path, script: str, module: str, modules: dict[str, P
     missing_init = folder.is_dir() and not (folder / "__init__.py").exists()
     hint = f"add an empty {folder}/__init__.py" if missing_init else did_you_mean(module, modules)
     message = f"the script '{script}' starts '{module}', which the package does not install"
-    yield Problem(message, Place(_defining_file(source)), hint)
+    yield Problem(message, Location(_defining_file(source)), hint)
 
 
 def _missing_function(source: Path, script: str, module: str, function: str, path: Path) -> Iterator[Problem]:
@@ -75,7 +77,7 @@ def _missing_function(source: Path, script: str, module: str, function: str, pat
     if not complete or function in names:
         return
     message = f"'{script}' calls '{function}', which '{module}' does not define"
-    yield Problem(message, Place(_defining_file(source)), did_you_mean(function, names))
+    yield Problem(message, Location(_defining_file(source)), did_you_mean(function, names))
 
 
 def _defined(tree: ast.Module) -> tuple[set[str], bool]:
@@ -113,10 +115,10 @@ def _syntax_problem(path: Path, shown: Path) -> Problem | None:
         compile(read_file(path), str(shown), "exec", ast.PyCF_ONLY_AST)
     except SyntaxError as error:
         line = (error.text or "").rstrip("\r\n")
-        place = Place(shown, error.lineno, error.offset or None, line or None)
+        place = Location(shown, error.lineno, error.offset or None, line or None)
         return Problem(error.msg or "invalid syntax", place)
     except ValueError as error:
-        return Problem(str(error), Place(shown))
+        return Problem(str(error), Location(shown))
     return None
 
 

@@ -13,7 +13,7 @@ from forge.base.env_vars import compiled_templates
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
-from forge.build.markers import begin_workspace
+from forge.build.markers import create_output_folders
 from forge.build.planning import make_whole_plan, names_to_build
 from forge.build.snapshot import take_snapshot
 from forge.build.state import open_state
@@ -82,7 +82,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     check_before_planning(loaded, names, layout)
     context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn)
     audit = _audit(options, layout, variables)
-    begin_workspace(layout)
+    create_output_folders(layout)
     keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
     with (
         lock_build_dir(layout.build, wait=not options.folders.no_wait),
@@ -101,7 +101,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         named_inputs.save()
         state.confirm_up_to_date(plan, snapshot, hashes)
         check_plan(plan, loaded, context, variables, mode.warn)
-        if plan.tasks or not mode.checking:
+        if plan.tasks or not mode.silent_if_up_to_date:
             _print_plan(plan, options, loaded.packages)
         if options.dry_run:
             return 0
@@ -168,6 +168,6 @@ def _report_up_to_date(
         return
     from forge.output.json_events import JsonEvents  # noqa: PLC0415  (rarely needed)
 
-    json_events = JsonEvents(plan, packages, printed=not mode.checking)
+    json_events = JsonEvents(plan, packages, printed=not mode.silent_if_up_to_date)
     json_events.announce()
     json_events.conclude(report, seconds)

@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
 def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
     """Return the packages to remove; raises SelectionError for invalid combinations of arguments."""
     made = built_packages(layout, journal.records)
-    chosen = package_options.chooses(options)
+    chosen = package_options.has_selection(options)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
         raise SelectionError(Problem(f"'clean {options.what}' does not accept package names", hint=hint))

@@ -18,9 +18,9 @@ from forge.cli.completing import (
     PACKAGES,
     SHELLS,
     WORDS,
-    Context,
+    CompletionContext,
+    CompletionOption,
     Expected,
-    Option,
     completion,
 )
 from forge.output.handlers import HANDLERS
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _contexts() -> Iterator[Context]:
+def _contexts() -> Iterator[CompletionContext]:
     """Yield the completions for each command and verb, derived from the parsers."""
     for word in main.COMMANDS:
         whole = main.parser_of([word])
@@ -61,7 +61,7 @@ def _contexts() -> Iterator[Context]:
             yield replace(_context((word, verb), command), words=())
 
 
-def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> Context:
+def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> CompletionContext:
     actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]  # noqa: SLF001  (no public name)
     verbs = _verbs(parser)
     options = tuple(_option(action) for action in actions if action.option_strings)
@@ -72,7 +72,7 @@ def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> Context:
         words = tuple((word, "") for word in first)
         # Package names follow only the choice 'packages', as in `clean packages a b`.
         positionals = positionals[1:] if path[-1] == PACKAGES else []
-    return Context(path, words, options, _positional(path, positionals))
+    return CompletionContext(path, words, options, _positional(path, positionals))
 
 
 def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
@@ -90,9 +90,11 @@ def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expect
     return _expected(actions[0]) if actions else None
 
 
-def _option(action: argparse.Action) -> Option:
+def _option(action: argparse.Action) -> CompletionOption:
     summary = re.sub(r"%%", "%", action.help or "")
-    return Option(tuple(action.option_strings), summary, None if action.nargs == 0 else _expected(action))
+    return CompletionOption(
+        tuple(action.option_strings), summary, None if action.nargs == 0 else _expected(action)
+    )
 
 
 def _expected(action: argparse.Action) -> Expected:

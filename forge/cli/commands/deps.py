@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from forge.cli.main import Parser
-    from forge.doctor.system_deps.outstanding import Need
+    from forge.doctor.system_deps.outstanding import DependencyStatus
     from forge.doctor.system_deps.rosdep import Database
     from forge.doctor.system_deps.system import System
     from forge.workspace.load import Loaded
@@ -153,7 +153,9 @@ def _python(options: argparse.Namespace) -> str:
         return options.python or "python3"
 
 
-def _unresolved(needs: tuple[Need, ...], databases: Sequence[Database], system: System) -> Iterator[Problem]:
+def _unresolved(
+    needs: tuple[DependencyStatus, ...], databases: Sequence[Database], system: System
+) -> Iterator[Problem]:
     """Yield a warning if keys are unknown because no database contains names for the system."""
     count = sum(not (need.provider or need.manager or need.ros) for need in needs)
     name = f"{system.name}:{system.version}".rstrip(":")
@@ -171,7 +173,7 @@ def _unresolved(needs: tuple[Need, ...], databases: Sequence[Database], system: 
         )
 
 
-def _installed(needs: tuple[Need, ...], python: str) -> frozenset[tuple[str, str]]:
+def _installed(needs: tuple[DependencyStatus, ...], python: str) -> frozenset[tuple[str, str]]:
     wanted: dict[str, set[str]] = {}
     for need in needs:
         if need.manager:
@@ -184,7 +186,7 @@ def _installed(needs: tuple[Need, ...], python: str) -> frozenset[tuple[str, str
 
 
 def _lines(
-    needs: tuple[Need, ...], have: frozenset[tuple[str, str]], python: str, *, everything: bool
+    needs: tuple[DependencyStatus, ...], have: frozenset[tuple[str, str]], python: str, *, everything: bool
 ) -> Iterator[str]:
     """Yield a script: comments with dependencies and their users, and install commands."""
     missing = [need for need in needs if not need.provider and not _is_there(need, have)]
@@ -209,11 +211,13 @@ def _lines(
         yield "# nothing is missing"
 
 
-def _is_there(need: Need, have: frozenset[tuple[str, str]]) -> bool:
+def _is_there(need: DependencyStatus, have: frozenset[tuple[str, str]]) -> bool:
     return need.manager is not None and all((need.manager, name) in have for name in need.names)
 
 
-def _plain(needs: tuple[Need, ...], have: frozenset[tuple[str, str]], system: System) -> dict[str, object]:
+def _plain(
+    needs: tuple[DependencyStatus, ...], have: frozenset[tuple[str, str]], system: System
+) -> dict[str, object]:
     return {
         "system": f"{system.name}:{system.version}",
         "needs": [

@@ -11,8 +11,8 @@ from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables, without_own
 from forge.doctor.checks import machine, naming, packages, programs, surroundings
-from forge.doctor.checks.model import CheckResult, Subject, files_of
-from forge.doctor.checks.showing import lines, plain
+from forge.doctor.checks.model import CheckContext, CheckResult, files_of
+from forge.doctor.checks.report import lines, plain
 from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
 from forge.workspace.resolve import missing_problems
@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     return EXIT_USER if any(result.errors for result in results) else 0
 
 
-def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[CheckResult, Subject]:
+def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[CheckResult, CheckContext]:
     """Return the result for the workspace as a whole, and the subject of the other checks."""
     outside = without_own(os.environ, layout.install)
     try:
@@ -76,7 +76,7 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
     except ForgeError:
         variables = outside  # the state of an earlier build is unreadable, which another check reports
     python = options.python
-    bare = Subject(root, layout, variables, outside, python, find_underlays(variables, layout.install))
+    bare = CheckContext(root, layout, variables, outside, python, find_underlays(variables, layout.install))
     if root in {Path.home(), Path(root.anchor)} and "base_paths" not in options.given and not options.paths:
         return CheckResult(
             "workspace", "none: not searching for packages in a whole home folder or file system"
@@ -98,9 +98,9 @@ def _workspace(loaded: Loaded) -> CheckResult:
     return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.warnings, *warnings))
 
 
-def _subject(bare: Subject, loaded: Loaded) -> Subject:
+def _subject(bare: CheckContext, loaded: Loaded) -> CheckContext:
     everything = loaded.workspace.packages
-    return Subject(
+    return CheckContext(
         bare.root,
         bare.layout,
         bare.variables,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import print_warnings
 from forge.cli import package_options
-from forge.output.charts import charts
-from forge.output.charts.charts import Chart
+from forge.output.charts import graph_formats
+from forge.output.charts.graph_formats import PackageGraph
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     root = Path.cwd()
     loaded = load_workspace(root, package_options.query_of(options), os.environ, embedded=options.embedded)
     print_warnings(loaded.warnings)
-    chart = Chart(loaded.ordered, loaded.needs, loaded.packages, frozenset(loaded.selection.names))
+    chart = PackageGraph(loaded.ordered, loaded.needs, loaded.packages, frozenset(loaded.selection.names))
     text = _text(chart, options, root)
     if options.output is None:
         print(text, end="")
@@ -61,23 +61,23 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _text(chart: Chart, options: argparse.Namespace, root: Path) -> str:
+def _text(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
     """Return the graph in the requested format."""
     if options.json:
-        return json.dumps(charts.plain(chart), indent=2) + "\n"
+        return json.dumps(graph_formats.plain(chart), indent=2) + "\n"
     if options.html or options.svg:
         return _picture(chart, options, root)
     if options.mermaid:
-        return _joined(charts.mermaid(chart))
+        return _joined(graph_formats.mermaid(chart))
     if options.dot:
         cluster, skipped = options.dot_cluster, options.dot_include_skipped
-        return _joined(charts.dot(chart, cluster=cluster, skipped=skipped, legend=options.legend))
-    legend = charts.LEGEND if options.legend else ()
-    density = (f"dependency density {charts.density(chart):.2f} %\n",) if options.density else ()
-    return _joined((*legend, *density, *charts.matrix(chart)))
+        return _joined(graph_formats.dot(chart, cluster=cluster, skipped=skipped, legend=options.legend))
+    legend = graph_formats.LEGEND if options.legend else ()
+    density = (f"dependency density {graph_formats.density(chart):.2f} %\n",) if options.density else ()
+    return _joined((*legend, *density, *graph_formats.matrix(chart)))
 
 
-def _picture(chart: Chart, options: argparse.Namespace, root: Path) -> str:
+def _picture(chart: PackageGraph, options: argparse.Namespace, root: Path) -> str:
     """Return the graph as an image in which the height of a package shows its last build time."""
     from forge.base.templating import render  # noqa: PLC0415
     from forge.build.journal import open_journal  # noqa: PLC0415  (only images show times)
@@ -85,9 +85,9 @@ def _picture(chart: Chart, options: argparse.Namespace, root: Path) -> str:
 
     records = open_journal(root / options.build_base).records
     seconds = {name: record.seconds for name, record in records.items() if record.seconds}
-    graph = charts.drawn_graph(chart)
+    graph = graph_formats.drawn_graph(chart)
     picture = drawn(chart, graph, seconds)
-    title = f"{charts.printable(root.name)}: {len(picture.nodes)} packages"
+    title = f"{graph_formats.printable(root.name)}: {len(picture.nodes)} packages"
     if options.svg:
         return render("html/graph.svg.j2", title=title, picture=picture)
     return render("html/graph.html.j2", title=title, picture=picture, facts=facts(chart, graph, seconds))

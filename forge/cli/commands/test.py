@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import WarningReporter, WorkspaceError
 from forge.build.events import Finished
-from forge.build.markers import begin_workspace
+from forge.build.markers import create_output_folders
 from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, read_options
 from forge.cli.preparation import build_variables
@@ -20,19 +20,19 @@ from forge.execution.lock import lock_build_dir
 from forge.execution.options import SEQUENTIAL, JobOptions
 from forge.execution.scheduler import Scheduler
 from forge.output.handlers import ReportOptions
+from forge.testing.failures import table
 from forge.testing.options import TestOptions
 from forge.testing.preparing import (
     absent_problems,
+    changed_since_build,
     make_test_plan,
     needs_of_tests,
     not_built_here,
     open_test_job_pool,
     prepare_context,
     tested_names,
-    unbuilt_edits,
 )
-from forge.testing.running import TestSetup, failures_of, note_result
-from forge.testing.showing import table
+from forge.testing.running import TestSetup, failures_of, write_result_file
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -68,13 +68,13 @@ def run(namespace: argparse.Namespace) -> int:
     warn(loaded.warnings)
     names = tested_names(loaded, warn)
     needs = needs_of_tests(names, loaded)
-    begin_workspace(layout)
+    create_output_folders(layout)
     absent = absent_problems(needs, layout, variables)
     if absent and len(absent) == len(names):
         raise WorkspaceError(*absent.values())
     built = [name for name in names if name not in absent]
     warn(not_built_here(built, loaded, layout))
-    warn(unbuilt_edits({name: needs[name] for name in built}, loaded, layout))
+    warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
     context = prepare_context(options, loaded, names, layout)
     plan = make_test_plan(built, loaded, context, warn)
     with (
@@ -90,7 +90,7 @@ def run(namespace: argparse.Namespace) -> int:
                 TestSetup(context, needs, variables).runner(job_pool),
                 _scheduler(plan, options, jobs.parallel_workers, job_pool.jobs),
                 lambda task: task,
-                lambda event: note_result(event, plan.tasks[event.task], session.report.failed_tests),
+                lambda event: write_result_file(event, plan.tasks[event.task], session.report.failed_tests),
             )
         finally:
             code = _report_results(plan, context, session, json=reports.json)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.cli import options as shared
 from forge.testing.collecting import collect
+from forge.testing.failures import as_json, counts_as_json, details, result_line
 from forge.testing.outcomes import Counts, counted_once
-from forge.testing.showing import as_json, counts_as_json, details, result_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -45,7 +45,7 @@ _SECOND = 1.5
 """Seconds after which to check again when polling, which compares times in whole seconds."""
 
 _ATTEMPTS = 10
-_MARKS = frozenset({IGNORE_MARK, *ROS_MARKS})
+_IGNORE_MARKERS = frozenset({IGNORE_MARK, *ROS_MARKS})
 
 
 @frozen
@@ -61,7 +61,7 @@ class WatchSpec:
         return WatchSpec(self.names | other.names if both else None, self.folders or other.folders)  # type: ignore[operator]
 
 
-def interests(
+def watch_specs(
     workspace: Workspace, base_paths: Iterable[str], files: Iterable[str], results: frozenset[str]
 ) -> dict[str, WatchSpec]:
     """Return the folders to watch: those of packages, and those in which packages may appear.
@@ -72,8 +72,8 @@ def interests(
     found: dict[str, WatchSpec] = {}
     root = str(workspace.root)
 
-    def add(folder: str, interest: WatchSpec) -> None:
-        found[folder] = found[folder].joined(interest) if folder in found else interest
+    def add(folder: str, spec: WatchSpec) -> None:
+        found[folder] = found[folder].joined(spec) if folder in found else spec
 
     packages = [*workspace.packages.values(), *workspace.twins]
     homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}  # noqa: PTH118  (like discovery)
@@ -83,8 +83,8 @@ def interests(
             for target in targets:
                 add(os.path.dirname(target), WatchSpec(frozenset({os.path.basename(target)}), folders=False))  # noqa: PTH119, PTH120
     for base in base_paths:
-        for folder, interest in _bare(os.path.normpath(os.path.join(root, base)), homes | results):  # noqa: PTH118
-            add(folder, interest)
+        for folder, spec in _bare(os.path.normpath(os.path.join(root, base)), homes | results):  # noqa: PTH118
+            add(folder, spec)
     for file in files:
         path = os.path.normpath(os.path.join(root, file))  # noqa: PTH118
         if os.path.isdir(os.path.dirname(path)):  # noqa: PTH112, PTH120
@@ -106,8 +106,8 @@ def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, 
         if folder in without or (status.st_dev, status.st_ino) in visited:
             continue
         visited.add((status.st_dev, status.st_ino))
-        if any(name in _MARKS for name, _ in inside):
-            yield folder, WatchSpec(_MARKS, folders=False)
+        if any(name in _IGNORE_MARKERS for name, _ in inside):
+            yield folder, WatchSpec(_IGNORE_MARKERS, folders=False)
             continue
         yield folder, WatchSpec(TELLING)
         waiting += [f"{folder}/{name}" for name, below in inside if below and not name.startswith(".")]
@@ -119,7 +119,7 @@ class FileWatcher:
     def __init__(self, warn: Callable[[Iterable[Problem]], object]) -> None:
         """Watch nothing yet; `warn` is called if the system's limits are exceeded."""
         self._warn = warn
-        self.blind: frozenset[str] = frozenset()
+        self.ignored_folders: frozenset[str] = frozenset()
         """Folders that forge itself writes to."""
         self._watched: Mapping[str, WatchSpec] = {}
         self._changes: Iterator[set[FileChange]] | None = None
@@ -144,8 +144,8 @@ class FileWatcher:
             time.sleep(0.05)
         self._watch(list_folders())
 
-    def _watch(self, interests: Mapping[str, WatchSpec]) -> None:
-        wanted = {folder: interest for folder, interest in interests.items() if _can_be_watched(folder)}
+    def _watch(self, watch_specs: Mapping[str, WatchSpec]) -> None:
+        wanted = {folder: spec for folder, spec in watch_specs.items() if _can_be_watched(folder)}
         if self._changes is None or wanted.keys() != self._watched.keys():
             self._changes = self._begin(sorted(wanted))
         self._watched = wanted
@@ -182,17 +182,17 @@ class FileWatcher:
         )
 
     def _counts(self, path: str) -> bool:
-        if path in self.blind:
+        if path in self.ignored_folders:
             return False
         if path in self._watched:
             return self._watched[path].folders
         folder, name = os.path.split(path)
-        interest = self._watched.get(folder)
-        if interest is None or not is_source(name, lambda other: os.path.lexists(f"{folder}/{other}")):
-            return interest is not None and name in _MARKS
-        if interest.names is None or name in interest.names:
+        spec = self._watched.get(folder)
+        if spec is None or not is_source(name, lambda other: os.path.lexists(f"{folder}/{other}")):
+            return spec is not None and name in _IGNORE_MARKERS
+        if spec.names is None or name in spec.names:
             return True
-        return interest.folders and os.path.isdir(path) and not name.startswith(".")  # noqa: PTH112
+        return spec.folders and os.path.isdir(path) and not name.startswith(".")  # noqa: PTH112
 
     def _begin(self, folders: list[str]) -> Iterator[set[FileChange]]:
         """Watch these folders natively, or by polling if the system's limits are exceeded."""

@@ -20,7 +20,7 @@ from forge.base.text import duration
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import for_rebuild
 from forge.cli.preparation import forge_stamp
-from forge.cli.watch.file_watcher import STEP, FileWatcher, interests
+from forge.cli.watch.file_watcher import STEP, FileWatcher, watch_specs
 from forge.environment.sourcing import clear_edit_cache
 from forge.workspace.forge_toml import FORGE_TOML
 from forge.workspace.load import find_packages
@@ -91,7 +91,7 @@ class WatchLoop(BuildMode):
         self._folders_outdated = True
         self._logs: list[Path] = []
         self._ran = False
-        self._on_heels = 0
+        self._consecutive_builds = 0
         self.cut_short = False
         """Whether an interrupt aborted packages."""
 
@@ -99,18 +99,18 @@ class WatchLoop(BuildMode):
         """Run the first build; then start watching, and build changes made meanwhile."""
         self._build(self._options, self)
         self._update_folders()
-        self.quiet = self.checking = True
+        self.quiet = self.silent_if_up_to_date = True
         self._build_once()
         self._print(f"watching {self._watcher.count} folders; press Ctrl-C to stop")
 
     def wait(self) -> frozenset[str]:
         """Wait for changes and return the changed files; raises KeyboardInterrupt."""
-        if self._on_heels >= _SUSPICIOUS:
-            time.sleep(min(2.0 ** (self._on_heels - _SUSPICIOUS), _LONGEST_PAUSE))
+        if self._consecutive_builds >= _SUSPICIOUS:
+            time.sleep(min(2.0 ** (self._consecutive_builds - _SUSPICIOUS), _LONGEST_PAUSE))
         begun = time.monotonic()
         saved = self._watcher.wait()
         # Changes that are available immediately were made during the last build, perhaps by the build.
-        self.checking = self._watcher.second_check or time.monotonic() - begun < 4 * STEP / 1000
+        self.silent_if_up_to_date = self._watcher.second_check or time.monotonic() - begun < 4 * STEP / 1000
         return saved
 
     def rebuild(self, changed: frozenset[str]) -> None:
@@ -118,8 +118,10 @@ class WatchLoop(BuildMode):
         self._folders_outdated = self._folders_outdated or self._watcher.moves_folders(changed)
         self._ran = False
         self._build_once()
-        self._on_heels = self._on_heels + 1 if self._ran and self.checking else 0
-        if self._on_heels == _SUSPICIOUS:
+        self._consecutive_builds = (
+            self._consecutive_builds + 1 if self._ran and self.silent_if_up_to_date else 0
+        )
+        if self._consecutive_builds == _SUSPICIOUS:
             name = os.path.relpath(min(changed, default="."))
             message = f"'{name}' changed during {_SUSPICIOUS} consecutive builds"
             hint = "let packages write only into their build folders; forge now pauses between builds"
@@ -138,7 +140,7 @@ class WatchLoop(BuildMode):
         self._ran = bool(tally.finished or tally.embedded or tally.failed)
         if not self.quiet:
             super().conclude(plan, report, seconds)
-        elif not self._options.report.json and (self._ran or tally.aborted or not self.checking):
+        elif not self._options.report.json and (self._ran or tally.aborted or not self.silent_if_up_to_date):
             line = line_of(tuple(plan.tasks), tally, seconds)
             report.screen.write(f"{_clock()} {line}\n".encode())
 
@@ -163,13 +165,15 @@ class WatchLoop(BuildMode):
         """Update the set of watched folders."""
         options, root = self._options, Path.cwd()
         layout = options.folders.layout(root)
-        self._watcher.blind = frozenset(map(str, (layout.build, layout.install, layout.logs)))
+        self._watcher.ignored_folders = frozenset(map(str, (layout.build, layout.install, layout.logs)))
 
         def folders() -> Mapping[str, WatchSpec]:
             search = options.query.search
             workspace = find_packages(root, search, os.environ)
             self._warm(workspace.packages.values())
-            return interests(workspace, search.base_paths, (FORGE_TOML, *search.metas), self._watcher.blind)
+            return watch_specs(
+                workspace, search.base_paths, (FORGE_TOML, *search.metas), self._watcher.ignored_folders
+            )
 
         self._folders_outdated = True
         self._watcher.watch(folders)

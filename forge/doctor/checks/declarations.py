@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.workspace.cmake_metadata import uses
@@ -26,7 +26,7 @@ _SILENT = frozenset({"ros2launch", "launch", "launch_ros", "action_msgs"})
 
 
 @frozen
-class Surroundings:
+class KnownPackages:
     """The packages in reach: known names, owners of modules, and dependencies.
 
     `near` are the packages of the workspace, which must be built before their dependents.
@@ -47,7 +47,7 @@ class Surroundings:
 
 
 @frozen
-class Grades:
+class Findings:
     """Problems by severity."""
 
     errors: tuple[Problem, ...] = ()
@@ -55,7 +55,7 @@ class Grades:
     notes: tuple[Problem, ...] = ()
 
 
-def undeclared_in_cmake(package: Package, text: str, path: Path, around: Surroundings) -> Grades:
+def undeclared_in_cmake(package: Package, text: str, path: Path, around: KnownPackages) -> Findings:
     """Return packages that a CMakeLists.txt uses without declaring them, each once.
 
     It is an error if CMake certainly fails: a required package of the workspace that no declared dependency
@@ -69,17 +69,19 @@ def undeclared_in_cmake(package: Package, text: str, path: Path, around: Surroun
         if use.name in declared or use.name in reported or not around.knows(use.name):
             continue
         reported.add(use.name)
-        problem = _undeclared(package, use.name, Place(path, use.line), testing=use.testing)
+        problem = _undeclared(package, use.name, Location(path, use.line), testing=use.testing)
         if use.name in below:
             notes.append(problem)
         elif use.required and use.name in around.near:
             errors.append(problem)
         else:
             warnings.append(problem)
-    return Grades(tuple(errors), tuple(warnings), tuple(notes))
+    return Findings(tuple(errors), tuple(warnings), tuple(notes))
 
 
-def undeclared_in_python(package: Package, texts: Iterable[tuple[Path, str]], around: Surroundings) -> Grades:
+def undeclared_in_python(
+    package: Package, texts: Iterable[tuple[Path, str]], around: KnownPackages
+) -> Findings:
     """Return packages that Python files import without declaring them, each once."""
     declared = _declared(package)
     below = closure(around.needs, around.needs.get(package.name, frozenset()))
@@ -96,11 +98,11 @@ def undeclared_in_python(package: Package, texts: Iterable[tuple[Path, str]], ar
                 continue
             reported.add(name)
             testing = not _TESTS.isdisjoint(path.parts)
-            problem = _undeclared(package, name, Place(path, line), testing=testing, only_run=not testing)
+            problem = _undeclared(package, name, Location(path, line), testing=testing, only_run=not testing)
             # Launch files rarely declare dependencies and run in a complete system.
             mild = name in below or path.name.endswith((".launch.py", "_launch.py"))
             (notes if mild else warnings).append(problem)
-    return Grades((), tuple(warnings), tuple(notes))
+    return Findings((), tuple(warnings), tuple(notes))
 
 
 def unused(
@@ -128,7 +130,7 @@ def unused(
             return
     for name in sorted(wanted):
         message = f"'{package.name}' declares '{name}', but none of its files mentions it"
-        yield Problem(message, Place(package.manifest.path), "remove the line if it is not needed")
+        yield Problem(message, Location(package.manifest.path), "remove the line if it is not needed")
 
 
 def _declared(package: Package) -> frozenset[str]:
@@ -136,7 +138,7 @@ def _declared(package: Package) -> frozenset[str]:
 
 
 def _undeclared(
-    package: Package, name: str, place: Place, *, testing: bool, only_run: bool = False
+    package: Package, name: str, place: Location, *, testing: bool, only_run: bool = False
 ) -> Problem:
     tag = "test_depend" if testing else "exec_depend" if only_run else "depend"
     return Problem(

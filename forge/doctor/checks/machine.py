@@ -10,14 +10,14 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.doctor.checks.model import CheckResult
 from forge.toolchain.resources import memory, processors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from forge.doctor.checks.model import Subject
+    from forge.doctor.checks.model import CheckContext
 
 _GIB = 1 << 30
 _LITTLE, _TOO_LITTLE = _GIB, 50 << 20
@@ -28,7 +28,7 @@ _SKEW_SECONDS = 5.0
 _NAMED = 3
 
 
-def disk(subject: Subject) -> CheckResult:
+def disk(subject: CheckContext) -> CheckResult:
     """Check the file systems of the build and install folders; creates a temporary folder in each."""
     errors: list[Problem] = []
     warnings: list[Problem] = []
@@ -49,7 +49,7 @@ def disk(subject: Subject) -> CheckResult:
     return CheckResult("disk", ", ".join(summary), tuple(errors), tuple(warnings))
 
 
-def owners(subject: Subject) -> CheckResult:
+def owners(subject: CheckContext) -> CheckResult:
     """Find results of other users, for example from sudo, which cannot be overwritten."""
     foreign = []
     for base in filter(None, (subject.layout.build, subject.layout.install, subject.layout.logs)):
@@ -66,7 +66,7 @@ def owners(subject: Subject) -> CheckResult:
     return CheckResult("owner", "results of another user", errors=(problem,))
 
 
-def clock(subject: Subject) -> CheckResult:
+def clock(subject: CheckContext) -> CheckResult:
     """Compare the clock with that of the file system and with the times of sources."""
     now = time.time()
     warnings = []
@@ -74,7 +74,7 @@ def clock(subject: Subject) -> CheckResult:
     if abs(skew) > _SKEW_SECONDS:
         hint = "synchronize both clocks (timedatectl), otherwise builds miss changes"
         message = f"the file system is {abs(skew):.0f} s {'ahead of' if skew > 0 else 'behind'} the clock"
-        warnings.append(Problem(message, Place(_existing(subject.layout.build)), hint))
+        warnings.append(Problem(message, Location(_existing(subject.layout.build)), hint))
     future = [
         str(package.path / name)
         for package in subject.packages.values()
@@ -86,7 +86,7 @@ def clock(subject: Subject) -> CheckResult:
         hint = f"if the clock is correct: touch {future[0]}" + (" and the others" if len(future) > 1 else "")
         warnings.append(
             Problem(
-                f"{count} modified in the future: tools may rebuild it every time", Place(future[0]), hint
+                f"{count} modified in the future: tools may rebuild it every time", Location(future[0]), hint
             )
         )
     return CheckResult(
@@ -98,7 +98,7 @@ def clock(subject: Subject) -> CheckResult:
     )
 
 
-def limits(subject: Subject) -> CheckResult:
+def limits(subject: CheckContext) -> CheckResult:
     """Check the limits for open files and for the size of arguments."""
     warnings = []
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
@@ -119,7 +119,7 @@ def limits(subject: Subject) -> CheckResult:
     )
 
 
-def capacity(_subject: Subject) -> CheckResult:
+def capacity(_subject: CheckContext) -> CheckResult:
     """Compare the available memory with the default number of jobs."""
     jobs, found = processors(), memory()
     if found is None:
@@ -148,18 +148,18 @@ def _refusals(wanted: Path, folder: Path) -> Iterator[Problem]:
 def _full(folder: Path, free: int) -> Iterator[Problem]:
     if free < _TOO_LITTLE:
         hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
-        yield Problem(f"the disk is full: {free >> 20} MiB are left", Place(folder), hint)
+        yield Problem(f"the disk is full: {free >> 20} MiB are left", Location(folder), hint)
 
 
 def _scarce(folder: Path, free: int) -> Iterator[Problem]:
     if _TOO_LITTLE <= free < _LITTLE:
         hint = "free some space: 'forge clean stale' removes results of packages no longer in the workspace"
-        yield Problem(f"the disk is almost full: {free >> 20} MiB are left", Place(folder), hint)
+        yield Problem(f"the disk is almost full: {free >> 20} MiB are left", Location(folder), hint)
     status = os.statvfs(folder)
     # Some file systems allocate inodes dynamically and report none.
     if status.f_files and status.f_favail < _FEW_FILES:
         hint = "remove folders with many small files; 'df -i' shows the number of free inodes"
-        yield Problem(f"the file system has only {status.f_favail} free inodes", Place(folder), hint)
+        yield Problem(f"the file system has only {status.f_favail} free inodes", Location(folder), hint)
 
 
 def _lacking_features(folder: Path) -> Iterator[Problem]:
@@ -172,7 +172,7 @@ def _lacking_features(folder: Path) -> Iterator[Problem]:
                 hint = "build elsewhere: '--build-base' and '--install-base' on another file system"
                 yield Problem(
                     "the file system ignores case; names of packages may clash",
-                    Place(folder),
+                    Location(folder),
                     hint,
                 )
             try:
@@ -182,7 +182,7 @@ def _lacking_features(folder: Path) -> Iterator[Problem]:
                 yield Problem(
                     "the file system does not support symbolic links: versioned libraries cannot be "
                     "installed",
-                    Place(folder),
+                    Location(folder),
                     hint,
                 )
     except OSError:
@@ -213,7 +213,7 @@ def _is_foreign(path: Path) -> bool:
         return False
 
 
-def _base(path: Path, subject: Subject) -> Path:
+def _base(path: Path, subject: CheckContext) -> Path:
     """Return the output folder that contains a path, in its shortest spelling."""
     bases = (subject.layout.build, subject.layout.install, subject.layout.logs)
     base = next(base for base in bases if base and path.is_relative_to(base))

@@ -28,7 +28,7 @@ _LARGEST = 1 << 20
 
 
 @frozen
-class Subject:
+class CheckContext:
     """The workspace under examination; without one, `packages` is empty and `resolution` is None.
 
     `variables` are those of a build, `surroundings` those of the shell. `packages` are the selected ones.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import configparser
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.doctor.checks.model import CheckResult
 from forge.workspace.cmake_metadata import project_name
 from forge.workspace.python_metadata import read_setup_py
@@ -13,11 +13,11 @@ from forge.workspace.python_metadata import read_setup_py
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from forge.doctor.checks.model import Subject
+    from forge.doctor.checks.model import CheckContext
     from forge.workspace.model import Package
 
 
-def names(subject: Subject) -> CheckResult:
+def names(subject: CheckContext) -> CheckResult:
     """Compare manifests, CMakeLists.txt, setup.py and setup.cfg."""
     packages = [package for package in subject.packages.values() if package.ros]
     errors = tuple(problem for package in packages for problem in _project(subject, package))
@@ -27,17 +27,17 @@ def names(subject: Subject) -> CheckResult:
     return CheckResult("names", summary, errors, warnings)
 
 
-def _project(subject: Subject, package: Package) -> Iterator[Problem]:
+def _project(subject: CheckContext, package: Package) -> Iterator[Problem]:
     """Yield a problem if project() has another name, which ament rejects."""
     if package.build_type != "ament_cmake":
         return
     name = project_name(subject.text(package, "CMakeLists.txt"))
     if name and name != package.name:
         message = f"the name is '{package.name}' in package.xml, but '{name}' in project()"
-        yield Problem(message, Place(package.path / "CMakeLists.txt"), "use the same name in both")
+        yield Problem(message, Location(package.path / "CMakeLists.txt"), "use the same name in both")
 
 
-def _setup(subject: Subject, package: Package) -> Iterator[Problem]:
+def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
     if package.build_type != "ament_python":
         return
     text = subject.text(package, "setup.py")
@@ -47,13 +47,13 @@ def _setup(subject: Subject, package: Package) -> Iterator[Problem]:
         return  # a build reports it with the position
     if facts and facts.name and facts.name.replace("-", "_") != package.name.replace("-", "_"):
         message = f"the name is '{package.name}' in package.xml, but '{facts.name}' in setup.py"
-        yield Problem(message, Place(package.path / "setup.py"), "use the same name in both")
+        yield Problem(message, Location(package.path / "setup.py"), "use the same name in both")
     if "console_scripts" in text and not _sets_script_folder(
         subject.text(package, "setup.cfg"), package.name
     ):
         yield Problem(
             f"executables of '{package.name}' are installed in 'bin', where 'forge run' does not find them",
-            Place(package.path / "setup.cfg"),
+            Location(package.path / "setup.cfg"),
             f"add install_scripts=$base/lib/{package.name} to the section [install]",
         )
 

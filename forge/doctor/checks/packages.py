@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.doctor.checks.declarations import (
-    Grades,
-    Surroundings,
+    Findings,
+    KnownPackages,
     undeclared_in_cmake,
     undeclared_in_python,
     unused,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import re
     from collections.abc import Iterator
 
-    from forge.doctor.checks.model import Subject
+    from forge.doctor.checks.model import CheckContext
     from forge.workspace.model import Package
 
 _CODE = (".c", ".cc", ".cpp", ".cu", ".cxx", ".h", ".hh", ".hpp", ".ipp", ".tpp", ".py", ".pyi", ".sh")
@@ -39,10 +39,10 @@ _SEARCHED = (*_CODE, *_BUILDING, *_DATA, ".msg", ".srv", ".action", ".idl")
 _TEST_FOLDERS = frozenset({"test", "tests"})
 
 
-def declarations(subject: Subject) -> CheckResult:
+def declarations(subject: CheckContext) -> CheckResult:
     """Compare used packages with declared dependencies."""
     around = _surroundings(subject)
-    found: list[Grades] = []
+    found: list[Findings] = []
     notes: list[Problem] = []
     for package in subject.packages.values():
         if not package.ros:
@@ -62,7 +62,7 @@ def declarations(subject: Subject) -> CheckResult:
     return CheckResult("declared", summary, errors, warnings, tuple(notes))
 
 
-def shadows(subject: Subject) -> CheckResult:
+def shadows(subject: CheckContext) -> CheckResult:
     """Find packages and Python modules that hide others with the same name."""
     warnings = [*overridden(subject.packages, subject.layout.install, subject.variables)]
     warnings += _clashing_modules(subject)
@@ -71,7 +71,7 @@ def shadows(subject: Subject) -> CheckResult:
     return CheckResult("shadows", summary, warnings=tuple(warnings), notes=tuple(notes))
 
 
-def modules_of(subject: Subject, package: Package) -> frozenset[str]:
+def modules_of(subject: CheckContext, package: Package) -> frozenset[str]:
     """Return the top-level Python modules that a package installs."""
     found = {package.name} if INTERFACE_GROUP in package.manifest.groups else set()
     if package.build_type in {"ament_python", "python"}:
@@ -87,7 +87,7 @@ def modules_of(subject: Subject, package: Package) -> frozenset[str]:
     return frozenset(found)
 
 
-def _surroundings(subject: Subject) -> Surroundings:
+def _surroundings(subject: CheckContext) -> KnownPackages:
     assert subject.resolution is not None  # noqa: S101  (there are packages)
     resolution = subject.resolution
     near = frozenset(name for name, package in resolution.packages.items() if not package.embedded)
@@ -104,16 +104,16 @@ def _surroundings(subject: Subject) -> Surroundings:
     for name in near:
         outside = frozenset(resolution.packages[name].manifest.names(ALL_KINDS)) & installed.keys()
         needs[name] |= outside
-    return Surroundings(brought, near, modules, needs)
+    return KnownPackages(brought, near, modules, needs)
 
 
-def _mentions(subject: Subject, package: Package, pattern: re.Pattern[str]) -> Iterator[str]:
+def _mentions(subject: CheckContext, package: Package, pattern: re.Pattern[str]) -> Iterator[str]:
     for name, text in subject.texts(package, *_SEARCHED):
         if name != "package.xml":
             yield from pattern.findall(text)
 
 
-def _clashing_modules(subject: Subject) -> Iterator[Problem]:
+def _clashing_modules(subject: CheckContext) -> Iterator[Problem]:
     owners: dict[str, list[Package]] = defaultdict(list)
     for package in subject.packages.values():
         for module in modules_of(subject, package):
@@ -123,17 +123,17 @@ def _clashing_modules(subject: Subject) -> Iterator[Problem]:
         if others:
             names = " and ".join(f"'{package.name}'" for package in (first, *others))
             hint = "rename all but one of them: imports use the one that was sourced last"
-            yield Problem(f"the Python module '{module}' is in {names}", Place(others[0].path), hint)
+            yield Problem(f"the Python module '{module}' is in {names}", Location(others[0].path), hint)
         if module in sys.stdlib_module_names:
             hint = "rename its folder, also in setup.py"
             yield Problem(
                 f"the module '{module}' of '{first.name}' hides a module of Python's standard library",
-                Place(first.path),
+                Location(first.path),
                 hint,
             )
 
 
-def _hidden_packages(subject: Subject) -> Iterator[Problem]:
+def _hidden_packages(subject: CheckContext) -> Iterator[Problem]:
     """Yield the packages that exist in several places, with the one that is used."""
     places: dict[str, list[str]] = defaultdict(list)
     for root in reversed(subject.underlays.chain):

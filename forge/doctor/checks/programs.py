@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Place, Problem
+from forge.base.errors import EnvironmentFault, Location, Problem
 from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.shells import SHELLS
 from forge.toolchain.interpreter import find_interpreter, lacking, traits
@@ -29,7 +29,7 @@ from forge.workspace.resolve import INTERFACE_GROUP
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from forge.doctor.checks.model import Subject
+    from forge.doctor.checks.model import CheckContext
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.model import Package
 
@@ -45,7 +45,7 @@ _PROJECT_TABLE = (61, 0)
 """The first setuptools that reads project metadata from pyproject.toml."""
 
 
-def compiler(subject: Subject) -> CheckResult:
+def compiler(subject: CheckContext) -> CheckResult:
     """Check for a C++ compiler with C++17 support."""
     needy = compiled_packages(subject.packages.values())
     words = compiler_words(subject.variables)
@@ -61,7 +61,7 @@ def compiler(subject: Subject) -> CheckResult:
     return graded("compiler", summary, (problem,), serious=bool(needy))
 
 
-def cmake(subject: Subject) -> CheckResult:
+def cmake(subject: CheckContext) -> CheckResult:
     """Check CMake and the versions that packages require."""
     needy = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
     program = find_cmake(subject.variables)
@@ -82,7 +82,7 @@ def cmake(subject: Subject) -> CheckResult:
     return CheckResult("cmake", f"{version} ({program})", errors=tuple(problems))
 
 
-def builder(subject: Subject) -> CheckResult:
+def builder(subject: CheckContext) -> CheckResult:
     """Check for Ninja or make."""
     needy = [package for package in subject.packages.values() if package.build_type in CMAKE_TYPES]
     found = {"ninja": find_ninja(subject.variables), "make": find_program("make", subject.variables)}
@@ -96,7 +96,7 @@ def builder(subject: Subject) -> CheckResult:
     return graded("ninja", "none", (no_builder(needy),), serious=bool(needy))
 
 
-def python(subject: Subject) -> CheckResult:
+def python(subject: CheckContext) -> CheckResult:
     """Check the interpreter of a build and its modules."""
     try:
         interpreter = find_interpreter(subject.python, subject.variables)
@@ -111,7 +111,7 @@ def python(subject: Subject) -> CheckResult:
     return CheckResult("python", f"{known['version']} ({interpreter.path}), {lent}", errors=tuple(errors))
 
 
-def shells(subject: Subject) -> CheckResult:
+def shells(subject: CheckContext) -> CheckResult:
     """List the shells with setup scripts, and check the login shell."""
     path = subject.surroundings.get("PATH", os.defpath)
     found = [name for name in SHELLS if shutil.which(name, path=path)]
@@ -125,7 +125,7 @@ def shells(subject: Subject) -> CheckResult:
     )
 
 
-def _minimum(subject: Subject, package: Package, version: tuple[int, ...]) -> Iterator[Problem]:
+def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) -> Iterator[Problem]:
     """Yield problems between CMake's version and that required by a package."""
     call = next(
         (
@@ -138,7 +138,7 @@ def _minimum(subject: Subject, package: Package, version: tuple[int, ...]) -> It
     least, _, most = call.words[1].partition("...") if call else ("", "", "")
     if call is None or not _VERSION.fullmatch(least):
         return
-    place = Place(package.path / "CMakeLists.txt", call.line)
+    place = Location(package.path / "CMakeLists.txt", call.line)
     shown = ".".join(map(str, version))
     if _numbers(least) > version:
         hint = "install the newest with `pip install -U cmake`"
@@ -150,7 +150,9 @@ def _minimum(subject: Subject, package: Package, version: tuple[int, ...]) -> It
         yield Problem(message, place, hint)
 
 
-def _missing_modules(subject: Subject, interpreter: Interpreter, has: frozenset[str]) -> Iterator[Problem]:
+def _missing_modules(
+    subject: CheckContext, interpreter: Interpreter, has: frozenset[str]
+) -> Iterator[Problem]:
     """Yield modules that code generators import and an interpreter lacks."""
     packages = subject.packages.values()
     wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []
@@ -164,7 +166,9 @@ def _missing_modules(subject: Subject, interpreter: Interpreter, has: frozenset[
         yield lacking(interpreter, missing)
 
 
-def _missing_header(subject: Subject, interpreter: Interpreter, has: frozenset[str]) -> Iterator[Problem]:
+def _missing_header(
+    subject: CheckContext, interpreter: Interpreter, has: frozenset[str]
+) -> Iterator[Problem]:
     """Yield packages with Python extensions if Python.h is missing."""
     if "header" in has:
         return
@@ -172,13 +176,13 @@ def _missing_header(subject: Subject, interpreter: Interpreter, has: frozenset[s
         if package.build_type in CMAKE_TYPES and _HEADERS.search(subject.text(package, "CMakeLists.txt")):
             yield Problem(
                 f"'{package.name}' compiles a Python extension, but '{interpreter.path}' has no Python.h",
-                Place(package.path / "CMakeLists.txt"),
+                Location(package.path / "CMakeLists.txt"),
                 "install its headers, for example with `apt install python3-dev` or `dnf install "
                 "python3-devel`",
             )
 
 
-def _old_setuptools(subject: Subject, interpreter: Interpreter, version: str) -> Iterator[Problem]:
+def _old_setuptools(subject: CheckContext, interpreter: Interpreter, version: str) -> Iterator[Problem]:
     """Yield packages with metadata only in pyproject.toml if setuptools is too old."""
     if not version or _numbers(version) >= _PROJECT_TABLE:
         return
@@ -187,12 +191,12 @@ def _old_setuptools(subject: Subject, interpreter: Interpreter, version: str) ->
         if "[project]" in text and "setuptools" in text:
             yield Problem(
                 f"'{package.name}' needs a setuptools that supports pyproject.toml, which {version} does not",
-                Place(package.path / "pyproject.toml"),
+                Location(package.path / "pyproject.toml"),
                 f"{interpreter.path} -m pip install -U setuptools",
             )
 
 
-def _version(subject: Subject, words: Sequence[str]) -> str:
+def _version(subject: CheckContext, words: Sequence[str]) -> str:
     """Return the version that a program reports, '' if it does not run."""
     try:
         done = subprocess.run(
@@ -211,7 +215,7 @@ def _version(subject: Subject, words: Sequence[str]) -> str:
     return found[0] if found else ""
 
 
-def _failure(subject: Subject, argv: Sequence[str], text: str) -> str | None:
+def _failure(subject: CheckContext, argv: Sequence[str], text: str) -> str | None:
     """Return why a program rejects a text, in one line; None if it accepts it."""
     try:
         done = subprocess.run(

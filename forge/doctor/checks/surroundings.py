@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Place, Problem, WorkspaceError
+from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
 from forge.doctor.checks.model import CheckResult
@@ -20,7 +20,7 @@ from forge.workspace.resolve import is_ros_name
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from forge.doctor.checks.model import Subject
+    from forge.doctor.checks.model import CheckContext
 
 _PYTHON_FOLDER = re.compile(r"python(\d+)\.(\d+)")
 _MODULES = ("lib", "local/lib")
@@ -31,7 +31,7 @@ _NAMED = 3
 _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 
 
-def underlays(subject: Subject) -> CheckResult:
+def underlays(subject: CheckContext) -> CheckResult:
     """Check that each sourced workspace exists, is complete, in order, and for the same Python."""
     chain = subject.underlays.chain
     warnings = list(lost_underlays(subject.layout.install, subject.variables))
@@ -44,7 +44,7 @@ def underlays(subject: Subject) -> CheckResult:
     return CheckResult("underlays", said, warnings=tuple(warnings))
 
 
-def environment(subject: Subject) -> CheckResult:
+def environment(subject: CheckContext) -> CheckResult:
     """Find variables left over from another ROS, workspace or Python."""
     variables = subject.surroundings
     warnings = [
@@ -57,7 +57,7 @@ def environment(subject: Subject) -> CheckResult:
     return CheckResult("environment", " ".join(known) or "no ROS variables are set", warnings=tuple(warnings))
 
 
-def results(subject: Subject) -> CheckResult:
+def results(subject: CheckContext) -> CheckResult:
     """Check whether folders of earlier builds belong to forge and were not moved."""
     layout = subject.layout
     errors = [problem for problem in (foreign_build(layout), other_layout(layout)) if problem]
@@ -88,7 +88,7 @@ def _without_scripts(root: Path) -> Iterator[Problem]:
         yield Problem(f"the underlay '{root}' has no setup scripts: its build did not complete", hint=hint)
 
 
-def _other_python(root: Path, subject: Subject) -> Iterator[Problem]:
+def _other_python(root: Path, subject: CheckContext) -> Iterator[Problem]:
     """Yield a warning if modules exist only for another Python."""
     try:
         ours = find_interpreter(subject.python, subject.variables).version
@@ -115,7 +115,7 @@ def _other_python(root: Path, subject: Subject) -> Iterator[Problem]:
         yield Problem(message, hint=hint)
 
 
-def _without_needs(root: Path, subject: Subject) -> Iterator[Problem]:
+def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
     """Yield the packages of an underlay with missing dependencies."""
     held = installed_packages(root)
     indexed = (root / LAYOUT_MARKER).is_file()
@@ -160,7 +160,7 @@ def _of_another_ros(variables: Mapping[str, str]) -> Iterator[Problem]:
         yield Problem(f"'ROS_DISTRO' is '{said}', but '/opt/ros/{distros[0]}' is sourced", hint=new)
 
 
-def _of_another_python(variables: Mapping[str, str], subject: Subject) -> Iterator[Problem]:
+def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> Iterator[Problem]:
     if variables.get("PYTHONHOME"):
         yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
     try:
@@ -203,7 +203,7 @@ def _half_sourced(variables: Mapping[str, str]) -> Iterator[Problem]:
             yield Problem(f"'{name}' is set, which only setup scripts should do while they run", hint=hint)
 
 
-def _moved(name: str, subject: Subject) -> Iterator[Problem]:
+def _moved(name: str, subject: CheckContext) -> Iterator[Problem]:
     """Yield a note if a build folder was configured for another source path."""
     build = subject.layout.build_dir(name)
     try:
@@ -214,7 +214,7 @@ def _moved(name: str, subject: Subject) -> Iterator[Problem]:
     source = subject.root / subject.packages[name].path
     if match and Path(match[1]).resolve() != source.resolve():
         message = f"'{build.name}' was built from '{match[1]}' and will be rebuilt"
-        yield Problem(message, Place(build), f"forge clean packages {name}")
+        yield Problem(message, Location(build), f"forge clean packages {name}")
 
 
 def _listed(names: list[str]) -> str:

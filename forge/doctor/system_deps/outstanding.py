@@ -35,7 +35,7 @@ COMMANDS: Mapping[str, str] = {
 
 
 @frozen
-class Need:
+class DependencyStatus:
     """A dependency of packages in the workspace.
 
     `provider` is the prefix or workspace that provides it, None without one. Otherwise `manager` provides it
@@ -56,7 +56,7 @@ def needs_of(
     provider: Callable[[str], str | None],
     databases: Sequence[Database],
     system: System,
-) -> tuple[Need, ...]:
+) -> tuple[DependencyStatus, ...]:
     """Return all dependencies of the packages of one of `kinds`, by name."""
     users: dict[str, list[str]] = {}
     for package in packages:
@@ -67,14 +67,16 @@ def needs_of(
 
 def _need(
     key: str, users: list[str], provided: str | None, databases: Sequence[Database], system: System
-) -> Need:
+) -> DependencyStatus:
     found = None if provided else resolve(key, databases, system)
     if provided or found is None:
-        return Need(key, tuple(users), provided, ros=not provided and is_ros_name(key))
-    return Need(key, tuple(users), None, found.manager, found.names)
+        return DependencyStatus(key, tuple(users), provided, ros=not provided and is_ros_name(key))
+    return DependencyStatus(key, tuple(users), None, found.manager, found.names)
 
 
-def command_lines(needs: Iterable[Need], have: frozenset[tuple[str, str]], python: str) -> Iterator[str]:
+def command_lines(
+    needs: Iterable[DependencyStatus], have: frozenset[tuple[str, str]], python: str
+) -> Iterator[str]:
     """Yield a quoted install command for each package manager.
 
     `have` contains (package manager, name) of installed packages.

@@ -14,7 +14,7 @@ import pickle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Place, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 
@@ -154,9 +154,9 @@ def _read(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         message = f"cannot read the rosdep file: {(error.strerror or str(error)).lower()}"
-        raise WorkspaceError(Problem(message, Place(path))) from None
+        raise WorkspaceError(Problem(message, Location(path))) from None
     except UnicodeDecodeError:
-        raise WorkspaceError(Problem("the rosdep file is not valid UTF-8", Place(path))) from None
+        raise WorkspaceError(Problem("the rosdep file is not valid UTF-8", Location(path))) from None
     return read_yaml(text, path)
 
 

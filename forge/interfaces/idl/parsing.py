@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, cast
 
-from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.interfaces.idl.structures import StructureReader
 from forge.interfaces.model import Action, Message, Service, TypeName
 from forge.interfaces.read.declarations import check_keyword
@@ -140,7 +140,7 @@ def _expectation(error: UnexpectedInput) -> str | None:
 
 
 def _position(problem: Problem) -> tuple[int, int]:
-    place = problem.place
+    place = problem.location
     return (place.line or 0, place.column or 0) if place else (0, 0)
 
 
@@ -188,7 +188,7 @@ class FileReader:
             case messages:
                 return Action(name, *messages)
 
-    def place(self, offset: int) -> Place:
+    def place(self, offset: int) -> Location:
         """Return line and column of an offset in the text."""
         if not self._starts:
             self._starts = [0, *(match.end() for match in re.finditer("\n", self.text))]
@@ -196,7 +196,7 @@ class FileReader:
         start = self._starts[number - 1]
         end = self.text.find("\n", start)
         line = self.text[start : None if end < 0 else end].rstrip("\r")
-        return Place(str(self.source.path), number, offset - start + 1, line)
+        return Location(str(self.source.path), number, offset - start + 1, line)
 
     def problem(self, error: ParseError) -> Problem:
         """Return an error as a problem of this file."""
@@ -254,7 +254,7 @@ class FileReader:
         names = [cast("Token", struct.children[0]) for struct in structs]
         if not 1 <= len(names) <= len(_SECTIONS) + 1:
             message = f"expected 1 struct (a message), 2 (a service) or 3 (an action), found {len(names)}"
-            self.problems.append(Problem(message, Place(str(self.source.path))))
+            self.problems.append(Problem(message, Location(str(self.source.path))))
             return
         for name, suffix in zip(names, _SECTIONS.get(len(names), ("",)), strict=True):
             if name != stem + suffix:

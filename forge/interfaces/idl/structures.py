@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from lark import Token, Tree
 
-    from forge.base.errors import Place
+    from forge.base.errors import Location
     from forge.interfaces.model import Type, Value
 
 _ALIASES = {
@@ -54,7 +54,7 @@ class StructureReader:
     """Collects the typedefs and constants of a file, and converts its structs to messages."""
 
     report: Callable[[ParseError], None]
-    place: Callable[[int], Place]
+    place: Callable[[int], Location]
     warn: Callable[[ParseError], None]
     _types: dict[str, Type] = field(default_factory=dict)
     _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(

@@ -10,7 +10,7 @@ from math import inf
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place, Problem
+from forge.base.errors import Location, Problem
 from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, String, element_of, sections_of
 from forge.interfaces.read.literals import QUOTES
 
@@ -61,14 +61,16 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
 
 
 def _position(problem: Problem) -> tuple[int, int]:
-    place = problem.place
+    place = problem.location
     return (place.line or 0, place.column or 0) if place else (0, 0)
 
 
-def _problem(place: Place | None, message: str, hint: str | None = None, *, at: str | None = None) -> Problem:
+def _problem(
+    place: Location | None, message: str, hint: str | None = None, *, at: str | None = None
+) -> Problem:
     """Return a problem in a line; its column is that of the text `at`."""
     if place and at and place.source and at in place.source:
-        place = Place(place.path, place.line, place.source.index(at) + 1, place.source)
+        place = Location(place.path, place.line, place.source.index(at) + 1, place.source)
     return Problem(message, place, hint)
 
 
@@ -164,7 +166,7 @@ def _comments(source: Source) -> Iterator[Problem]:
         if mark and "\\" in comment:
             column = line.index("\\", len(line) - len(comment)) + 1
             message = "rosidl reads a backslash in a comment as the start of an escape"
-            yield Problem(message, Place(source.path, number, column, line), "avoid it")
+            yield Problem(message, Location(source.path, number, column, line), "avoid it")
     yield from _heading(source, lines)
 
 
@@ -178,4 +180,6 @@ def _heading(source: Source, lines: list[str]) -> Iterator[Problem]:
         number, match = found[0]
         message = f"'[{match[1]}]' is parsed as a unit and removed from the comment"
         column = match.start(1)
-        yield Problem(message, Place(source.path, number, column, lines[number - 1]), "remove the brackets")
+        yield Problem(
+            message, Location(source.path, number, column, lines[number - 1]), "remove the brackets"
+        )

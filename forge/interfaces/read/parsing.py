@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
@@ -109,8 +109,8 @@ class _Line:
     text: str
     source: str
 
-    def place(self, path: object, offset: int = 0) -> Place:
-        return Place(str(path), self.number, offset + 1, self.source)
+    def place(self, path: object, offset: int = 0) -> Location:
+        return Location(str(path), self.number, offset + 1, self.source)
 
 
 def _lines(source: Source) -> list[_Line]:
@@ -135,18 +135,18 @@ def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count:
     if not TYPE_NAME.fullmatch(name.name):
         message = f"invalid interface name '{name.name}'"
         hint = "use CamelCase: letters and digits, the first in upper case"
-        problems.append(Problem(message, Place(source.path), hint))
+        problems.append(Problem(message, Location(source.path), hint))
     wanted = len(SECTIONS[name.kind])
     separators = [line for line in lines if line.text.startswith(_SEPARATOR)]
     if count != wanted and all(line.text == _SEPARATOR for line in separators):
-        place = separators[wanted - 1].place(source.path) if count > wanted else Place(source.path)
+        place = separators[wanted - 1].place(source.path) if count > wanted else Location(source.path)
         problems.append(Problem(f"a .{name.kind} file {_SEPARATOR_RULES[wanted]}", place))
     return problems
 
 
 def _line_number(problem: Problem) -> int:
     """Return the line of a problem as a sort key; problems of the whole file come first."""
-    return (problem.place.line or 0) if problem.place else 0
+    return (problem.location.line or 0) if problem.location else 0
 
 
 @dataclass(slots=True)

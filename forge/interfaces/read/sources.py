@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
-from forge.base.errors import InterfaceError, Place, Problem
+from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.files import read_file
 from forge.base.layout import PACKAGE
 from forge.interfaces.model import File, Source, TypeName
@@ -46,22 +46,22 @@ def read_source(package: str, base: Path, relative: str) -> Source:
     path = base / relative
     if PurePosixPath(relative).suffix.removeprefix(".") not in ENDINGS:
         hint = "the extension must be .msg, .srv, .action or .idl"
-        raise InterfaceError(Problem("not an interface definition", Place(path), hint))
+        raise InterfaceError(Problem("not an interface definition", Location(path), hint))
     if PurePosixPath(relative).is_absolute() or ".." in PurePosixPath(relative).parts:
         hint = f"name it by its path below '{base}', as 'msg/Name.msg'"
         raise InterfaceError(
-            Problem("the path of a definition must be relative and without '..'", Place(path), hint)
+            Problem("the path of a definition must be relative and without '..'", Location(path), hint)
         )
     try:
         content = read_file(path)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise InterfaceError(Problem(f"cannot read the definition: {reason}", Place(path))) from error
+        raise InterfaceError(Problem(f"cannot read the definition: {reason}", Location(path))) from error
     try:
         return Source(package, relative, path, content.decode())
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise InterfaceError(Problem("the file is not valid UTF-8", Place(path, line))) from error
+        raise InterfaceError(Problem("the file is not valid UTF-8", Location(path, line))) from error
 
 
 def read_runtime(language: str) -> Iterator[File]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from forge.base.errors import InterfaceError, Place, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.names import did_you_mean, snake_case
 from forge.interfaces.model import Catalog, Message, Named, TypeName, element_of, messages_of
 from forge.interfaces.resolve.cycles import cycle_problems
@@ -67,7 +67,7 @@ def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Prob
         other = unique.setdefault(name, each)
         if other is not each:
             message = f"'{name}' is also defined in '{other.source.path}'"
-            problems.append(Problem(message, Place(each.source.path)))
+            problems.append(Problem(message, Location(each.source.path)))
             continue
         output = snake_case(name.name)
         other = outputs.setdefault((name.kind, output), each)
@@ -75,7 +75,7 @@ def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Prob
             names = f"'{name.name}' and '{other.interface.name.name}'"
             message = f"{names} would both be generated into '{output}'"
             hint = "rename one of them: the names of generated files are in lower case"
-            problems.append(Problem(message, Place(each.source.path), hint))
+            problems.append(Problem(message, Location(each.source.path), hint))
     return unique, problems
 
 

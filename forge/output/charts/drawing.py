@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.text import duration
-from forge.output.charts.charts import printable
+from forge.output.charts.graph_formats import printable
 from forge.output.charts.layering import lay_out
 from forge.workspace.resolve import INTERFACE_GROUP
 from forge.workspace.selection import name_of
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import networkx as nx
 
-    from forge.output.charts.charts import Chart
+    from forge.output.charts.graph_formats import PackageGraph
     from forge.output.charts.layering import Spot
     from forge.workspace.model import Package
 
@@ -76,7 +76,7 @@ class Picture:
     timed: bool
 
 
-def drawn(chart: Chart, graph: nx.DiGraph[str], seconds: Mapping[str, float]) -> Picture:
+def drawn(chart: PackageGraph, graph: nx.DiGraph[str], seconds: Mapping[str, float]) -> Picture:
     """Return the picture of a chart's drawn graph; heights show build times."""
     shown = chart.shown
     times = {node: seconds[name_of(node)] for node in shown if name_of(node) in seconds}
@@ -101,7 +101,9 @@ def drawn(chart: Chart, graph: nx.DiGraph[str], seconds: Mapping[str, float]) ->
     )
 
 
-def facts(chart: Chart, graph: nx.DiGraph[str], seconds: Mapping[str, float]) -> list[dict[str, object]]:
+def facts(
+    chart: PackageGraph, graph: nx.DiGraph[str], seconds: Mapping[str, float]
+) -> list[dict[str, object]]:
     """Return the details of each node for the page, by index; `lines` are the drawn edges."""
     shown = chart.shown
     numbers = {node: number for number, node in enumerate(shown)}

@@ -46,7 +46,7 @@ class Spot:
 
 
 @frozen
-class Layout:
+class GraphLayout:
     """Positions of nodes, points of edges from a node to its dependencies, and the total size.
 
     An edge is level from its first point to its second, curves to the third, and so on.
@@ -71,7 +71,7 @@ class _Graph:
         return self.layer[vertex[0]] == vertex[1]
 
 
-def lay_out(needs: nx.DiGraph[str], sizes: Mapping[str, tuple[float, float]]) -> Layout:
+def lay_out(needs: nx.DiGraph[str], sizes: Mapping[str, tuple[float, float]]) -> GraphLayout:
     """Lay out a graph whose edges lead to dependencies; `sizes` contains widths and heights.
 
     Nodes without edges are placed in rows below the others.
@@ -204,7 +204,7 @@ def _drawn(
     graph: _Graph,
     needs: nx.DiGraph[str],
     sizes: Mapping[str, tuple[float, float]],
-) -> Layout:
+) -> GraphLayout:
     edges = list(_edges(columns, graph, sizes))
     top = min((level - _half(v, graph, sizes) for v, level in levels.items()), default=0.0)
     bottom = max((level + _half(v, graph, sizes) for v, level in levels.items()), default=0.0)
@@ -220,7 +220,7 @@ def _drawn(
         yield end.x, end.y
 
     lines = {(name, need): tuple(points(name, need)) for name, need in needs.edges}
-    return Layout(spots, lines, edges[-1][1] if edges else 0.0, bottom - top)
+    return GraphLayout(spots, lines, edges[-1][1] if edges else 0.0, bottom - top)
 
 
 def _half(vertex: Vertex, graph: _Graph, sizes: Mapping[str, tuple[float, float]]) -> float:
@@ -239,7 +239,9 @@ def _edges(
         left = right + min(_WIDEST_GAP, _COLUMN_GAP + _GAP_PER_LINE * lines)
 
 
-def _beneath(layout: Layout, names: Iterable[str], sizes: Mapping[str, tuple[float, float]]) -> Layout:
+def _beneath(
+    layout: GraphLayout, names: Iterable[str], sizes: Mapping[str, tuple[float, float]]
+) -> GraphLayout:
     """Return the layout with further nodes in rows below."""
     spots = dict(layout.spots)
     widest = max(layout.width, _ROW)
@@ -251,7 +253,7 @@ def _beneath(layout: Layout, names: Iterable[str], sizes: Mapping[str, tuple[flo
         spots[name] = Spot(x, top + high / 2.0, 0)
         width, bottom = max(width, x + wide), max(bottom, top + high)
         x += wide + _GAP
-    return Layout(spots, layout.lines, width, bottom)
+    return GraphLayout(spots, layout.lines, width, bottom)
 
 
 def _mean(values: Sequence[float], otherwise: float) -> float:

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.text import duration
 from forge.cache.model import RESTORED
-from forge.output.charts.charts import printable
-from forge.output.charts.timings import ABORTED, FAILED, FINISHED, TAKEN, at_work, critical_path, waited
+from forge.output.charts.graph_formats import printable
+from forge.output.charts.timings import (
+    ABORTED,
+    FAILED,
+    FINISHED,
+    RESTORED_FROM_CACHE,
+    at_work,
+    critical_path,
+    waited,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -161,7 +169,7 @@ def _remarks(build: Build) -> Iterator[str]:
     outcomes = [run.outcome for run in build.packages]
     counts = {
         "built": outcomes.count(FINISHED),
-        RESTORED: outcomes.count(TAKEN),
+        RESTORED: outcomes.count(RESTORED_FROM_CACHE),
         "failed": outcomes.count(FAILED),
         "aborted": outcomes.count(ABORTED),
         "not started": len(build.skipped),

@@ -16,7 +16,7 @@ from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-FINISHED, FAILED, ABORTED, TAKEN = "finished", "failed", "aborted", "taken"
+FINISHED, FAILED, ABORTED, RESTORED_FROM_CACHE = "finished", "failed", "aborted", "taken"
 """Results of packages; TAKEN means restored from the package cache."""
 
 
@@ -183,7 +183,7 @@ def _outcome_of(end: Mapping[str, Any] | None) -> str:
         return ABORTED
     if end["code"]:
         return FAILED
-    return TAKEN if end.get("cache") == RESTORED else FINISHED
+    return RESTORED_FROM_CACHE if end.get("cache") == RESTORED else FINISHED
 
 
 def _steps(events: Sequence[Mapping[str, Any]], ended: float) -> Iterable[StepRun]:

@@ -78,8 +78,8 @@ class Probe:
         checks = FileChecks(
             needed_changes=lambda _name, _then, _now: self.needed,
             contents=lambda paths: contents_of(paths, table),
-            is_cmakes=lambda path: "/Modules/" in path,
-            links_alike=lambda _name, _then, _now: False,
+            is_cmake_module=lambda path: "/Modules/" in path,
+            only_library_code_changed=lambda _name, _then, _now: False,
         )
         inputs = replace(self.inputs, sources=sources)
         return build_dir.prepare_build_dir(
@@ -90,7 +90,7 @@ class Probe:
         """Run CMake, unless the folder is configured, and what forge does after it."""
         if not (self.build / "build.ninja").is_file():
             run("cmake", "-G", "Ninja", "-S", str(self.source), "-B", str(self.build))
-            build_dir.restore_products(self.build)
+            build_dir.restore_outputs(self.build)
 
     def compile(self) -> set[str]:
         """Run ninja; return the names of the sources that it compiled."""

@@ -10,8 +10,8 @@ import pytest
 
 from forge.base import templating
 from forge.base.env_vars import compiled_templates
-from forge.output.charts.charts import Chart
 from forge.output.charts.drawing import drawn
+from forge.output.charts.graph_formats import PackageGraph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,7 +37,7 @@ def test_a_name_that_was_not_given_is_an_error() -> None:
 
 @pytest.mark.parametrize("page", ["html/graph.svg.j2", "html/graph.html.j2"])
 def test_in_pages_and_only_there_names_are_escaped(page: str) -> None:
-    empty = drawn(Chart((), {}, {}, frozenset()), nx.DiGraph(), {})
+    empty = drawn(PackageGraph((), {}, {}, frozenset()), nx.DiGraph(), {})
     text = templating.render(page, title="<b>&", picture=empty, facts=["</script>"])
     assert "<b>" not in text
     assert "&lt;b&gt;&amp;" in text

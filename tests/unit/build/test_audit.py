@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.audit.accesses import Access, Accesses, Kind, parent_processes, read_accesses
+from forge.build.audit.accesses import Access, Accesses, AccessKind, parent_processes, read_accesses
 from forge.build.audit.comparison import SOURCES, Disk, Tracked, explain, findings, report
+from forge.build.audit.ignored_inputs import ROWS, Machine
 from forge.build.audit.tracked import counts_as_source, first_missing
-from forge.build.audit.untracked import ROWS, Machine
 from forge.build.tasks import StepKind
 
 PAGE = Path(__file__).parents[3] / "docs/explanation/change-detection.md"
@@ -132,71 +132,83 @@ def test_what_was_made_before_it_was_read_is_no_input() -> None:
 @pytest.mark.parametrize(
     ("path", "kind", "program"),
     [
-        ("/ws/src/a/sub/x.h", Kind.READ, "cc1"),
-        ("/ws/src/a/new.h", Kind.MISSED, "cc1"),
-        ("/ws/build/a/x.o", Kind.READ, "ld"),
-        ("/ws/install/b/b.h", Kind.READ, "cc1"),
-        ("/ws/install/b/new.h", Kind.MISSED, "cc1"),
-        ("/vendor/known.h", Kind.READ, "cc1"),
-        ("/vendor/new.h", Kind.MISSED, "cc1"),
-        ("/vendor", Kind.LISTED, "cmake"),
-        ("/ws", Kind.FOLDER, "cmake"),
+        ("/ws/src/a/sub/x.h", AccessKind.READ, "cc1"),
+        ("/ws/src/a/new.h", AccessKind.MISSED, "cc1"),
+        ("/ws/build/a/x.o", AccessKind.READ, "ld"),
+        ("/ws/install/b/b.h", AccessKind.READ, "cc1"),
+        ("/ws/install/b/new.h", AccessKind.MISSED, "cc1"),
+        ("/vendor/known.h", AccessKind.READ, "cc1"),
+        ("/vendor/new.h", AccessKind.MISSED, "cc1"),
+        ("/vendor", AccessKind.LISTED, "cmake"),
+        ("/ws", AccessKind.FOLDER, "cmake"),
     ],
 )
-def test_what_forge_tracks_is_explained(path: str, kind: Kind, program: str) -> None:
+def test_what_forge_tracks_is_explained(path: str, kind: AccessKind, program: str) -> None:
     assert explain(Access(path, kind, program), TRACKED, MACHINE, DISK)
 
 
 @pytest.mark.parametrize(
     ("path", "kind", "program"),
     [
-        ("/vendor/other.yaml", Kind.READ, "python3"),
-        ("/elsewhere/new.h", Kind.MISSED, "cc1plus"),
-        ("/ws/install/b/extra.h", Kind.READ, "cc1"),
-        ("/ws/install/c/c.h", Kind.READ, "cc1"),
-        ("/ws/src/c/c.h", Kind.READ, "cc1"),
-        ("/usr/share/data/x.yaml", Kind.READ, "python3"),
-        ("/usr/lib/x86_64-linux-gnu/libz.a", Kind.READ, "ld"),
-        ("/usr/lib/x86_64-linux-gnu/libz.so", Kind.READ, "ld"),
-        ("/home/me/.config/tool.ini", Kind.READ, "tool"),
-        ("/home/me/tool/data/x", Kind.MISSED, "tool"),
-        ("/scratch/left/over", Kind.MISSED, "tool"),
-        ("/scratch/left", Kind.READ, "tool"),
-        ("/opt/vendor/bin/generator", Kind.RAN, "generator"),
-        ("/opt/vendor/include/x.h", Kind.MISSED, "cc1"),
+        ("/vendor/other.yaml", AccessKind.READ, "python3"),
+        ("/elsewhere/new.h", AccessKind.MISSED, "cc1plus"),
+        ("/ws/install/b/extra.h", AccessKind.READ, "cc1"),
+        ("/ws/install/c/c.h", AccessKind.READ, "cc1"),
+        ("/ws/src/c/c.h", AccessKind.READ, "cc1"),
+        ("/usr/share/data/x.yaml", AccessKind.READ, "python3"),
+        ("/usr/lib/x86_64-linux-gnu/libz.a", AccessKind.READ, "ld"),
+        ("/usr/lib/x86_64-linux-gnu/libz.so", AccessKind.READ, "ld"),
+        ("/home/me/.config/tool.ini", AccessKind.READ, "tool"),
+        ("/home/me/tool/data/x", AccessKind.MISSED, "tool"),
+        ("/scratch/left/over", AccessKind.MISSED, "tool"),
+        ("/scratch/left", AccessKind.READ, "tool"),
+        ("/opt/vendor/bin/generator", AccessKind.RAN, "generator"),
+        ("/opt/vendor/include/x.h", AccessKind.MISSED, "cc1"),
     ],
 )
-def test_what_forge_does_not_track_is_not_explained(path: str, kind: Kind, program: str) -> None:
+def test_what_forge_does_not_track_is_not_explained(path: str, kind: AccessKind, program: str) -> None:
     assert explain(Access(path, kind, program), TRACKED, MACHINE, DISK) == ""
 
 
 @pytest.mark.parametrize(
     ("path", "kind", "program", "row"),
     [
-        ("/ws/.git/HEAD", Kind.READ, "cmake", "git"),
-        ("/ws/src/a/.git", Kind.FOLDER, "git", "git"),
-        ("/home/me/anything", Kind.READ, "git", "git"),
-        ("/proc/cpuinfo", Kind.READ, "python3", "the kernel and devices"),
-        ("/etc/localtime", Kind.READ, "python3", "settings of the machine"),
-        ("/usr/lib/libfoo.so.1", Kind.LOADED, "ld", "shared libraries that the tools themselves load"),
-        ("/lib/x86_64-linux-gnu/libc.so.6", Kind.READ, "ld", "the C and C++ runtime"),
-        ("/usr/lib/x86_64-linux-gnu/crti.o", Kind.READ, "ld", "the C and C++ runtime"),
-        ("/bin/sh", Kind.RAN, "sh", "the shell and the usual small programs"),
-        ("/usr/include/foo.h", Kind.MISSED, "cc1", "which files there are in the system's own folders"),
-        ("/opt/FooConfig.cmake", Kind.MISSED, "cmake", "which files there are in the system's own folders"),
+        ("/ws/.git/HEAD", AccessKind.READ, "cmake", "git"),
+        ("/ws/src/a/.git", AccessKind.FOLDER, "git", "git"),
+        ("/home/me/anything", AccessKind.READ, "git", "git"),
+        ("/proc/cpuinfo", AccessKind.READ, "python3", "the kernel and devices"),
+        ("/etc/localtime", AccessKind.READ, "python3", "settings of the machine"),
+        ("/usr/lib/libfoo.so.1", AccessKind.LOADED, "ld", "shared libraries that the tools themselves load"),
+        ("/lib/x86_64-linux-gnu/libc.so.6", AccessKind.READ, "ld", "the C and C++ runtime"),
+        ("/usr/lib/x86_64-linux-gnu/crti.o", AccessKind.READ, "ld", "the C and C++ runtime"),
+        ("/bin/sh", AccessKind.RAN, "sh", "the shell and the usual small programs"),
+        ("/usr/include/foo.h", AccessKind.MISSED, "cc1", "which files there are in the system's own folders"),
         (
-            "/home/me/tool/lib/cmake",
-            Kind.LISTED,
+            "/opt/FooConfig.cmake",
+            AccessKind.MISSED,
             "cmake",
             "which files there are in the system's own folders",
         ),
-        ("/home/me/.cmake/packages/a", Kind.MISSED, "cmake", "settings in the home directory"),
-        ("/scratch/cc1234.s", Kind.MISSED, "cc", "names in the temporary folder"),
-        ("/ws/install/b/lib/__pycache__/x.pyc", Kind.READ, "python3", "bytecode and what editors leave"),
-        ("/ws/src/a/__pycache__/x.pyc", Kind.READ, "python3", "bytecode and what editors leave"),
+        (
+            "/home/me/tool/lib/cmake",
+            AccessKind.LISTED,
+            "cmake",
+            "which files there are in the system's own folders",
+        ),
+        ("/home/me/.cmake/packages/a", AccessKind.MISSED, "cmake", "settings in the home directory"),
+        ("/scratch/cc1234.s", AccessKind.MISSED, "cc", "names in the temporary folder"),
+        (
+            "/ws/install/b/lib/__pycache__/x.pyc",
+            AccessKind.READ,
+            "python3",
+            "bytecode and what editors leave",
+        ),
+        ("/ws/src/a/__pycache__/x.pyc", AccessKind.READ, "python3", "bytecode and what editors leave"),
     ],
 )
-def test_what_forge_leaves_out_on_purpose_has_a_row(path: str, kind: Kind, program: str, row: str) -> None:
+def test_what_forge_leaves_out_on_purpose_has_a_row(
+    path: str, kind: AccessKind, program: str, row: str
+) -> None:
     assert explain(Access(path, kind, program), TRACKED, MACHINE, DISK) == row
     assert row in {each.what for each in ROWS}
 
@@ -204,16 +216,19 @@ def test_what_forge_leaves_out_on_purpose_has_a_row(path: str, kind: Kind, progr
 def test_a_compiler_reports_what_it_reads_and_a_check_of_cmake_does_not() -> None:
     """The other headers that a compiler opens are asked for by __has_include."""
     accesses = Accesses(
-        {("/usr/include/c++/12/any", Kind.READ): "cc1plus", ("/x/y.h", Kind.READ): "cc1"}, frozenset()
+        {("/usr/include/c++/12/any", AccessKind.READ): "cc1plus", ("/x/y.h", AccessKind.READ): "cc1"},
+        frozenset(),
     )
     (found,) = findings("a", StepKind.BUILD, accesses, TRACKED, (MACHINE, DISK))
-    assert (found.path, found.kind) == ("/x/y.h", Kind.SEEN)
+    assert (found.path, found.kind) == ("/x/y.h", AccessKind.SEEN)
     (found,) = findings("a", StepKind.CONFIGURE, accesses, TRACKED, (MACHINE, DISK))
-    assert (found.path, found.kind) == ("/x/y.h", Kind.READ)
+    assert (found.path, found.kind) == ("/x/y.h", AccessKind.READ)
 
 
 def test_what_lies_in_a_folder_that_the_build_made_is_its_own() -> None:
-    accesses = Accesses({("/x/d/e/f", Kind.READ): "cat", ("/x/other", Kind.READ): "cat"}, frozenset({"/x/d"}))
+    accesses = Accesses(
+        {("/x/d/e/f", AccessKind.READ): "cat", ("/x/other", AccessKind.READ): "cat"}, frozenset({"/x/d"})
+    )
     assert [one.path for one in findings("a", StepKind.BUILD, accesses, TRACKED, (MACHINE, DISK))] == [
         "/x/other"
     ]
@@ -221,7 +236,7 @@ def test_what_lies_in_a_folder_that_the_build_made_is_its_own() -> None:
 
 def test_a_name_in_a_folder_that_is_missing_depends_on_the_folder_above() -> None:
     disk = replace(DISK, first_missing=lambda _: "/vendor/include")
-    assert explain(Access("/vendor/include/sub/x.h", Kind.MISSED, "cc1"), TRACKED, MACHINE, disk)
+    assert explain(Access("/vendor/include/sub/x.h", AccessKind.MISSED, "cc1"), TRACKED, MACHINE, disk)
 
 
 def test_the_first_part_that_is_missing_is_found(tmp_path: Path) -> None:
@@ -243,15 +258,15 @@ def test_what_lies_beside_a_file_tells_if_it_is_a_source(tmp_path: Path) -> None
 
 def test_a_link_is_where_it_leads() -> None:
     disk = replace(DISK, real=lambda path: path.replace("/link/", "/vendor/"))
-    assert explain(Access("/link/known.h", Kind.READ, "cc1"), TRACKED, MACHINE, disk) == "recorded"
+    assert explain(Access("/link/known.h", AccessKind.READ, "cc1"), TRACKED, MACHINE, disk) == "recorded"
 
 
 def test_a_report_says_what_and_what_to_do() -> None:
     accesses = Accesses(
         {
-            ("/x/calib.yaml", Kind.READ): "python3",
-            ("/ws/install/c/c.h", Kind.READ): "cat",
-            **{(f"/x/inc/{name}", Kind.MISSED): "cc1" for name in "abcd"},
+            ("/x/calib.yaml", AccessKind.READ): "python3",
+            ("/ws/install/c/c.h", AccessKind.READ): "cat",
+            **{(f"/x/inc/{name}", AccessKind.MISSED): "cc1" for name in "abcd"},
         },
         frozenset(),
     )
@@ -262,13 +277,13 @@ def test_a_report_says_what_and_what_to_do() -> None:
         "a: read /x/calib.yaml (build step, by python3)",
         "  hint: add_custom_command(... DEPENDS FILE) lets forge track it",
         "a: looked for 4 names in /x/inc, such as a (build step, by cc1)",
-        "  hint: forge does not notice when something appears there; build with --force then",
-        "audit: of 2 packages, 1 uses 6 paths that forge does not track",
+        "  hint: forge cannot detect new files there; after adding one, rebuild with --force",
+        "audit: 1 of 2 packages uses 6 paths that forge does not track",
     )
 
 
 def test_a_report_of_nothing_is_one_line() -> None:
-    assert report((), 1) == ("audit: 1 package, nothing unexplained",)
+    assert report((), 1) == ("audit: 1 package, no unexpected inputs",)
 
 
 def test_the_documentation_has_the_same_table() -> None:

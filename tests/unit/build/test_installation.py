@@ -10,7 +10,7 @@ import pytest
 from forge.base.errors import WorkspaceError
 from forge.base.layout import Layout
 from forge.build.installation import finish_workspace, install_package, uninstall_markers
-from forge.build.markers import begin_workspace
+from forge.build.markers import create_output_folders
 from forge.environment.recorded import recorded_underlays
 from tests.installs import PYTHON, Made, dsv_package, make_install
 from tests.packages import manifest_text, package
@@ -39,8 +39,8 @@ def files_below(root: Path) -> set[str]:
 def test_folders_begin_with_their_markers(merged: bool, tmp_path: Path) -> None:  # noqa: FBT001  (a column)
     """Those that colcon looks for, and says so a second time without touching anything."""
     layout = layout_in(tmp_path, merged=merged)
-    begin_workspace(layout)
-    begin_workspace(layout)
+    create_output_folders(layout)
+    create_output_folders(layout)
     assert files_below(tmp_path) == {
         "build/.built_by",
         "build/COLCON_IGNORE",
@@ -82,7 +82,7 @@ def test_folders_begin_with_their_markers(merged: bool, tmp_path: Path) -> None:
             {"build/.built_by": "catkin\n"},
             "isolated",
             (
-                "error: the build folder 'W/build' belongs to 'catkin'\n"
+                "error: the build folder 'W/build' was created by 'catkin'\n"
                 "hint: remove the folder, or choose another with '--build-base'"
             ),
         ),
@@ -102,7 +102,7 @@ def test_what_does_not_fit_is_one_message(
     """With the folder, what is wrong and how to mend it."""
     root = tree(before)
     with pytest.raises(WorkspaceError) as caught:
-        begin_workspace(layout_in(root, merged=asked == "merged"))
+        create_output_folders(layout_in(root, merged=asked == "merged"))
     assert str(caught.value) == message.replace("W", str(root), 1)
 
 
@@ -110,14 +110,14 @@ def test_all_problems_are_reported_together(tree: Tree) -> None:
     """Not the first alone."""
     root = tree({"build": "a file", "install": "a file"})
     with pytest.raises(WorkspaceError) as caught:
-        begin_workspace(layout_in(root))
+        create_output_folders(layout_in(root))
     assert len(caught.value.problems) == 2
 
 
 def test_a_folder_that_cannot_be_made_is_a_message() -> None:
     """Not even root makes folders in /proc."""
     with pytest.raises(WorkspaceError) as caught:
-        begin_workspace(layout_in(Path("/proc/forge")))
+        create_output_folders(layout_in(Path("/proc/forge")))
     assert [problem.message for problem in caught.value.problems] == [
         "cannot create '/proc/forge': No such file or directory"
     ]
@@ -126,7 +126,7 @@ def test_a_folder_that_cannot_be_made_is_a_message() -> None:
 def test_a_folder_that_forge_began_goes_on(tree: Tree) -> None:
     """Some marker of forge's own is as good as colcon's."""
     root = tree({"build/.built_by": "forge"})
-    begin_workspace(layout_in(root))
+    create_output_folders(layout_in(root))
     assert (root / "build/.built_by").read_text() == "colcon\n"
 
 

@@ -11,7 +11,7 @@ from forge.base.errors import WorkspaceError
 from forge.base.graph import ordered_names
 from forge.base.layout import Layout
 from forge.build.model import BuildRecord, Fingerprint, Snapshot
-from forge.build.planning import GlobalInputs, decided_task, make_plan, names_to_build
+from forge.build.planning import GlobalInputs, finalize_task, make_plan, names_to_build
 from forge.build.recipes.context import COMPILING, BuildContext
 from forge.build.tasks import BuildPlan
 from forge.build.up_to_date import DependencyHashes, ExtraInputs
@@ -252,10 +252,10 @@ def test_a_conditional_task_is_decided_by_the_results_of_its_dependencies() -> N
     changed = replace(AFTER, sources={**SOURCES, "e": Fingerprint("", "other")})
     made, hashes = make_plan(("e", "a"), RESOLUTION, changed, CONTEXT, GLOBAL)
     hashes.finish("e", INSTALLED["e"].digest)
-    assert decided_task(made.tasks["a"], hashes, AFTER.records["a"]) is None
+    assert finalize_task(made.tasks["a"], hashes, AFTER.records["a"]) is None
     hashes = make_plan(("e", "a"), RESOLUTION, changed, CONTEXT, GLOBAL)[1]
     hashes.finish("e", "other files")
-    task = decided_task(made.tasks["a"], hashes, AFTER.records["a"])
+    task = finalize_task(made.tasks["a"], hashes, AFTER.records["a"])
     assert task is not None
     assert task.inputs.needs != AFTER.records["a"].inputs.needs
 

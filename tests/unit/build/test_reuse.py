@@ -9,7 +9,7 @@ import pytest
 
 from forge.build.inputs.input_manifest import Changes
 from forge.build.inputs.native_graph import Edge, NativeGraph
-from forge.build.reuse import Reuse, brought_back, decide, undeclared_readers
+from forge.build.reuse import Reuse, decide, restorable_outputs, undeclared_readers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -177,7 +177,7 @@ CASES = {
         EVERYTHING, {"/b/a.o", "/b/other.o", "/b/tool"}, needed=modified("/n/include/all.h.gch")
     ),
     "anything where the order of compilation depends on contents": Case(
-        NOTHING, own=modified("/p/a.cpp"), graph=replace(GRAPH, has_modules=True)
+        NOTHING, own=modified("/p/a.cpp"), graph=replace(GRAPH, has_dyndeps=True)
     ),
     "anything in a folder that no tool knows": Case(NOTHING, own=modified("/p/a.cpp"), graph=NativeGraph()),
 }
@@ -201,18 +201,18 @@ def test_it_is_decided_by_what_changed(name: str) -> None:
 
 
 def test_only_objects_that_were_not_dropped_are_restored() -> None:
-    assert brought_back(GRAPH, frozenset({"/b/a.o"})) == ("/b/other.o", "/b/tool")
+    assert restorable_outputs(GRAPH, frozenset({"/b/a.o"})) == ("/b/other.o", "/b/tool")
 
 
 def test_what_a_command_of_the_package_made_stays_away_with_all_that_is_made_from_it() -> None:
     reported = {**GRAPH.reported, "/b/a.o": ("/p/a.cpp", TABLE)}
     graph = replace(with_edges(COMMAND), reported=reported)
-    assert brought_back(graph, frozenset()) == ("/b/other.o",)
+    assert restorable_outputs(graph, frozenset()) == ("/b/other.o",)
 
 
 def test_a_target_with_a_command_after_its_link_is_linked_again() -> None:
     hooked = replace(LINK, text="  POST_BUILD = cp tool /p/tool\n  PRE_LINK = :")
-    assert brought_back(NativeGraph((OBJECT, hooked), {}, (), "ninja"), frozenset()) == ("/b/a.o",)
+    assert restorable_outputs(NativeGraph((OBJECT, hooked), {}, (), "ninja"), frozenset()) == ("/b/a.o",)
 
 
 def test_sources_that_name_a_changed_file_are_found_without_a_report() -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli.watch.file_watcher import WatchSpec, interests
+from forge.cli.watch.file_watcher import WatchSpec, watch_specs
 from forge.cli.watch.watching import line_of
 from forge.output.console import Tally
 from forge.workspace.discovery import discover
@@ -56,7 +56,7 @@ def test_what_is_looked_at(tree: Tree) -> None:
     )
     (root / "src/a/link.txt").symlink_to(root / "far/said.txt")
     (root / "src/loop").symlink_to(root / "src")
-    found = interests(discover(root, ["."], {}), ["."], ["forge.toml"], frozenset({f"{root}/build"}))
+    found = watch_specs(discover(root, ["."], {}), ["."], ["forge.toml"], frozenset({f"{root}/build"}))
     assert {os.path.relpath(folder, root) for folder in found} == {
         *(".", "src", "src/a", "src/a/deep", "src/a/deep/er", "src/hidden", "far")
     }

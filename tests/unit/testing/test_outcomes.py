@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.xml import parse_xml
+from forge.testing.failures import Failure, details, first_lines, last_lines, result_line, table
 from forge.testing.outcomes import Counts, NotAResultError, Outcome, counted_once, read_ctest, read_junit
-from forge.testing.showing import Failure, details, first_lines, last_lines, result_line, table
 
 JUNIT = """<?xml version="1.0" encoding="utf-8"?>
 <testsuites>

@@ -12,7 +12,7 @@ from forge.base.layout import Layout
 from forge.build.tasks import TEST_FAILURES, Step, StepCondition
 from forge.testing.options import TestOptions
 from forge.testing.recipes import (
-    Look,
+    PackageTests,
     TestContext,
     ctest_recipe,
     framework,
@@ -34,7 +34,7 @@ CONTEXT = TestContext(
 )
 PY = package("p", build_type="ament_python")
 CM = package("c", build_type="cmake")
-DEBUG = Look(configuration="Debug")
+DEBUG = PackageTests(configuration="Debug")
 
 
 def with_options(**options: object) -> TestContext:
@@ -72,7 +72,7 @@ def test_some_tests_leave_the_results_of_others_alone() -> None:
 
 
 def test_without_ctest_tests_there_is_nothing_to_do() -> None:
-    assert ctest_recipe(CM, CONTEXT, Look()).steps == ()
+    assert ctest_recipe(CM, CONTEXT, PackageTests()).steps == ()
 
 
 def test_ctest_repeats_by_itself_while_tests_pass_and_is_started_again_for_failed_ones() -> None:
@@ -101,7 +101,7 @@ def test_ctest_repeats_by_itself_while_tests_pass_and_is_started_again_for_faile
 def test_pytest_repeats_with_its_plugins_or_is_started_again(
     context: dict[str, object], words: str, count: int
 ) -> None:
-    recipe = pytest_recipe(PY, with_options(**context), Look())
+    recipe = pytest_recipe(PY, with_options(**context), PackageTests())
     assert words in recipe.steps[0].argv
     assert len(recipe.steps) == count
     until_fail = "retest_until_fail" in context
@@ -110,7 +110,7 @@ def test_pytest_repeats_with_its_plugins_or_is_started_again(
 
 
 def test_a_package_that_wants_coverage_gets_it_where_it_can_be() -> None:
-    wants = Look(wants=frozenset({"pytest-cov"}))
+    wants = PackageTests(wants=frozenset({"pytest-cov"}))
     with_plugin = replace(CONTEXT, modules=frozenset({"pytest_cov"}))
     assert "--cov-branch" in pytest_recipe(PY, with_plugin, wants).steps[0].argv
     assert "--cov-branch" not in pytest_recipe(PY, CONTEXT, wants).steps[0].argv
@@ -133,7 +133,7 @@ def test_a_package_that_wants_coverage_gets_it_where_it_can_be() -> None:
 def test_a_package_says_what_tests_it(
     of: Package, wants: frozenset[str], option: str | None, expected: str
 ) -> None:
-    assert framework(of, with_options(python_testing=option), Look(wants=wants)) == expected
+    assert framework(of, with_options(python_testing=option), PackageTests(wants=wants)) == expected
 
 
 def test_settings_of_a_package_come_after_the_options_of_all() -> None:
@@ -145,6 +145,6 @@ def test_settings_of_a_package_come_after_the_options_of_all() -> None:
 
 
 def test_a_result_stands_before_there_is_one() -> None:
-    recipe = python_recipe(PY, with_options(test_result_base=Path("/r")), Look())
+    recipe = python_recipe(PY, with_options(test_result_base=Path("/r")), PackageTests())
     assert recipe.files == ((Path("/r/p/unittest.xml"), missing_result(PY, "unittest")),)
     assert 'errors="1"' in recipe.files[0][1]

@@ -228,4 +228,4 @@ def test_meta_files_name_folders_and_conflicts_are_reported(tree: Tree) -> None:
 def test_a_broken_pyproject_is_reported_with_its_path(tree: Tree) -> None:
     workspace = walked(tree({"x/pyproject.toml": "["}))
     (problem,) = workspace.problems
-    assert str(problem.place) == "x/pyproject.toml"
+    assert str(problem.location) == "x/pyproject.toml"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
-from forge.base.errors import ForgeError, InterfaceError, Place, Problem, print_warnings, raise_if_any
+from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
 from forge.interfaces.model import Catalog
@@ -74,7 +74,7 @@ def _misnomers(folders: Mapping[str, Path]) -> list[Problem]:
     """Return a problem for each package name that is invalid in paths or generated code."""
     hint = "names of interface packages consist of lower-case letters, digits and single underscores"
     return [
-        Problem(f"'{name}' is not a valid name of an interface package", Place(folder), hint)
+        Problem(f"'{name}' is not a valid name of an interface package", Location(folder), hint)
         for name, folder in folders.items()
         if not LOWER_NAME.fullmatch(name)
     ]
@@ -87,7 +87,7 @@ def _buried(folders: Iterable[Path], out: Path) -> list[Problem]:
         return []
     hint = "choose a separate folder with --output"
     return [
-        Problem("the output folder contains packages, which discovery would then ignore", Place(out), hint)
+        Problem("the output folder contains packages, which discovery would then ignore", Location(out), hint)
     ]
 
 

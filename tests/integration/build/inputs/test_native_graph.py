@@ -222,12 +222,12 @@ def test_a_folder_that_was_not_configured_is_unknown(tmp_path: Path) -> None:
 
 def test_dyndeps_are_detected(tmp_path: Path) -> None:
     folder = configure(tmp_path / "shapes", _FILES, "Ninja", build=False)
-    assert not read_native_graph(folder).has_modules
+    assert not read_native_graph(folder).has_dyndeps
     rules = folder / "build.ninja"
     rules.write_text(
         rules.read_text(encoding="utf-8") + "\nbuild m.o: cc m.cpp\n  dyndep = CXX.dd\n", "utf-8"
     )
-    assert read_native_graph(folder).has_modules, "ninja is told of C++ modules so"
+    assert read_native_graph(folder).has_dyndeps, "ninja is told of C++ modules so"
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "noise", "version"])

@@ -58,7 +58,7 @@ def errors(text: str, relative: str = "msg/A.idl") -> list[str]:
     with pytest.raises(InterfaceError) as caught:
         read(text, relative)
     return [
-        f"{p.place.line}:{p.place.column} {p.message}" if p.place and p.place.line else p.message
+        f"{p.location.line}:{p.location.column} {p.message}" if p.location and p.location.line else p.message
         for p in caught.value.problems
     ]
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def told(text: str, relative: str = "msg/A.msg") -> list[str]:
     """Return the messages about a file, each with line and column."""
     found = lint(parse_all([Source("p", relative, Path(relative), text)]))
-    return [f"{p.place.line}:{p.place.column} {p.message}" for p in found if p.place]
+    return [f"{p.location.line}:{p.location.column} {p.message}" for p in found if p.location]
 
 
 @pytest.mark.parametrize(

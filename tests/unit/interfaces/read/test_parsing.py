@@ -44,7 +44,7 @@ def problems(text: str, relative: str = "msg/Walk.msg") -> list[str]:
     """Return place and message of each problem with this text."""
     with pytest.raises(InterfaceError) as caught:
         parse(Source("tour", relative, Path(relative), text))
-    return [f"{problem.place}: {problem.message}" for problem in caught.value.problems]
+    return [f"{problem.location}: {problem.message}" for problem in caught.value.problems]
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_the_problems_of_all_files_are_raised_at_once() -> None:
     sources = [Source("tour", f"msg/{name}.msg", Path(f"{name}.msg"), "foo a") for name in ("One", "Two")]
     with pytest.raises(InterfaceError) as caught:
         parse_all(sources)
-    assert [str(problem.place) for problem in caught.value.problems] == ["One.msg:1:1", "Two.msg:1:1"]
+    assert [str(problem.location) for problem in caught.value.problems] == ["One.msg:1:1", "Two.msg:1:1"]
 
 
 def test_comments_of_a_broken_declaration_belong_to_no_other() -> None:

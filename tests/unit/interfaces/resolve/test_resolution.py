@@ -62,7 +62,7 @@ def problems(files: Mapping[str, str], shelf: Shelf | None = None) -> list[str]:
     """Return place, message and hint of each problem of such a package."""
     with pytest.raises(InterfaceError) as caught:
         catalog(files, shelf)
-    return [f"{p.place}: {p.message} ({p.hint})" for p in caught.value.problems]
+    return [f"{p.location}: {p.message} ({p.hint})" for p in caught.value.problems]
 
 
 def test_a_catalog_holds_all_that_its_messages_refer_to() -> None:

@@ -16,10 +16,10 @@ from tests.strategies import graphs
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from forge.output.charts.layering import Layout
+    from forge.output.charts.layering import GraphLayout
 
 
-def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[Layout, dict[str, tuple[float, float]]]:
+def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[GraphLayout, dict[str, tuple[float, float]]]:
     """Return a layout of boxes of different sizes, and these."""
     ordered = order(graph)
     assert ordered is not None
@@ -67,7 +67,7 @@ def test_lines_lead_from_box_to_box_and_never_back(graph: dict[str, frozenset[st
         assert all(before[1] == after[1] for before, after in level)
 
 
-def crossings(layout: Layout) -> int:
+def crossings(layout: GraphLayout) -> int:
     """Count the lines between the same two layers that cross."""
     layers = {name: spot.layer for name, spot in layout.spots.items()}
     ends = [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import WorkspaceError
 from forge.base.files import text_or_nothing
 from forge.base.formats import read_toml
-from forge.testing.recipes import Look
+from forge.testing.recipes import PackageTests
 from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import Kind
 from forge.workspace.python_metadata import PythonFacts, read_pyproject, read_setup_cfg, read_setup_py
@@ -25,11 +25,11 @@ _SUBFOLDER = re.compile(r'^\s*subdirs\("?([^")]+)"?\)', re.MULTILINE)
 _TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
 
 
-def inspect_tests(package: Package, source: Path, build: Path) -> Look:
+def inspect_tests(package: Package, source: Path, build: Path) -> PackageTests:
     """Return what is known before tests run; `source` and `build` are the package's folders."""
     if package.build_type in CMAKE_TYPES:
-        return Look(configuration=_configuration(build) if has_ctests(build) else "")
-    return Look(wants=requirements_of_tests(source))
+        return PackageTests(configuration=_configuration(build) if has_ctests(build) else "")
+    return PackageTests(wants=requirements_of_tests(source))
 
 
 def has_ctests(build: Path) -> bool:

@@ -32,7 +32,7 @@ _GREY = '[color = "gray" fontcolor = "gray"]'
 
 
 @frozen
-class Chart:
+class PackageGraph:
     """All nodes in topological order, their dependencies and packages, and the selected nodes."""
 
     ordered: Sequence[str]
@@ -54,7 +54,7 @@ class _Edge:
     direct: bool
 
 
-def matrix(chart: Chart) -> Iterator[str]:
+def matrix(chart: PackageGraph) -> Iterator[str]:
     """Yield a row for each node that marks the columns that depend on it."""
     below = dict(closures(chart.needs, chart.ordered))
     shown = chart.shown
@@ -64,7 +64,7 @@ def matrix(chart: Chart) -> Iterator[str]:
         yield f"{name_of(row):<{width}}{''.join(cells)}"
 
 
-def density(chart: Chart) -> float:
+def density(chart: PackageGraph) -> float:
     """Return the percentage of possible dependencies that exist, directly or indirectly."""
     shown = chart.shown
     below = dict(closures(chart.needs, chart.ordered))
@@ -72,7 +72,9 @@ def density(chart: Chart) -> float:
     return 200.0 * (1.0 - cells.count(" ") / len(cells)) if cells else 0.0
 
 
-def dot(chart: Chart, *, cluster: bool = False, skipped: bool = False, legend: bool = False) -> Iterator[str]:
+def dot(
+    chart: PackageGraph, *, cluster: bool = False, skipped: bool = False, legend: bool = False
+) -> Iterator[str]:
     """Yield the lines of a digraph: edges colored by category, dashed if they skip hidden packages."""
     nodes = [node for node in reversed(chart.ordered) if skipped or node in chart.selected]
     labels = _labels(nodes, chart, skipped=skipped)
@@ -92,7 +94,7 @@ def dot(chart: Chart, *, cluster: bool = False, skipped: bool = False, legend: b
     yield "}"
 
 
-def mermaid(chart: Chart) -> Iterator[str]:
+def mermaid(chart: PackageGraph) -> Iterator[str]:
     """Yield the lines of a flowchart with an arrow to each dependency, without implied ones."""
     shown = tuple(reversed(chart.shown))
     numbers = {node: number for number, node in enumerate(shown)}
@@ -102,7 +104,7 @@ def mermaid(chart: Chart) -> Iterator[str]:
     yield from (f"  p{numbers[node]} --> p{numbers[need]}" for node in shown for need in graph[node])
 
 
-def drawn_graph(chart: Chart) -> nx.DiGraph[str]:
+def drawn_graph(chart: PackageGraph) -> nx.DiGraph[str]:
     """Return the dependencies among selected nodes, also over hidden ones, without implied ones.
 
     Nodes and their successors are in topological order.
@@ -124,7 +126,7 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
 
 
-def plain(chart: Chart) -> dict[str, object]:
+def plain(chart: PackageGraph) -> dict[str, object]:
     """Return the graph as values for JSON."""
     edges = _edges(chart, chart.selected, skipped=False)
     paths = {node: str(chart.packages[node].path) for node in chart.shown}
@@ -142,7 +144,7 @@ def plain(chart: Chart) -> dict[str, object]:
     }
 
 
-def _cell(row: str, column: str, chart: Chart, below: Mapping[str, frozenset[str]]) -> str:
+def _cell(row: str, column: str, chart: PackageGraph, below: Mapping[str, frozenset[str]]) -> str:
     if column == row:
         return "+"
     if row in chart.needs[column]:
@@ -150,7 +152,7 @@ def _cell(row: str, column: str, chart: Chart, below: Mapping[str, frozenset[str
     return "." if row in below[column] else " "
 
 
-def _edges(chart: Chart, nodes: frozenset[str], *, skipped: bool) -> Iterator[_Edge]:
+def _edges(chart: PackageGraph, nodes: frozenset[str], *, skipped: bool) -> Iterator[_Edge]:
     """Yield direct edges between the nodes, then those that skip hidden packages."""
     direct = [
         _Edge(node, need, _categories(chart, node, need), direct=True)
@@ -169,7 +171,7 @@ def _edges(chart: Chart, nodes: frozenset[str], *, skipped: bool) -> Iterator[_E
 
 
 def _indirect(
-    chart: Chart,
+    chart: PackageGraph,
     node: str,
     nodes: frozenset[str],
     known: set[tuple[str, str]],
@@ -184,14 +186,14 @@ def _indirect(
         yield _Edge(node, end, tuple(word for word in _COLOURS if word in categories), direct=False)
 
 
-def _categories(chart: Chart, node: str, need: str) -> tuple[str, ...]:
+def _categories(chart: PackageGraph, node: str, need: str) -> tuple[str, ...]:
     """Return the categories of a dependency; edges without a tag, such as to an alias, count as build."""
     manifest = chart.packages[node].manifest
     found = (word for word, kinds in _KINDS.items() if name_of(need) in manifest.names(kinds))
     return tuple(found) or ("build",)
 
 
-def _labels(nodes: Sequence[str], chart: Chart, *, skipped: bool) -> dict[str, tuple[str, str]]:
+def _labels(nodes: Sequence[str], chart: PackageGraph, *, skipped: bool) -> dict[str, tuple[str, str]]:
     """Return the ID and attributes of each node; duplicate names get a numeric suffix."""
     names = [name_of(node) for node in nodes]
     if len(set(names)) < len(names):
@@ -206,7 +208,9 @@ def _id(label: tuple[str, str]) -> str:
     return f'"{name}"{attributes}'
 
 
-def _clusters(nodes: Iterable[str], labels: Mapping[str, tuple[str, str]], chart: Chart) -> Iterator[str]:
+def _clusters(
+    nodes: Iterable[str], labels: Mapping[str, tuple[str, str]], chart: PackageGraph
+) -> Iterator[str]:
     """Yield the nodes grouped by folder, those of the common folder ungrouped."""
     folders: dict[PurePath, list[str]] = {}
     for node in nodes:

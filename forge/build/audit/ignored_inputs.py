@@ -6,11 +6,11 @@ import re
 from posixpath import dirname
 
 from forge.base.frozen import frozen
-from forge.build.audit.accesses import Access, Kind
+from forge.build.audit.accesses import Access, AccessKind
 
 
 @frozen
-class Row:
+class IgnoredInput:
     """A row of the table; `what` is the beginning of its text in the documentation.
 
     It applies to paths that match `pattern` and are accessed by `programs`. A row without a pattern describes
@@ -43,7 +43,7 @@ class Machine:
 
 
 COMPILER = re.compile(r"(?:cc1\w*|cpp|clang(?:\+\+)?|f951)(?:-[\d.]+)?$")
-_WITHOUT_CONTENT = frozenset({Kind.SEEN, Kind.FOLDER, Kind.LISTED, Kind.MISSED})
+_WITHOUT_CONTENT = frozenset({AccessKind.SEEN, AccessKind.FOLDER, AccessKind.LISTED, AccessKind.MISSED})
 _LINKERS = frozenset({"ld", "ld.bfd", "ld.gold", "ld.lld", "lld", "mold", "ld.mold", "collect2"})
 _LIBRARIES = r"/(?:usr/)?(?:local/)?lib\w*/(?:[^/]+/)*"
 _SHARED = rf"{_LIBRARIES}[^/]+\.so(?:\.[\w.-]+)?$"
@@ -61,15 +61,15 @@ _SYSTEM_PROGRAMS = """
 """.split()  # noqa: SIM905  (shorter than a list of seventy lines)
 _TOOL = rf"(?:{'|'.join(map(re.escape, _SYSTEM_PROGRAMS))})(?:-[\d.]+)?"
 
-CLOCKS = Row("clocks")
-GIT = Row(
+CLOCKS = IgnoredInput("clocks")
+GIT = IgnoredInput(
     "git",
     r".*/\.(?:git|hg|svn|bzr)(?:/|$|modules$|attributes$|ignore$)|.*/\.gitconfig$|.*/\.?config/git(?:/|$)",
 )
-BY_GIT = Row("git", ".*", programs=r"(?:git|hg|svn)$")
-NETWORK = Row("the network")
-KERNEL = Row("the kernel and devices", r"/(?:proc|sys|dev|run)(?:/|$)")
-SETTINGS = Row(
+BY_GIT = IgnoredInput("git", ".*", programs=r"(?:git|hg|svn)$")
+NETWORK = IgnoredInput("the network")
+KERNEL = IgnoredInput("the kernel and devices", r"/(?:proc|sys|dev|run)(?:/|$)")
+SETTINGS = IgnoredInput(
     "settings of the machine",
     r"/etc(?:/(?:localtime|timezone|adjtime|passwd|group|shadow|nsswitch\.conf|hosts?|host\.conf|hostname|resolv\.conf"
     r"|gai\.conf|services|protocols|machine-id|locale[^/]*|[\w-]*release|debian_version|mime\.types"
@@ -78,30 +78,30 @@ SETTINGS = Row(
     r"|/usr/share/(?:locale|zoneinfo|i18n|terminfo|mime|misc|bash-completion)(?:/|$)"
     r"|/usr/lib(?:/[\w-]+)?/(?:locale|gconv|ssl|os-release|terminfo)(?:/|$)",
 )
-LOADER = Row(
+LOADER = IgnoredInput(
     "shared libraries that the tools themselves load",
     rf"{_SHARED}|/etc/ld\.so\.|.*/glibc-hwcaps(?:/|$)|/usr/lib/bfd-plugins(?:/|$)",
 )
-RUNTIME = Row("the C and C++ runtime", _RUNTIME)
-CHECKS = Row(
+RUNTIME = IgnoredInput("the C and C++ runtime", _RUNTIME)
+CHECKS = IgnoredInput(
     "headers of the system that CMake compiles with only to find something out",
     r"/usr/(?:local/)?include/|/usr/lib/(?:gcc|clang|llvm)",
     COMPILER.pattern,
 )
-BINUTILS = Row(
+BINUTILS = IgnoredInput(
     "the shell and the usual small programs",
     rf"(?:/usr)?(?:/local)?/s?bin/(?:[\w]+-[\w]+-(?:[\w]+-)?)?{_TOOL}$",
 )
-NAMES = Row("which files there are in the system's own folders")
-HOME = Row("settings in the home directory")
-TEMPORARY = Row("names in the temporary folder")
-LITTER = Row("bytecode and what editors leave")
-PREPROCESSOR = Row("file names that the preprocessor puts together")
-ON_ITS_OWN = Row("files that a program reads on its own")
-LEFT = Row("what a package that has left the workspace had installed")
-MERGED = Row("new files in a merged install")
+NAMES = IgnoredInput("which files there are in the system's own folders")
+HOME = IgnoredInput("settings in the home directory")
+TEMPORARY = IgnoredInput("names in the temporary folder")
+LITTER = IgnoredInput("bytecode and what editors leave")
+PREPROCESSOR = IgnoredInput("file names that the preprocessor puts together")
+ON_ITS_OWN = IgnoredInput("files that a program reads on its own")
+LEFT = IgnoredInput("what a package that has left the workspace had installed")
+MERGED = IgnoredInput("new files in a merged install")
 
-LINKED = Row("new files beside a source that is installed as a link")
+LINKED = IgnoredInput("new files beside a source that is installed as a link")
 
 ROWS = (
     *(
@@ -135,21 +135,23 @@ _OF_PREFIX = r"(?:lib\w*|share|include|cmake|bin|sbin|etc)(?:/|$)|[^/]*[cC]onfig
 _OF_HOME = r"\.(?:cmake|pydistutils\.cfg|config|cache|local|netrc|curlrc|terminfo|hgrc)(?:/|$)"
 
 
-def untracked(access: Access, machine: Machine) -> Row | None:
+def untracked(access: Access, machine: Machine) -> IgnoredInput | None:
     """Return the row of the table that applies to an access, or None."""
     path, kind, program = access.path, access.kind, access.program
     for row in _BY_PATTERN:
         if row.covers(access):
             return row
-    if LOADER.covers(access) and (kind is Kind.LOADED or program not in _LINKERS or "/bfd-plugins" in path):
+    if LOADER.covers(access) and (
+        kind is AccessKind.LOADED or program not in _LINKERS or "/bfd-plugins" in path
+    ):
         return LOADER
     if kind not in _WITHOUT_CONTENT:
-        return CHECKS if kind is Kind.READ and CHECKS.covers(access) else None
+        return CHECKS if kind is AccessKind.READ and CHECKS.covers(access) else None
     if _below(path, machine.home) and re.match(_OF_HOME, path[len(machine.home) + 1 :]):
         return HOME
     if _is_searched(path, machine):
         return NAMES
-    return TEMPORARY if kind is Kind.MISSED and dirname(path) == machine.temporary else None
+    return TEMPORARY if kind is AccessKind.MISSED and dirname(path) == machine.temporary else None
 
 
 def _is_searched(path: str, machine: Machine) -> bool:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 
-class NamedInputs:
+class ReferencedInputs:
     """The variables, programs and files that packages name, with their current values."""
 
     def __init__(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Place
+from forge.base.errors import Location
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,7 +70,7 @@ def _word(result: CheckResult) -> str:
 
 
 def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:
-    place = problem.place or Place("")
+    place = problem.location or Location("")
     return {
         "severity": severity,
         "topic": topic,

@@ -20,7 +20,7 @@ MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
 """The files in which CMake, ament and forge list installed files."""
 
 
-class ListedFiles(Mapping[str, tuple[str, ...]]):
+class ManifestFiles(Mapping[str, tuple[str, ...]]):
     """The files in install manifests by package; manifests are read on demand."""
 
     def __init__(self, layout: Layout, links: Mapping[str, tuple[str, ...]] | None = None) -> None:

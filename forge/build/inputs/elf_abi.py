@@ -1,7 +1,7 @@
-"""The interface of a shared library: everything that linking with it depends on (ELF, System V gABI).
+"""Compute a digest of the ABI of a shared library: all that linking with it depends on (ELF, System V gABI).
 
-A linker reads the dynamic symbols of a shared library, not its code: linked with another library of the same
-interface, a program comes out the same, byte for byte.
+A linker reads the dynamic symbols of a shared library, not its code: linking with a library of the same ABI
+produces an identical program.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class _Library:
     names: Mapping[str, int] = field(default_factory=dict)
 
 
-def library_interface(path: str) -> str:
+def abi_digest(path: str) -> str:
     """Return a digest of a shared library's interface; '' for a file that has none, or an unknown one."""
     try:
         with open(path, "rb", opener=open_regular) as stream:
