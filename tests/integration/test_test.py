@@ -271,7 +271,7 @@ def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: T
         }
     )
     assert forge("build", cwd=root).code == 0
-    assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err
+    assert "changed since its last build" not in forge("test", "--packages-select", "above", cwd=root).err
     tree({"src/below/CMakeLists.txt": (root / "src/below/CMakeLists.txt").read_text() + "\n"})
     tree({"src/below/new.txt": "", "src/p/p/__init__.py": "VALUE = 1 # edited\n"})
     ran = forge("test", "--packages-select", "above", cwd=root)
@@ -281,4 +281,4 @@ def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: T
     # Its tests run in its source folder.
     assert "has changed since" not in forge("test", "--packages-select", "p", cwd=root).err
     assert forge("build", cwd=root).code == 0
-    assert "changed" not in forge("test", "--packages-select", "above", cwd=root).err
+    assert "changed since its last build" not in forge("test", "--packages-select", "above", cwd=root).err
