@@ -108,7 +108,7 @@ def test_every_variable_that_forge_reads_is_told() -> None:
 def test_every_key_for_single_packages_is_told() -> None:
     part = _page("configuration").split("## Options for single packages")[1].split("\n## ")[0]
     told = set(re.findall(r"`([a-z-]+)`", "\n".join(re.findall(r"^\| (`.*?) \|", part, re.MULTILINE))))
-    read = set(re.findall(r'\.words\("([a-z-]+)"\)', CODE))
+    read = set(re.findall(r'\.option_values\("([a-z-]+)"\)', CODE))
     read |= set(re.findall(r'package\.settings\.get\("([a-z-]+)"\)', CODE))
     assert told == read | NO_SETTINGS
 

@@ -12,10 +12,10 @@ from forge.base.files import read_file, replace_file, tree_below, write_if_chang
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.install_manifests import listed_files
 from forge.environment import scripts
-from forge.environment.dsv import Installed
+from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks
+from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import PACKAGES
-from forge.environment.recorded import recorded_underlays
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
 
@@ -49,15 +49,15 @@ def install_package(
     hooks = package_hooks(package.name, package.build_type, files, python.site_packages)
     _remove_stale_hooks(share / "hook", {f"{name}.dsv" for name in hooks})
     for name, line in hooks.items():
-        write_if_changed(share / "hook" / f"{name}.dsv", scripts.dsv([line]))
+        write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
     setups = (f"share/{package.name}/local_setup.{extension}" for extension in _SETUP_EXTENSIONS)
     sources += (path for path in (*setups, *package.hooks) if (prefix / path).is_file())
     # Always write a new file: its stamp indicates that some of the package's hooks may have changed.
-    replace_file(share / "package.dsv", scripts.dsv([f"source;{path}" for path in sources]).encode())
+    replace_file(share / "package.dsv", scripts.render_dsv([f"source;{path}" for path in sources]).encode())
     edits = own_edits(package.name, prefix, files) if layout.merged else package_edits(package.name, prefix)
     for shell in SHELLS:
-        text = scripts.package_setup(shell, prefix, Installed(package.name, "", edits))
+        text = scripts.package_setup(shell, prefix, PackageEdits(package.name, "", edits))
         write_if_changed(share / f"package.{shell}", text)
     write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
 

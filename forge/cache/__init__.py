@@ -1,1 +1,4 @@
-"""What packages installed, kept for other builds: in a folder of this machine, and on a server for many."""
+"""The package cache: stores the installed files of packages by key, in a folder and optionally on a server.
+
+Start with `package_cache` and `opening`.
+"""

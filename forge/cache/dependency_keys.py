@@ -57,9 +57,9 @@ class DependencyKeys:
         try:
             return scan_tree(name, self._layout, record, self._relocator).digest
         except (Uncacheable, OSError):
-            return unfit(record)
+            return uncacheable_tree(record)
 
 
-def unfit(record: BuildRecord) -> str:
+def uncacheable_tree(record: BuildRecord) -> str:
     """Return a substitute tree digest for a package that cannot be cached; it is valid at one path only."""
     return f"unfit {record.installed.digest}"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @frozen
-class Seen:
+class FileSnapshot:
     """External files at one moment: path and content by relocatable path, and the processor."""
 
     files: Mapping[str, tuple[str, str]]
@@ -44,32 +44,32 @@ class ExternalInputs:
 
     def __init__(self, relocator: Relocator, table: FileTable, programs: FileTable) -> None:
         """Look up contents in `table`, those of programs in `programs`, which outlives build folders."""
-        self._places = relocator
+        self._relocator = relocator
         self._table = table
         self._programs = programs
         self._read_programs: set[str] = set()
         self._known: dict[str, tuple[str, str]] = {}
-        self._trusting = True
+        self._caching = True
 
-    def distrust(self) -> None:
+    def stop_caching(self) -> None:
         """Check every file each time from now on, since a step is about to run."""
-        self._trusting = False
+        self._caching = False
         self._known = {}
 
-    def look(self, words: Iterable[str]) -> Seen:
+    def look(self, words: Iterable[str]) -> FileSnapshot:
         """Return the contents of files; the same snapshot is used for a key and for the record."""
-        known = self._known if self._trusting else {}
+        known = self._known if self._caching else {}
         found = {}
         for word in words:
             if word not in known:
                 known[word] = self._look(word)
             found[word] = known[word]
-        return Seen(found)
+        return FileSnapshot(found)
 
     def _look(self, word: str) -> tuple[str, str]:
         if word == processor.WORD:
             return word, processor.processor()
-        path = self._places.absolutize_word(word)
+        path = self._relocator.absolutize_word(word)
         if not os.access(path, os.X_OK) or os.path.isdir(path):  # noqa: PTH112
             return path, contents_of((path,), self._table)[path]
         # Compilers and CMake have tens of megabytes: clean builds should not read them again.

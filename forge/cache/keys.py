@@ -37,7 +37,7 @@ _MAX_LISTS = 4
 
 
 @frozen
-class Inputs:
+class ExternalFileList:
     """The files outside the workspace that a build read, and the paths at which its result is valid.
 
     `bound` is the reason why it is valid at one path only, '' if it is relocatable; `kind` is the kind of the
@@ -79,7 +79,7 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
     )
 
 
-def first_key(
+def input_key(
     task: Task, needs: Sequence[tuple[str, str]], shared: tuple[str, ...], relocator: Relocator
 ) -> str:
     """Return the key of all inputs of a task that are known before it runs, including dependencies."""
@@ -94,7 +94,9 @@ def first_key(
     )
 
 
-def second_key(first: str, inputs: Inputs, contents: Mapping[str, str], relocator: Relocator) -> str:
+def result_key(
+    first: str, inputs: ExternalFileList, contents: Mapping[str, str], relocator: Relocator
+) -> str:
     """Return the key of a result from the first key and the contents of external files.
 
     `contents` maps `inputs.paths` to content digests.
@@ -106,21 +108,21 @@ def second_key(first: str, inputs: Inputs, contents: Mapping[str, str], relocato
     return _key(first, data, inputs.kind, locations)
 
 
-def encode_lists(lists: Iterable[Inputs]) -> bytes:
+def encode_lists(lists: Iterable[ExternalFileList]) -> bytes:
     """Return the first _MAX_LISTS lists of inputs as JSON."""
     found = list(dict.fromkeys(lists))[:_MAX_LISTS]
     data = [[*one.paths, one.kind, one.bound] for one in found]
     return json.dumps({"forge_inputs": _VERSION, "lists": data}).encode()
 
 
-def decode_lists(data: bytes) -> tuple[Inputs, ...]:
+def decode_lists(data: bytes) -> tuple[ExternalFileList, ...]:
     """Return the lists that `encode_lists` wrote; nothing for what it did not."""
     try:
         found: Mapping[str, Any] = json.loads(data)
         if found["forge_inputs"] != _VERSION:
             return ()
         lists = [[_text(word) for word in one] for one in found["lists"][:_MAX_LISTS]]
-        return tuple(Inputs(tuple(words), bound, kind) for *words, kind, bound in lists)
+        return tuple(ExternalFileList(tuple(words), bound, kind) for *words, kind, bound in lists)
     except (ValueError, LookupError, TypeError, RecursionError):
         return ()
 

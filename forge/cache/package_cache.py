@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.cache import keys
-from forge.cache.dependency_keys import DependencyKeys, unfit
+from forge.cache.dependency_keys import DependencyKeys, uncacheable_tree
 from forge.cache.external_inputs import ExternalInputs
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, StoreFault
 from forge.cache.processor import WORD, processor_inputs
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from forge.build.inputs.fingerprints import FileTable
     from forge.build.model import BuildRecord
     from forge.build.tasks import Task
-    from forge.cache.external_inputs import Seen
+    from forge.cache.external_inputs import FileSnapshot
     from forge.cache.folder_store import FolderStore
     from forge.cache.model import Store
     from forge.cache.relocation import Relocator
@@ -71,7 +71,7 @@ class PendingResult:
 
     package: str
     first: str
-    inputs: keys.Inputs
+    inputs: keys.ExternalFileList
     result: ActionResult
     began: float
     ended: float
@@ -101,7 +101,7 @@ class PackageCache:
         self._lock = threading.Lock()
         self._shared_inputs: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
-        self._lists: dict[str, tuple[keys.Inputs, ...]] = {}
+        self._lists: dict[str, tuple[keys.ExternalFileList, ...]] = {}
         self._warned = False
         self._pending: list[PendingResult] = []
         self.notes: dict[str, str] = {}
@@ -122,7 +122,7 @@ class PackageCache:
         """Return the cached result of a task, downloaded and verified, or None if it must be built."""
         found = self._look_up(task)
         if found is None:
-            self._external_inputs.distrust()
+            self._external_inputs.stop_caching()
         return found
 
     def restore(
@@ -156,7 +156,7 @@ class PackageCache:
             tree = self._put(task, key, record)
         except Uncacheable as reason:
             self.notes[task.name] = f"not cached: {reason}"
-            return replace(record, tree=unfit(record))
+            return replace(record, tree=uncacheable_tree(record))
         except (OSError, StoreFault) as fault:
             self.notes[task.name] = f"not cached: {fault}"
             self._warn_once(fault)
@@ -224,7 +224,7 @@ class PackageCache:
             if self._shared_inputs is None:
                 self._shared_inputs = keys.shared_inputs(self._context.tools, self._context.own)
         needs = self._dependency_keys.needs_of(task.name, task.needs)
-        return keys.first_key(
+        return keys.input_key(
             task, needs, (*self._shared_inputs, *self._package_programs(task)), self._context.relocator
         )
 
@@ -247,7 +247,7 @@ class PackageCache:
                 if not inputs.holds_at(self._context.relocator):
                     continue
                 seen = self._external_inputs.look(inputs.paths)
-                second = keys.second_key(first, inputs, seen.contents, self._context.relocator)
+                second = keys.result_key(first, inputs, seen.contents, self._context.relocator)
                 result = store.result(second)
                 found = result and self._fetch_result(store, result, seen)
                 if result and found:
@@ -258,13 +258,13 @@ class PackageCache:
             self._warn_once(fault)
         return None
 
-    def _lists_in(self, store: Store, first: str) -> tuple[keys.Inputs, ...]:
+    def _lists_in(self, store: Store, first: str) -> tuple[keys.ExternalFileList, ...]:
         result = store.result(first)
         found = keys.decode_lists(result.stdout) if result else ()
         self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *found)))
         return found
 
-    def _fetch_result(self, store: Store, result: ActionResult, seen: Seen) -> CachedTree | None:
+    def _fetch_result(self, store: Store, result: ActionResult, seen: FileSnapshot) -> CachedTree | None:
         """Return a result with its verified blobs, copied to the local folder; None if one is missing.
 
         Raises ValueError for a result that forge did not create.
@@ -319,7 +319,7 @@ class PackageCache:
             *map(relocator.relativize_word, record.externals),
             *processor_inputs(task, relocator.root / task.package.path),
         )
-        inputs = keys.Inputs(read, tree.bound, relocator.kind)
+        inputs = keys.ExternalFileList(read, tree.bound, relocator.kind)
         result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))
         pending = PendingResult(task.name, first, inputs, result, record.began, time.time())
         if self._context.layout.merged:
@@ -331,7 +331,7 @@ class PackageCache:
     def _publish(self, pending: PendingResult) -> None:
         """Store a result under both keys, locally and in the remote store."""
         contents = self._external_inputs.look(pending.inputs.paths).contents
-        second = keys.second_key(pending.first, pending.inputs, contents, self._context.relocator)
+        second = keys.result_key(pending.first, pending.inputs, contents, self._context.relocator)
         self._remember(pending.first, second, pending.inputs, pending.result)
         if self._uploads is not None:
             paths = {file.digest: self._local.blob_path(file.digest.hash) for file in pending.result.files}
@@ -356,7 +356,7 @@ class PackageCache:
                 self._local.put(blobs[leaf.path], prefix / leaf.path)
         return blobs
 
-    def _remember(self, first: str, second: str, inputs: keys.Inputs, result: ActionResult) -> None:
+    def _remember(self, first: str, second: str, inputs: keys.ExternalFileList, result: ActionResult) -> None:
         """Store a result under both keys in the local folder; its list of inputs moves to the front."""
         self.has_grown = True
         self._lists[first] = tuple(dict.fromkeys((inputs, *self._lists.get(first, ()))))

@@ -14,7 +14,7 @@ from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, read_options
 from forge.execution.options import DASK, ExecutorOptions, JobOptions
 from forge.output.handlers import ReportOptions
-from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, chosen
+from forge.toolchain.compiler_launchers.choice import LAUNCHERS, NONE, selected_launcher
 
 if TYPE_CHECKING:
     import argparse
@@ -167,7 +167,7 @@ class BuildOptions:
             yield f"--executor {DASK}"
         if self.cache.wanted:
             yield "a package cache (--cache, --remote-cache)"
-        if chosen(self.cmake.compiler_launcher):
+        if selected_launcher(self.cmake.compiler_launcher):
             yield "--compiler-launcher"
 
 

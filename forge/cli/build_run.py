@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from forge.execution.runner import Runner
     from forge.output.charts.sampling import NoSampler
     from forge.toolchain.interpreter import Interpreter
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
     from forge.workspace.resolve import DependencyResolution
 
 
@@ -58,7 +58,7 @@ class PreparedBuild:
     """The options of a build and what was prepared for it; `began` is the monotonic start time."""
 
     options: BuildOptions
-    loaded: Loaded
+    loaded: LoadedWorkspace
     context: BuildContext
     interpreter: Interpreter
     variables: Mapping[str, str]

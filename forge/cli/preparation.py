@@ -20,12 +20,12 @@ from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import relevant_environment
+from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import find_underlays
-from forge.environment.recorded import recorded_underlays
 from forge.environment.underlays import lost_underlays
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments
-from forge.toolchain.compiler_launchers.choice import chosen
+from forge.toolchain.compiler_launchers.choice import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, own_command, require_modules
 from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan, Task
     from forge.cli.build_options import BuildOptions
     from forge.toolchain.interpreter import Interpreter
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
 
 
 def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:
@@ -79,7 +79,7 @@ def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
     return cleaned
 
 
-def check_before_planning(loaded: Loaded, names: Sequence[str], layout: Layout) -> None:
+def check_before_planning(loaded: LoadedWorkspace, names: Sequence[str], layout: Layout) -> None:
     """Raise WorkspaceError with all problems that would make the build fail."""
     errors, _ = missing_problems(loaded.resolution, names)
     problems = [*loaded.workspace.problems, *errors]
@@ -93,7 +93,7 @@ def check_before_planning(loaded: Loaded, names: Sequence[str], layout: Layout) 
 
 def check_plan(
     plan: BuildPlan,
-    loaded: Loaded,
+    loaded: LoadedWorkspace,
     context: BuildContext,
     variables: Mapping[str, str],
     warn: WarningReporter,
@@ -123,7 +123,7 @@ def _unfit_generators(tasks: Iterable[Task], context: BuildContext) -> Iterator[
 
 def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     options: BuildOptions,
-    loaded: Loaded,
+    loaded: LoadedWorkspace,
     names: Sequence[str],
     layout: Layout,
     variables: Mapping[str, str],
@@ -133,7 +133,7 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     packages = [loaded.packages[name] for name in names]
     cmake = options.cmake
     warn(suspicious_arguments([*cmake.cmake_args, *cmake.ament_cmake_args]))
-    launcher = chosen(cmake.compiler_launcher)
+    launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher)
     interpreter = find_interpreter(options.python, variables)
     if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
@@ -180,7 +180,7 @@ def _path_maps(root: Path, layout: Layout) -> Pairs:
 
 def global_inputs(
     options: BuildOptions,
-    loaded: Loaded,
+    loaded: LoadedWorkspace,
     context: BuildContext,
     variables: Mapping[str, str],
 ) -> tuple[GlobalInputs, ReferencedInputs]:

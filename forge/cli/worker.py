@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.cli.main import main as run_command
-from forge.execution.started import VARIABLE as BUILD_FOLDER
-from forge.execution.started import StartedProcesses
-from forge.execution.worker_client import VARIABLE, receive_exactly
+from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.execution.worker_client import WORKER_VARIABLE, receive_exactly
 from forge.toolchain.interpreter import own_command
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def worker(*modules: str) -> Iterator[dict[str, str]]:
             start_new_session=True,
         )
         try:
-            yield {VARIABLE: address}
+            yield {WORKER_VARIABLE: address}
         finally:
             assert process.stdin is not None  # noqa: S101  (stdin=PIPE)
             process.stdin.close()
@@ -90,7 +89,7 @@ def _serve(connection: socket.socket) -> int:
     call = json.loads(receive_exactly(connection, int.from_bytes(size, "big")))
     for target, descriptor in enumerate(descriptors, start=1):
         os.dup2(descriptor, target)
-    _end_with(connection, call["environment"].get(BUILD_FOLDER))
+    _end_with(connection, call["environment"].get(BUILD_FOLDER_VARIABLE))
     os.chdir(call["cwd"])
     os.environ.clear()
     os.environ.update(call["environment"])

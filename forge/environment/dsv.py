@@ -34,7 +34,7 @@ _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @frozen
-class Change:
+class DsvChange:
     """A change of an environment variable; `operation` is a dsv operation."""
 
     operation: str
@@ -55,7 +55,7 @@ class Script:
         return by_extension.get(f".{shell}", by_extension.get(".sh"))
 
 
-Hook = Change | Script
+Hook = DsvChange | Script
 
 
 @frozen
@@ -79,7 +79,7 @@ class Edit:
 
 
 @frozen
-class Installed:
+class PackageEdits:
     """A package of an install tree: `folder` is its prefix relative to the root, '' in a merged layout."""
 
     name: str
@@ -87,12 +87,12 @@ class Installed:
     edits: tuple[Edit | Script, ...]
 
 
-def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]]:
+def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, ...]]:
     """Return the changes and the sourced paths of a dsv file, in order.
 
     Raises WorkspaceError for unknown lines.
     """
-    changes: list[Change] = []
+    changes: list[DsvChange] = []
     sources: list[str] = []
     problems: list[Problem] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -105,7 +105,7 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[Change, ...], tuple[str, ...]
         elif "\0" not in line and operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
             several = operation not in {"set", "set-if-unset"}
             parts = values.split(";") if several else [values]
-            changes += (Change(operation, variable, value) for value in parts)
+            changes += (DsvChange(operation, variable, value) for value in parts)
         else:
             problems.append(
                 Problem(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _BUILD_TYPE = re.compile(r"<build_type[^>]*>\s*(\w+)\s*</build_type>")
 
 
-def remedy(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
+def missing_executable_hint(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> str:
     """Return a hint how to make `name` available; `paths` are the package's executables."""
     folder = prefix / "lib" / package
     plain = next((path for path in folder.rglob("*") if path.name == name and path.is_file()), None)

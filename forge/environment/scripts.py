@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from forge.environment.dsv import Installed
+    from forge.environment.dsv import PackageEdits
     from forge.environment.shells import Shell
 
     Statement = dict[str, object]
     """A paragraph of a script: its template, and finished words for it."""
 
-    Group = list[tuple[Installed, Edit | Script]]
+    Group = list[tuple[PackageEdits, Edit | Script]]
     """Edits that one statement makes."""
 
 
@@ -32,7 +32,7 @@ def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
     """Return the script that sources the scripts `underlays`, lowest first, and its own local_setup."""
     shell = SHELLS[name]
     own = _sourced(shell, "This workspace.", "$_forge_setup_root", f"local_setup.{name}")
-    borrowing = any(shell.borrows(script.name) for script in underlays)
+    borrowing = any(shell.runs_in_sh(script.name) for script in underlays)
     return render(
         f"scripts/{shell.family}/setup.j2",
         statements=[*(_underlay(shell, script) for script in underlays), own],
@@ -45,7 +45,7 @@ def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
     )
 
 
-def local_setup(name: str, root: Path, packages: Sequence[Installed]) -> str:
+def local_setup(name: str, root: Path, packages: Sequence[PackageEdits]) -> str:
     """Return the script that adds the packages of one install tree; `packages` are ordered lowest first.
 
     Paths are relative to the script; plain sh, which cannot determine the script's path, uses `root`.
@@ -64,7 +64,7 @@ def local_setup(name: str, root: Path, packages: Sequence[Installed]) -> str:
     )
 
 
-def package_setup(name: str, prefix: Path, package: Installed) -> str:
+def package_setup(name: str, prefix: Path, package: PackageEdits) -> str:
     """Return the script that adds a single package with its entries first."""
     shell = SHELLS[name]
     return render(
@@ -77,7 +77,7 @@ def package_setup(name: str, prefix: Path, package: Installed) -> str:
     )
 
 
-def dsv(lines: Sequence[str]) -> str:
+def render_dsv(lines: Sequence[str]) -> str:
     """Return the text of a dsv file."""
     return render("scripts/dsv.j2", lines=lines)
 
@@ -94,7 +94,7 @@ def _words(shell: Shell, edits: Iterable[Edit | Script]) -> dict[str, object]:
     """Return the template values: required functions and their calls."""
     listed = list(edits)
     paths = [edit.path(shell.name) for edit in listed if isinstance(edit, Script)]
-    borrowing = any(path and shell.borrows(path) for path in paths)
+    borrowing = any(path and shell.runs_in_sh(path) for path in paths)
     return {
         "appending": any(isinstance(edit, Edit) and edit.operation == "append" for edit in listed),
         "sourcing": any(paths),
@@ -125,7 +125,7 @@ def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str
     }
 
 
-def _groups(edits: Sequence[tuple[Installed, Edit | Script]]) -> list[Group]:
+def _groups(edits: Sequence[tuple[PackageEdits, Edit | Script]]) -> list[Group]:
     """Group edits into statements without changing their effect.
 
     Edits of different variables are independent, so edits of one variable are grouped until the operation
@@ -146,7 +146,7 @@ def _groups(edits: Sequence[tuple[Installed, Edit | Script]]) -> list[Group]:
     return groups
 
 
-def _joins(before: tuple[Installed, Edit | Script], after: tuple[Installed, Edit]) -> bool:
+def _joins(before: tuple[PackageEdits, Edit | Script], after: tuple[PackageEdits, Edit]) -> bool:
     """Tell whether two edits of one variable fit in one statement: paths below the root, and duplicates."""
     (package, edit), (next_package, next_edit) = before, after
     if isinstance(edit, Script) or edit.operation != next_edit.operation:
@@ -182,7 +182,7 @@ def _group_statement(shell: Shell, group: Group) -> Statement | None:
     return _entries(shell, first, f"_forge_{first.operation}", entries, "")
 
 
-def _edit_statement(shell: Shell, package: Installed, edit: Edit | Script) -> Statement | None:
+def _edit_statement(shell: Shell, package: PackageEdits, edit: Edit | Script) -> Statement | None:
     """Return the statement of a package script for one edit."""
     if isinstance(edit, Script):
         return _script(shell, package.name, edit, "$_forge_prefix")
@@ -239,7 +239,7 @@ def _underlay(shell: Shell, script: Path) -> Statement:
 def _sourced(shell: Shell, comment: str, prefix: str, path: str) -> Statement:
     """Return the statement that sources a script and passes its prefix."""
     return {
-        "template": f"scripts/{shell.family}/{'borrow' if shell.borrows(path) else 'source'}.j2",
+        "template": f"scripts/{shell.family}/{'borrow' if shell.runs_in_sh(path) else 'source'}.j2",
         "comment": "".join(sign if sign.isprintable() else "?" for sign in comment),
         "prefix": prefix,
         "file": path if path.startswith("/") else f"{prefix}/{path}",

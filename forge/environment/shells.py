@@ -29,7 +29,7 @@ class Shell:
         """Escape `text` for double quotes."""
         return self.special.sub(lambda match: "\\" + match.group(), text)
 
-    def borrows(self, path: str) -> bool:
+    def runs_in_sh(self, path: str) -> bool:
         """Tell whether sh must run a script, whose changes this shell then imports."""
         return self.family != "sh" and path.endswith(".sh")
 

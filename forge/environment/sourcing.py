@@ -13,9 +13,9 @@ from forge.base.env_vars import without_secrets
 from forge.base.errors import EnvironmentFault, Problem, WorkspaceError
 from forge.base.layout import LAYOUT_MARKER
 from forge.environment import scripts
-from forge.environment.dsv import Edit, Installed, Script, apply, order, read_hooks, resolve_hooks
+from forge.environment.dsv import Edit, PackageEdits, Script, apply, order, read_hooks, resolve_hooks
+from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import installed_packages
-from forge.environment.recorded import recorded_underlays
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -78,12 +78,12 @@ def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str
     return result
 
 
-def packages_in_order(root: Path) -> tuple[Installed, ...]:
+def packages_in_order(root: Path) -> tuple[PackageEdits, ...]:
     """Return the packages of an install tree with their edits, lowest first."""
     installed = {package.name: package for package in installed_packages(root)}
     found = (installed[name] for name in order({name: p.needs for name, p in installed.items()}))
     return tuple(
-        Installed(p.name, "" if p.prefix == root else p.prefix.name, package_edits(p.name, p.prefix))
+        PackageEdits(p.name, "" if p.prefix == root else p.prefix.name, package_edits(p.name, p.prefix))
         for p in found
     )
 
@@ -171,7 +171,7 @@ def _source(hook: Path, prefix: Path, variables: Mapping[str, str]) -> dict[str,
     _, _, after = done.stdout.partition(b"\0\0")
     if not after:
         reason = done.stderr.decode(errors="replace").strip() or f"exit code {done.returncode}"
-        raise EnvironmentFault(Problem(f"the environment hook '{hook}' exits: {reason}"))
+        raise EnvironmentFault(Problem(f"the environment hook '{hook}' failed: {reason}"))
     pairs = (item.decode(errors="surrogateescape").partition("=") for item in after.split(b"\0") if item)
     left = {name: value for name, _, value in pairs if name not in _SHELL_S_OWN}
     return left | {name: value for name, value in variables.items() if name in _SHELL_S_OWN}

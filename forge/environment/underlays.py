@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.text import listed
+from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import find_underlays, installed_packages
-from forge.environment.recorded import recorded_underlays
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping

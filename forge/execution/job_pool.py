@@ -35,8 +35,8 @@ class JobPool:
     """The tokens of one build. Close it when all packages have ended.
 
     `jobserver_tools` are the tools ('ninja', 'make') that take tokens from `pool`; others get a fixed share.
-    While `is_short` reports that memory or load do not permit more jobs, tokens are held back, except that
-    one package may always run.
+    While `is_overloaded` reports that memory or load do not permit more jobs, tokens are held back, except
+    that one package may always run.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class JobPool:
         pool: TokenPool | None = None,
         jobserver_tools: frozenset[str] = frozenset(),
         flags: MakeFlags = MakeFlags(),  # noqa: B008  (frozen)
-        is_short: Callable[[], bool] = lambda: False,
+        is_overloaded: Callable[[], bool] = lambda: False,
     ) -> None:
         """Start with all tokens free, or with the implicit token of a parent make."""
         # Tools would block when returning more tokens than the pipe can hold.
@@ -56,11 +56,11 @@ class JobPool:
         self._pool = pool
         self._jobserver_tools = jobserver_tools
         self._flags = flags
-        self._is_short = is_short
+        self._is_overloaded = is_overloaded
         self._free_tokens = [_IMPLICIT_TOKEN] if pool is not None and pool.joined else [TOKEN] * jobs
         self._waiting: list[object] = []
         self._running = 0
-        self._short = False
+        self._overloaded = False
         self._idle_checks = 0
         self._stopped = False
         self._closed = False
@@ -146,7 +146,7 @@ class JobPool:
         """Start the threads with the first package; a build with nothing to do needs none."""
         if self._threads:
             return
-        self._short = self._is_short()
+        self._overloaded = self._is_overloaded()
         self._threads.append(threading.Thread(target=self._watch, daemon=True))
         if self._pool is not None:
             self._threads.append(threading.Thread(target=self._collect, args=(self._pool,), daemon=True))
@@ -154,7 +154,11 @@ class JobPool:
             thread.start()
 
     def _may_begin(self, ticket: object) -> bool:
-        return bool(self._free_tokens) and self._waiting[0] is ticket and not (self._short and self._running)
+        return (
+            bool(self._free_tokens)
+            and self._waiting[0] is ticket
+            and not (self._overloaded and self._running)
+        )
 
     def _release(self, token: bytes) -> None:
         with self._changed:
@@ -172,7 +176,7 @@ class JobPool:
         taken: list[bytes] = []
         with self._changed:
             share = self.jobs // max(1, self._running + len(self._waiting))
-            while len(taken) < share - 1 and not self._short:
+            while len(taken) < share - 1 and not self._overloaded:
                 if self._free_tokens:
                     taken.append(self._free_tokens.pop())
                 elif self._pool and (token := self._pool.take_now()):
@@ -204,11 +208,11 @@ class JobPool:
             self._wake.set()
 
     def _wants_tokens(self) -> bool:
-        return self._short or len(self._waiting) > len(self._free_tokens)
+        return self._overloaded or len(self._waiting) > len(self._free_tokens)
 
     def _watch(self) -> None:
         """Check memory and load periodically, and put tokens that no package waits for into the pool."""
-        is_short, checked = self._short, time.monotonic()
+        overloaded, checked = self._overloaded, time.monotonic()
         while not self._closed:
             woken = self._wake.wait(_PERIOD_SECONDS)
             if woken and not self._closed:
@@ -216,12 +220,12 @@ class JobPool:
                 time.sleep(_PAUSE_SECONDS)
             # Not at every wake-up, since a check reads some twenty files.
             if time.monotonic() - checked >= _PERIOD_SECONDS:
-                is_short, checked = self._is_short(), time.monotonic()
+                overloaded, checked = self._is_overloaded(), time.monotonic()
             with self._changed:
-                self._short = is_short
+                self._overloaded = overloaded
                 if not woken:
                     self._replace_lost()
-                if not is_short:
+                if not overloaded:
                     self._return_to_pool(len(self._free_tokens) - len(self._waiting))
                 self._changed.notify_all()
 

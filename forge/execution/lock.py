@@ -30,12 +30,12 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            holder = lock.read() or "?"
+            holder = f"process {number}" if (number := lock.read()) else "another process"
             if not wait:
                 hint = "try again later, omit '--no-wait', or choose another '--build-base'"
-                message = f"the build folder '{build}' is locked by process {holder}"
+                message = f"the build folder '{build}' is locked by {holder}"
                 raise WorkspaceError(Problem(message, hint=hint)) from None
-            sys.stderr.write(f"waiting for process {holder}, which has locked the build folder '{build}'\n")
+            sys.stderr.write(f"waiting for {holder} to release the lock on the build folder '{build}'\n")
             fcntl.flock(lock, fcntl.LOCK_EX)
         started = StartedProcesses(build)
         lock.seek(0)

@@ -14,7 +14,7 @@ from forge.base.layout import STYLES_FILE
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import common_style, create_pool, join_pool, supported_styles
 from forge.execution.makeflags import read_make_flags
-from forge.toolchain.resources import processors, shortage
+from forge.toolchain.resources import is_overloaded, processors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -54,8 +54,8 @@ def open_job_pool(  # noqa: PLR0913  (they are of six different sources)
     if pool is None and style is not None:
         pool = create_pool(style, jobs)
     tools = frozenset(name for name, styles in supported.items() if style in styles)
-    is_short = partial(shortage, options.memory_limit, context.load_limit)
-    job_pool = JobPool(jobs, pool, tools, flags, is_short)
+    overloaded = partial(is_overloaded, options.memory_limit, context.load_limit)
+    job_pool = JobPool(jobs, pool, tools, flags, overloaded)
     job_pool.local = min(local, job_pool.jobs)
     return job_pool
 

@@ -83,8 +83,8 @@ class ExecutorOptions:
     """The options that choose where packages are built: here, or on a Dask cluster."""
 
     executor: str = option(
-        "build packages in parallel, or sequentially in topological order, or on the workers of a Dask "
-        "cluster, see --scheduler (default: parallel)",
+        "how to build packages: in parallel, one at a time in topological order (sequential), or on a "
+        "Dask cluster (dask, requires --scheduler) (default: parallel)",
         default_factory=lambda: default_executor((*EXECUTORS, DASK)),
         choices=(*EXECUTORS, DASK),
     )

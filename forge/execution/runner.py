@@ -57,7 +57,7 @@ class Runner(Protocol):
         """Terminate all running programs; with `kill`, immediately."""
 
 
-class StepRunner(Protocol):
+class RunSteps(Protocol):
     """A function that runs the steps of a task."""
 
     def __call__(
@@ -94,7 +94,7 @@ class TaskLifecycle:
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
 
-    def run_build(self, task: Task, put: Callable[[Event], None], steps: StepRunner) -> None:
+    def run_build(self, task: Task, put: Callable[[Event], None], steps: RunSteps) -> None:
         """Run `task` with its lifecycle callbacks; `steps` runs its steps. Put every event."""
         try:
             put(self._run_task(task, put, steps))
@@ -104,7 +104,7 @@ class TaskLifecycle:
                 self.undo(task)
             raise
 
-    def _run_task(self, task: Task, put: Callable[[Event], None], steps: StepRunner) -> Event:
+    def _run_task(self, task: Task, put: Callable[[Event], None], steps: RunSteps) -> Event:
         started = time.monotonic()
         record = self.restore(task)
         if record is not None:
@@ -259,7 +259,7 @@ class ProcessRunner:
                 start_new_session=True,
             )
         except OSError as error:
-            missing = "its folder is gone" if not step.cwd.is_dir() else error.strerror
+            missing = "its working directory no longer exists" if not step.cwd.is_dir() else error.strerror
             message = f"forge: cannot start '{step.argv[0]}': {missing}\n"
             put(Output(task.name, message.encode(), stderr=True))
             return _NOT_STARTED

@@ -21,7 +21,7 @@ from forge.base.layout import PROCESSES_FILE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-VARIABLE = "FORGE_BUILD_FOLDER"
+BUILD_FOLDER_VARIABLE = "FORGE_BUILD_FOLDER"
 """An environment variable of the programs of a build: the absolute path of the build folder."""
 
 _TIMEOUT_SECONDS = 5.0
@@ -173,7 +173,7 @@ def _is_noted(
 
 def _has_build_variable(process: Process, build: Path) -> bool:
     """Return True if the process has the build folder in its environment."""
-    mark = f"{VARIABLE}={build}".encode(errors="surrogateescape")
+    mark = f"{BUILD_FOLDER_VARIABLE}={build}".encode(errors="surrogateescape")
     try:
         return mark in (_PROCESSES / str(process.number) / "environ").read_bytes().split(b"\0")
     except OSError:

@@ -14,7 +14,7 @@ from forge.build import installation, rollback
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.sourcing import build_environment, package_edits
 from forge.execution.runner import ProcessRunner, TaskLifecycle, unwrapped
-from forge.execution.started import VARIABLE, StartedProcesses
+from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.toolchain.interpreter import own_command
 from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import RUN_KINDS
@@ -67,7 +67,10 @@ class TaskSetup:
         def begin(task: Task, environment: Mapping[str, str]) -> None:
             self._begin(task, environment)
             # The package's own arguments and the hooks of its dependencies may select another compiler.
-            arguments = (*task.package.words("cmake-args"), *task.package.words("ament-cmake-args"))
+            arguments = (
+                *task.package.option_values("cmake-args"),
+                *task.package.option_values("ament-cmake-args"),
+            )
             same_compilers = not arguments and _for_compilers(environment) == _for_compilers(self.variables)
             if toolchain is not None and same_compilers and task.package.build_type in CMAKE_TYPES:
                 toolchain.seed(self.state.source(task), task.build_dir, self.variables)
@@ -77,7 +80,7 @@ class TaskSetup:
     def _environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
         found = build_environment(below, self.variables, self.edits)
-        found[VARIABLE] = str(self.layout.build)
+        found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join(own_command())
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
         return {name: value for name, value in found.items() if value or name in self.variables}
@@ -139,7 +142,7 @@ class TaskSetup:
 _FROM_NEEDS = frozenset(
     {
         *("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH"),
-        *("PKG_CONFIG_PATH", "PYTHONPATH", "FORGE_COMMAND", VARIABLE),
+        *("PKG_CONFIG_PATH", "PYTHONPATH", "FORGE_COMMAND", BUILD_FOLDER_VARIABLE),
     }
 )
 

@@ -7,12 +7,12 @@ import os
 import socket
 import sys
 
-VARIABLE = "FORGE_WORKER"
+WORKER_VARIABLE = "FORGE_WORKER"
 
 
 def main(argv: "list[str]") -> int:
     """Run the arguments in the worker and return the exit code; without a worker, execute forge."""
-    address = os.environ.get(VARIABLE)
+    address = os.environ.get(WORKER_VARIABLE)
     if address:
         try:
             return _ask(address, argv)

@@ -11,8 +11,8 @@ from forge.base.files import text_or_nothing
 from forge.base.formats import read_toml
 from forge.testing.recipes import PackageTests
 from forge.toolchain.programs import CMAKE_TYPES
-from forge.workspace.model import Kind
-from forge.workspace.python_metadata import PythonFacts, read_pyproject, read_setup_cfg, read_setup_py
+from forge.workspace.model import DependencyKind
+from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,21 +54,21 @@ def requirements_of_tests(source: Path) -> frozenset[str]:
         dependency.name
         for facts in _facts(source)
         for dependency in facts.dependencies
-        if Kind.TEST in dependency.kinds
+        if DependencyKind.TEST in dependency.kinds
     )
     return frozenset(re.sub(r"[-_.]+", "-", name).lower() for name in names)
 
 
-def _facts(source: Path) -> Iterator[PythonFacts]:
+def _facts(source: Path) -> Iterator[PythonMetadata]:
     """Yield the metadata of each of a package's files; unreadable ones are skipped."""
     with suppress(SyntaxError, ValueError, RecursionError):
-        yield read_setup_py(text_or_nothing(source / "setup.py")) or PythonFacts()
+        yield read_setup_py(text_or_nothing(source / "setup.py")) or PythonMetadata()
     yield read_setup_cfg(text_or_nothing(source / "setup.cfg"))
     with suppress(WorkspaceError):
         table = read_toml(text_or_nothing(source / "pyproject.toml"), source / "pyproject.toml")
         groups = table.get("dependency-groups", {})
-        yield read_pyproject(table) or PythonFacts()
-        yield read_pyproject({"project": {"optional-dependencies": groups}}) or PythonFacts()
+        yield read_pyproject(table) or PythonMetadata()
+        yield read_pyproject({"project": {"optional-dependencies": groups}}) or PythonMetadata()
 
 
 def _configuration(build: Path) -> str:

@@ -13,8 +13,8 @@ from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
 from forge.build.up_to_date import source_changes
+from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
-from forge.environment.recorded import recorded_python
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
@@ -22,7 +22,7 @@ from forge.testing.detection import inspect_tests
 from forge.testing.recipes import TEST_RECIPES, PackageTests, TestContext, framework
 from forge.toolchain.interpreter import find_interpreter, missing_modules
 from forge.toolchain.programs import CMAKE_TYPES, find_ctest
-from forge.toolchain.resources import processors, shortage
+from forge.toolchain.resources import is_overloaded, processors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.execution.options import JobOptions
     from forge.testing.options import TestOptions
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
 _AROUND_PYTEST = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
 
 
-def tested_names(loaded: Loaded, warn: WarningReporter) -> tuple[str, ...]:
+def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, ...]:
     """Return the selected packages with a supported build type, except embedded ones; warn about others.
 
     Raises WorkspaceError for invalid manifests and duplicate names.
@@ -53,7 +53,7 @@ def tested_names(loaded: Loaded, warn: WarningReporter) -> tuple[str, ...]:
     return tuple(name for name, kind in kinds.items() if kind in TEST_RECIPES)
 
 
-def needs_of_tests(names: Sequence[str], loaded: Loaded) -> dict[str, tuple[str, ...]]:
+def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:
     """Return the packages in the environment of each package's tests, lowest first, itself included."""
     needs = loaded.resolution.needs
     ordered = ordered_names(needs)
@@ -88,7 +88,7 @@ def absent_problems(
     return found
 
 
-def not_built_here(names: Sequence[str], loaded: Loaded, layout: Layout) -> tuple[Problem, ...]:
+def not_built_here(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
     """Return a warning for packages restored from a cache, whose tests are not available."""
     here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
     gone = [name for name in here if not (layout.build_dir(name) / "CMakeCache.txt").is_file()]
@@ -100,7 +100,7 @@ def not_built_here(names: Sequence[str], loaded: Loaded, layout: Layout) -> tupl
 
 
 def changed_since_build(
-    needs: Mapping[str, Sequence[str]], loaded: Loaded, layout: Layout
+    needs: Mapping[str, Sequence[str]], loaded: LoadedWorkspace, layout: Layout
 ) -> tuple[Problem, ...]:
     """Return warnings for packages that changed since their last build, which the tests use.
 
@@ -128,13 +128,13 @@ def changed_since_build(
     return tuple(problems)
 
 
-def _is_python(loaded: Loaded, name: str) -> bool:
+def _is_python(loaded: LoadedWorkspace, name: str) -> bool:
     package = loaded.packages.get(name)
     return package is not None and "python" in package.build_type
 
 
 def prepare_context(
-    options: TestOptions, loaded: Loaded, names: Sequence[str], layout: Layout
+    options: TestOptions, loaded: LoadedWorkspace, names: Sequence[str], layout: Layout
 ) -> TestContext:
     """Return the programs and options of the tests; raises EnvironmentFault for missing programs."""
     types = {loaded.packages[name].build_type for name in names}
@@ -155,12 +155,12 @@ def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> Job
     """Return the job pool with one job per package under test; a parent make may provide it."""
     flags = read_make_flags(variables.get("MAKEFLAGS", ""))
     pool = join_pool(flags.auth) if flags.auth and not options.jobs else None
-    short = partial(shortage, options.memory_limit, options.load_limit or flags.load)
-    return JobPool(options.jobs or flags.jobs or processors(), pool, flags=flags, is_short=short)
+    short = partial(is_overloaded, options.memory_limit, options.load_limit or flags.load)
+    return JobPool(options.jobs or flags.jobs or processors(), pool, flags=flags, is_overloaded=short)
 
 
 def make_test_plan(
-    names: Sequence[str], loaded: Loaded, context: TestContext, warn: WarningReporter
+    names: Sequence[str], loaded: LoadedWorkspace, context: TestContext, warn: WarningReporter
 ) -> BuildPlan:
     """Return a task per package, without dependencies. Raises EnvironmentFault if pytest is missing."""
     looks = {}

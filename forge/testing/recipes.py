@@ -53,10 +53,11 @@ class TestContext:
         options = self.options
         own = replace(
             options,
-            python_testing=options.python_testing or next(iter(package.words("python-testing")), None),
-            ctest_args=(*options.ctest_args, *package.words("ctest-args")),
-            pytest_args=(*options.pytest_args, *package.words("pytest-args")),
-            unittest_args=(*options.unittest_args, *package.words("unittest-args")),
+            python_testing=options.python_testing
+            or next(iter(package.option_values("python-testing")), None),
+            ctest_args=(*options.ctest_args, *package.option_values("ctest-args")),
+            pytest_args=(*options.pytest_args, *package.option_values("pytest-args")),
+            unittest_args=(*options.unittest_args, *package.option_values("unittest-args")),
         )
         return replace(self, options=own)
 

@@ -15,7 +15,7 @@ from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
-from forge.execution.started import VARIABLE, StartedProcesses
+from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.testing.collecting import collect
 from forge.testing.failures import Failure, first_lines, last_lines
 from forge.testing.outcomes import find_junit
@@ -52,7 +52,7 @@ class TestSetup:
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
         found = build_environment(below, self.variables)
         # Do not create __pycache__ in the source folder.
-        return {"PYTHONDONTWRITEBYTECODE": "1", **found, VARIABLE: str(layout.build)}
+        return {"PYTHONDONTWRITEBYTECODE": "1", **found, BUILD_FOLDER_VARIABLE: str(layout.build)}
 
     def _finish(self, task: Task) -> BuildRecord:
         if self.context.options.test_result_base is not None:

@@ -82,10 +82,10 @@ def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
     """Raise EnvironmentFault with the modules that `interpreter` lacks and how to install them."""
     missing = missing_modules(interpreter, names)
     if missing:
-        raise EnvironmentFault(lacking(interpreter, missing))
+        raise EnvironmentFault(missing_modules_problem(interpreter, missing))
 
 
-def lacking(interpreter: Interpreter, modules: Iterable[str]) -> Problem:
+def missing_modules_problem(interpreter: Interpreter, modules: Iterable[str]) -> Problem:
     """Return a problem for modules that the build needs and an interpreter lacks."""
     names = list(modules)
     wanted = " ".join({"em": "'empy<4'", "yaml": "PyYAML"}.get(name, name) for name in names)
@@ -95,7 +95,7 @@ def lacking(interpreter: Interpreter, modules: Iterable[str]) -> Problem:
     )
 
 
-def traits(interpreter: Interpreter, names: Iterable[str]) -> Mapping[str, str]:
+def interpreter_properties(interpreter: Interpreter, names: Iterable[str]) -> Mapping[str, str]:
     """Return properties of an interpreter; raises EnvironmentFault if it does not run.
 
     The keys are 'version'; 'header', if C extensions can be compiled; 'setuptools', its version; and the
@@ -167,9 +167,11 @@ def _ask(path: Path, program: str, *arguments: str) -> str:
             [path, "-c", program, *arguments], cwd="/", capture_output=True, text=True, check=True
         )
     except OSError as error:
-        raise EnvironmentFault(Problem(f"the python '{path}' does not run: {error.strerror}")) from error
+        raise EnvironmentFault(
+            Problem(f"cannot run the Python interpreter '{path}': {error.strerror}")
+        ) from error
     except subprocess.CalledProcessError as error:
-        message = f"the python '{path}' does not run: exit code {error.returncode}"
+        message = f"cannot run the Python interpreter '{path}': exit code {error.returncode}"
         raise EnvironmentFault(Problem(message)) from error
     return done.stdout
 

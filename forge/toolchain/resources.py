@@ -90,7 +90,7 @@ def load(root: Path = ROOT) -> float:
     return float(first) if first else 0.0
 
 
-def shortage(limit: MemoryLimit | None, load_limit: float | None) -> bool:
+def is_overloaded(limit: MemoryLimit | None, load_limit: float | None) -> bool:
     """Tell whether to start no new jobs because of memory use or load."""
     if load_limit is not None and load() >= load_limit:
         return True

@@ -30,7 +30,7 @@ _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
 
 
 @frozen
-class Use:
+class PackageReference:
     """A reference to a package in a CMakeLists.txt, with its line.
 
     `required` tells whether configuration fails without it, `testing` whether only tests use it.
@@ -102,7 +102,7 @@ def targets(text: str) -> tuple[str, ...]:
     return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in made)
 
 
-def uses(text: str) -> Iterator[Use]:
+def uses(text: str) -> Iterator[PackageReference]:
     """Yield the packages referenced by a literal name."""
     for call in calls(text):
         testing = any("BUILD_TESTING" in condition for condition in call.conditions)
@@ -116,7 +116,7 @@ def uses(text: str) -> Iterator[Use]:
         sure = not call.conditions and (call.command != "find_package" or "REQUIRED" in call.words)
         for name in names:
             if _WORD.fullmatch(name) and name not in _SCOPES:
-                yield Use(name, call.line, sure, testing)
+                yield PackageReference(name, call.line, sure, testing)
 
 
 def _words(content: str, start: int) -> tuple[str, ...]:

@@ -52,7 +52,7 @@ _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
 
 
 @frozen
-class Blueprint:
+class NewPackage:
     """The properties of a new package, validated for all files in which they appear.
 
     Raises ForgeError with all invalid properties.
@@ -74,14 +74,14 @@ class Blueprint:
 
 
 @frozen
-class Item:
+class GeneratedFile:
     """A file with its text, or a folder without; `path` is relative to the package and uses '/'."""
 
     path: str
     text: str | None = None
 
 
-def draw(blueprint: Blueprint) -> tuple[Item, ...]:
+def render_package(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     """Return the folders and files of the package, each folder before its files."""
     match blueprint.build_type:
         case "ament_python":
@@ -90,7 +90,7 @@ def draw(blueprint: Blueprint) -> tuple[Item, ...]:
             items = (*_cpp_folders(blueprint), *_cmake_items(blueprint), *_cpp_items(blueprint))
         case _:
             items = (*_cpp_folders(blueprint), _ament_item(blueprint), *_cpp_items(blueprint))
-    return (Item("package.xml", _manifest(blueprint)), *items, *_license_items(blueprint))
+    return (GeneratedFile("package.xml", _manifest(blueprint)), *items, *_license_items(blueprint))
 
 
 def placeholder_email(name: str) -> str:
@@ -98,7 +98,7 @@ def placeholder_email(name: str) -> str:
     return f"{re.sub('[^-a-zA-Z0-9_%+]+', '.', name).strip('.') or 'maintainer'}@todo.todo"
 
 
-def _name_problems(blueprint: Blueprint) -> Iterator[Problem]:
+def _name_problems(blueprint: NewPackage) -> Iterator[Problem]:
     name = blueprint.name
     if not is_package_name(name):
         hint = "use letters, digits, '_' and '-', and start with a letter or digit"
@@ -117,7 +117,7 @@ def _name_problems(blueprint: Blueprint) -> Iterator[Problem]:
             yield Problem(f"package '{name}' cannot depend on itself")
 
 
-def _target_problems(blueprint: Blueprint) -> Iterator[Problem]:
+def _target_problems(blueprint: NewPackage) -> Iterator[Problem]:
     for option, name in (("--node-name", blueprint.node), ("--library-name", blueprint.library)):
         if name is None:
             continue
@@ -134,7 +134,7 @@ def _target_problems(blueprint: Blueprint) -> Iterator[Problem]:
         yield Problem(f"node and library cannot both be named '{blueprint.node}'")
 
 
-def _text_problems(blueprint: Blueprint) -> Iterator[Problem]:
+def _text_problems(blueprint: NewPackage) -> Iterator[Problem]:
     person = blueprint.maintainer
     if not is_email(person.email or ""):
         yield Problem(f"invalid email address '{person.email}'", hint="set it with --maintainer-email")
@@ -150,7 +150,7 @@ def _text_problems(blueprint: Blueprint) -> Iterator[Problem]:
             yield Problem(f"{option} contains characters not allowed in XML: {text!r}")
 
 
-def _manifest(blueprint: Blueprint) -> str:
+def _manifest(blueprint: NewPackage) -> str:
     """Return package.xml with dependencies grouped by type."""
     groups = (
         tuple(("buildtool_depend", name) for name in _build_tools(blueprint)),
@@ -172,7 +172,7 @@ def _manifest(blueprint: Blueprint) -> str:
     )
 
 
-def _build_tools(blueprint: Blueprint) -> tuple[str, ...]:
+def _build_tools(blueprint: NewPackage) -> tuple[str, ...]:
     if blueprint.build_type != "ament_cmake":
         return ()
     return ("ament_cmake_ros",) if blueprint.library else ("ament_cmake",)
@@ -185,28 +185,28 @@ def _test_tools(build_type: str) -> tuple[str, ...]:
     }.get(build_type, ())
 
 
-def _license_items(blueprint: Blueprint) -> tuple[Item, ...]:
+def _license_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     template = LICENSES.get(blueprint.license)
     if template is None:
         return ()
-    return (Item("LICENSE", render(f"pkg/licenses/{template}", holder=blueprint.maintainer.name)),)
+    return (GeneratedFile("LICENSE", render(f"pkg/licenses/{template}", holder=blueprint.maintainer.name)),)
 
 
-def _cpp_folders(blueprint: Blueprint) -> tuple[Item, ...]:
-    return (Item("src"), Item(f"include/{blueprint.name}"))
+def _cpp_folders(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
+    return (GeneratedFile("src"), GeneratedFile(f"include/{blueprint.name}"))
 
 
-def _ament_item(blueprint: Blueprint) -> Item:
+def _ament_item(blueprint: NewPackage) -> GeneratedFile:
     tools = ("ament_cmake", "ament_cmake_ros") if blueprint.library else ("ament_cmake",)
     found = tuple(name for name in blueprint.dependencies if name not in tools)
     names = {**_names(blueprint), "tools": tools, "dependencies": found}
-    return Item("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names))
+    return GeneratedFile("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names))
 
 
-def _cmake_items(blueprint: Blueprint) -> tuple[Item, ...]:
+def _cmake_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     names = _names(blueprint)
     return tuple(
-        Item(path, render(f"pkg/cmake/{template}", **names))
+        GeneratedFile(path, render(f"pkg/cmake/{template}", **names))
         for path, template in (
             ("CMakeLists.txt", "CMakeLists.txt.j2"),
             (f"{blueprint.name}Config.cmake.in", "Config.cmake.in.j2"),
@@ -215,10 +215,10 @@ def _cmake_items(blueprint: Blueprint) -> tuple[Item, ...]:
     )
 
 
-def _cpp_items(blueprint: Blueprint) -> Iterator[Item]:
+def _cpp_items(blueprint: NewPackage) -> Iterator[GeneratedFile]:
     names = _names(blueprint)
     if blueprint.node:
-        yield Item(f"src/{blueprint.node}.cpp", render("pkg/cpp/node.cpp.j2", **names))
+        yield GeneratedFile(f"src/{blueprint.node}.cpp", render("pkg/cpp/node.cpp.j2", **names))
     if blueprint.library:
         include, library, macro = f"include/{blueprint.name}", blueprint.library, names["macro"]
         for path, template, guard in (
@@ -226,10 +226,10 @@ def _cpp_items(blueprint: Blueprint) -> Iterator[Item]:
             (f"src/{library}.cpp", "library.cpp.j2", ""),
             (f"{include}/visibility_control.h", "visibility_control.h.j2", f"{macro}__VISIBILITY_CONTROL_H_"),
         ):
-            yield Item(path, render(f"pkg/cpp/{template}", **names, guard=guard))
+            yield GeneratedFile(path, render(f"pkg/cpp/{template}", **names, guard=guard))
 
 
-def _python_items(blueprint: Blueprint) -> tuple[Item, ...]:
+def _python_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     names = _names(blueprint)
     person = blueprint.maintainer
     literals = {
@@ -241,25 +241,25 @@ def _python_items(blueprint: Blueprint) -> tuple[Item, ...]:
     package = blueprint.name
     tests = ("test_copyright.py", "test_flake8.py", "test_pep257.py")
     items = [
-        Item(package),
-        Item("setup.py", render("pkg/ament_python/setup.py.j2", **names, **literals)),
-        Item("setup.cfg", render("pkg/ament_python/setup.cfg.j2", **names)),
-        Item("resource"),
-        Item(f"resource/{package}", ""),
-        Item(f"{package}/__init__.py", ""),
-        Item("test"),
-        *(Item(f"test/{test}", render(f"pkg/ament_python/{test}.j2")) for test in tests),
+        GeneratedFile(package),
+        GeneratedFile("setup.py", render("pkg/ament_python/setup.py.j2", **names, **literals)),
+        GeneratedFile("setup.cfg", render("pkg/ament_python/setup.cfg.j2", **names)),
+        GeneratedFile("resource"),
+        GeneratedFile(f"resource/{package}", ""),
+        GeneratedFile(f"{package}/__init__.py", ""),
+        GeneratedFile("test"),
+        *(GeneratedFile(f"test/{test}", render(f"pkg/ament_python/{test}.j2")) for test in tests),
     ]
     if blueprint.node:
         node = render("pkg/ament_python/node.py.j2", **names)
-        items.append(Item(f"{package}/{blueprint.node}.py", node))
+        items.append(GeneratedFile(f"{package}/{blueprint.node}.py", node))
     if blueprint.library:
         folder = f"{package}/{blueprint.library}"
-        items += (Item(folder), Item(f"{folder}/__init__.py", ""))
+        items += (GeneratedFile(folder), GeneratedFile(f"{folder}/__init__.py", ""))
     return tuple(items)
 
 
-def _names(blueprint: Blueprint) -> dict[str, object]:
+def _names(blueprint: NewPackage) -> dict[str, object]:
     """Return the package's names in the spelling of CMake, C++ and Python."""
     word = blueprint.name.replace("-", "_")
     if word[0].isdigit() or word in _CPP_KEYWORDS.split():

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem
 from forge.base.files import unfit
 from forge.base.layout import PACKAGE
-from forge.workspace.identification import TELLING, identify, read_package
-from forge.workspace.identity import NOTHING
-from forge.workspace.model import Dependency, Kind, Package, Workspace
+from forge.workspace.identification import MARKER_FILES, identify, read_package
+from forge.workspace.identity import NOT_A_PACKAGE
+from forge.workspace.model import Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class _Walk:
         self.overrides = overrides or Overrides()
         self.visited: set[tuple[int, int]] = set()
         self.packages: dict[str, Package] = {}
-        self.twins: list[Package] = []
+        self.duplicates: list[Package] = []
         self.problems: list[Problem] = []
         self.notes: list[Problem] = []
 
@@ -119,8 +119,8 @@ class _Walk:
                     waiting.append((f"{folder}/{name}", child))
 
     def identity(self, spelling: str, entries: Mapping[str, bool]) -> Identity:
-        if TELLING.isdisjoint(entries) and not self.overrides.by_path:
-            return NOTHING
+        if MARKER_FILES.isdisjoint(entries) and not self.overrides.by_path:
+            return NOT_A_PACKAGE
         return identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
 
     def add(self, identity: Identity) -> None:
@@ -128,10 +128,10 @@ class _Walk:
         self.notes += identity.notes
         package = identity.package
         if package is not None and self.packages.setdefault(package.name, package) is not package:
-            self.twins.append(package)
+            self.duplicates.append(package)
 
     def workspace(self) -> Workspace:
-        found = _with_groups([*self.packages.values(), *self.twins])
+        found = _with_groups([*self.packages.values(), *self.duplicates])
         count = len(self.packages)
         packages = {package.name: package for package in found[:count]}
         notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
@@ -193,7 +193,7 @@ def _with_groups(packages: Sequence[Package]) -> list[Package]:
         manifest = package.manifest
         wanted = {member for group in manifest.group_dependencies for member in members.get(group, ())}
         if wanted:
-            kinds = frozenset({Kind.BUILD, Kind.BUILD_EXPORT, Kind.EXEC})
+            kinds = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
             extra = tuple(Dependency(member, kinds) for member in sorted(wanted - {package.name}))
             manifest = replace(manifest, dependencies=manifest.dependencies + extra)
         found.append(package if manifest is package.manifest else replace(package, manifest=manifest))

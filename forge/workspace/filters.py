@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.workspace.model import Package
-    from forge.workspace.selection import Graph, Limit, PackageFilters
+    from forge.workspace.selection import FilterResult, Graph, PackageFilters
 
 
 _RUN_NOTHING = ("-c", "core.fsmonitor=false")
 """Ignore a program for detecting changes that a repository's configuration may name."""
 
 
-def filter_limits(
+def apply_filters(
     filters: PackageFilters, root: Path, packages: Mapping[str, Package], needs: Graph
-) -> tuple[Limit, ...]:
+) -> tuple[FilterResult, ...]:
     """Return the packages that each filter keeps, with the reason why others are left out.
 
     Raises SelectionError if git cannot determine changes.
@@ -58,11 +58,14 @@ def changed_packages(root: Path, packages: Mapping[str, Package], revision: str)
     return frozenset(found)
 
 
-def _by_results(filters: PackageFilters, build: Path, names: Iterable[str]) -> Iterator[Limit]:
+def _by_results(filters: PackageFilters, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:
     if filters.select_build_failed:
         yield "did not fail to build", _ended(build, BUILD_RESULT, names, failed=True)
     if filters.skip_build_finished:
-        yield "built well before", frozenset(names) - _ended(build, BUILD_RESULT, names, failed=False)
+        yield (
+            "already built successfully",
+            frozenset(names) - _ended(build, BUILD_RESULT, names, failed=False),
+        )
     if filters.select_test_failures:
         yield "had no test failures", _ended(build, TEST_RESULT, names, failed=True)
     if filters.skip_test_passed:

@@ -15,7 +15,7 @@ from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
 from forge.base.layout import IGNORE_MARK
 from forge.base.names import is_word
-from forge.workspace.identity import HIDDEN, NOTHING, Folder, Identity
+from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
 from forge.workspace.overrides import COLCON_PKG, read_colcon_pkg, with_overrides
@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 
     from forge.workspace.overrides import Overrides
 
-ROS_MARKS = ("AMENT_IGNORE", "CATKIN_IGNORE")
+ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
 PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml"})
-TELLING = (
-    frozenset({IGNORE_MARK, *ROS_MARKS, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"}) | PLAIN
+MARKER_FILES = (
+    frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
+    | PLAIN
 )
 """A folder without any of these names is not a package, unless a *.meta file declares it."""
 
@@ -42,7 +43,7 @@ def identify(
     Conditions of a package.xml use `variables`. Problems are returned, never raised.
     """
     if IGNORE_MARK in entries or not set(FOREIGN_INSTALLS).isdisjoint(entries):
-        return HIDDEN
+        return IGNORED
     folder = Folder(path, root / path, entries)
     try:
         own = _colcon_pkg(folder)
@@ -105,8 +106,8 @@ def _claim(
                 message = f"the {key} '{known}' in {COLCON_PKG} overrides '{value}' in a *.meta file"
                 conflicts.append(Problem(message, Location(folder.path)))
     if folder.name and folder.type is None:
-        said_type = overrides.named(folder.name).get("type")
-        folder.type = str(said_type) if said_type else None
+        assigned_type = overrides.named(folder.name).get("type")
+        folder.type = str(assigned_type) if assigned_type else None
     return tuple(conflicts)
 
 
@@ -120,7 +121,9 @@ def _identify(folder: Folder, variables: Mapping[str, str]) -> Identity:
         identity = identify_plain(folder)
     if identity is not None:
         return identity
-    return _incomplete(folder, "its other files do not determine the rest") if claimed else NOTHING
+    return (
+        _incomplete(folder, "its files do not provide the missing name or type") if claimed else NOT_A_PACKAGE
+    )
 
 
 def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
@@ -131,12 +134,14 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
     if folder.type not in {None, "ros"} and not str(folder.type).startswith("ros."):
         return None
     whole = folder.type in {None, "ros"}
-    hidden = whole and any((folder.place / mark).exists() for mark in ROS_MARKS if mark in folder.entries)
+    hidden = whole and any(
+        (folder.place / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
+    )
     if not hidden and "package.xml" in folder.entries:
         return Identity(_ros_package(folder, variables))
     if hidden or "manifest.xml" in folder.entries:
         # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.
-        return HIDDEN
+        return IGNORED
     return None if whole else _incomplete(folder, "package.xml is missing")
 
 

@@ -26,8 +26,8 @@ class Identity:
     notes: tuple[Problem, ...] = ()
 
 
-NOTHING = Identity(descend=True)
-HIDDEN = Identity()
+NOT_A_PACKAGE = Identity(descend=True)
+IGNORED = Identity()
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ from forge.base.frozen import frozen
 from forge.base.graph import ordered_names
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded
-from forge.workspace.filters import filter_limits
+from forge.workspace.filters import apply_filters
 from forge.workspace.overrides import read_overrides
 from forge.workspace.resolve import (
     ALL_KINDS,
@@ -20,7 +20,7 @@ from forge.workspace.resolve import (
     break_test_cycles,
     resolve_dependencies,
 )
-from forge.workspace.selection import ignored, select, twin
+from forge.workspace.selection import duplicate_node, ignored, select
 from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 @frozen
-class Loaded:
+class LoadedWorkspace:
     """A workspace with its packages in topological order and the selection among them.
 
     `packages`, `needs` and `ordered` have a node for each package: its name, except for duplicates in
@@ -56,7 +56,7 @@ def load_workspace(
     *,
     embedded: bool = False,
     install: Path | None = None,
-) -> Loaded:
+) -> LoadedWorkspace:
     """Return the workspace described by the query, with warnings for the caller to print.
 
     `embedded` adds forge's embedded packages; `install` is the workspace's install folder, which is not used
@@ -66,21 +66,24 @@ def load_workspace(
     """
     found = find_packages(root, query.search, variables)
     workspace = _without(found, ignored(query, found.packages))
-    whole = _provision(workspace, variables, install or root / "install", embedded=embedded)
-    resolution, circles = break_test_cycles(whole)
+    whole = _resolve(workspace, variables, install or root / "install", embedded=embedded)
+    resolution, cycle_warnings = break_test_cycles(whole)
     listing = install is None
-    twins = workspace.twins if listing else ()
-    packages = {**resolution.packages, **{twin(other.name, other.path): other for other in twins}}
-    needs = _needs(resolution, twins)
-    limits = filter_limits(query.filters, root, workspace.packages, resolution.needs)
+    duplicates = workspace.duplicates if listing else ()
+    packages = {
+        **resolution.packages,
+        **{duplicate_node(other.name, other.path): other for other in duplicates},
+    }
+    needs = _needs(resolution, duplicates)
+    limits = apply_filters(query.filters, root, workspace.packages, resolution.needs)
     ordered = ordered_names(needs)
     selection, notes = select(query, ordered, needs, limits, found.packages)
-    clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.twins]
+    clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.duplicates]
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
-    warnings = (*workspace.notes, *circles, *unmet_versions(workspace.packages), *notes)
+    warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *notes)
     faults = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    return Loaded(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
+    return LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
 
 
 def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:
@@ -94,11 +97,11 @@ def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
     if not names:
         return workspace
     packages = {name: package for name, package in workspace.packages.items() if name not in names}
-    twins = tuple(other for other in workspace.twins if other.name not in names)
-    return replace(workspace, packages=packages, twins=twins)
+    duplicates = tuple(other for other in workspace.duplicates if other.name not in names)
+    return replace(workspace, packages=packages, duplicates=duplicates)
 
 
-def _provision(
+def _resolve(
     workspace: Workspace, variables: Mapping[str, str], install: Path, *, embedded: bool
 ) -> DependencyResolution:
     if not embedded:
@@ -111,17 +114,17 @@ def _provision(
     )
 
 
-def _needs(resolution: DependencyResolution, twins: Iterable[Package]) -> Mapping[str, frozenset[str]]:
+def _needs(resolution: DependencyResolution, duplicates: Iterable[Package]) -> Mapping[str, frozenset[str]]:
     """Return the graph including duplicates of a name: dependents of the name depend on all of them."""
     others: dict[str, set[str]] = {}
-    for other in twins:
-        others.setdefault(other.name, set()).add(twin(other.name, other.path))
+    for other in duplicates:
+        others.setdefault(other.name, set()).add(duplicate_node(other.name, other.path))
     if not others:
         return resolution.needs
     needs = dict(resolution.needs)
-    for other in twins:
+    for other in duplicates:
         wanted = frozenset(other.manifest.names(ALL_KINDS)) - {other.name}
-        needs[twin(other.name, other.path)] = wanted & resolution.packages.keys()
+        needs[duplicate_node(other.name, other.path)] = wanted & resolution.packages.keys()
     return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
 
 

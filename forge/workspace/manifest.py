@@ -13,22 +13,22 @@ from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_word
 from forge.base.xml import Element, parse_xml
 from forge.workspace.conditions import ConditionError, holds
-from forge.workspace.model import Dependency, Export, Kind, Manifest, Person
+from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-DEPENDENCY_KINDS: dict[str, frozenset[Kind]] = {
-    "build_depend": frozenset({Kind.BUILD}),
-    "buildtool_depend": frozenset({Kind.BUILDTOOL}),
-    "build_export_depend": frozenset({Kind.BUILD_EXPORT}),
-    "buildtool_export_depend": frozenset({Kind.BUILDTOOL_EXPORT}),
-    "exec_depend": frozenset({Kind.EXEC}),
-    "depend": frozenset({Kind.BUILD, Kind.BUILD_EXPORT, Kind.EXEC}),
-    "run_depend": frozenset({Kind.BUILD_EXPORT, Kind.EXEC}),
-    "test_depend": frozenset({Kind.TEST}),
-    "doc_depend": frozenset({Kind.DOC}),
+DEPENDENCY_KINDS: dict[str, frozenset[DependencyKind]] = {
+    "build_depend": frozenset({DependencyKind.BUILD}),
+    "buildtool_depend": frozenset({DependencyKind.BUILDTOOL}),
+    "build_export_depend": frozenset({DependencyKind.BUILD_EXPORT}),
+    "buildtool_export_depend": frozenset({DependencyKind.BUILDTOOL_EXPORT}),
+    "exec_depend": frozenset({DependencyKind.EXEC}),
+    "depend": frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC}),
+    "run_depend": frozenset({DependencyKind.BUILD_EXPORT, DependencyKind.EXEC}),
+    "test_depend": frozenset({DependencyKind.TEST}),
+    "doc_depend": frozenset({DependencyKind.DOC}),
 }
 VERSION_WORDS = ("lt", "lte", "eq", "gte", "gt")
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from forge.base.errors import Problem
 
 
-class Kind(Enum):
+class DependencyKind(Enum):
     """The type of a dependency tag (REP 149)."""
 
     BUILD = "build"
@@ -27,11 +27,11 @@ class Kind(Enum):
     DOC = "doc"
 
 
-BUILD_KINDS = frozenset({Kind.BUILD, Kind.BUILDTOOL})
+BUILD_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILDTOOL})
 
-RUN_KINDS = frozenset({Kind.BUILD_EXPORT, Kind.BUILDTOOL_EXPORT, Kind.EXEC})
+RUN_KINDS = frozenset({DependencyKind.BUILD_EXPORT, DependencyKind.BUILDTOOL_EXPORT, DependencyKind.EXEC})
 
-TEST_KINDS = frozenset({Kind.TEST})
+TEST_KINDS = frozenset({DependencyKind.TEST})
 
 
 @frozen
@@ -39,7 +39,7 @@ class Dependency:
     """A dependency on a package or system key, and its types."""
 
     name: str
-    kinds: frozenset[Kind]
+    kinds: frozenset[DependencyKind]
     versions: tuple[tuple[str, str], ...] = ()
     """Constraints such as ('gte', '1.2.0')."""
 
@@ -79,7 +79,7 @@ class Manifest:
     exports: tuple[Export, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
-    def names(self, kinds: frozenset[Kind]) -> tuple[str, ...]:
+    def names(self, kinds: frozenset[DependencyKind]) -> tuple[str, ...]:
         """Return the dependencies of any of `kinds`, in the manifest's order."""
         return tuple(d.name for d in self.dependencies if d.kinds & kinds)
 
@@ -115,7 +115,7 @@ class Package:
         """The type as colcon names it: ros.ament_cmake, or cmake for a package without package.xml."""
         return f"ros.{self.build_type}" if self.ros else self.build_type
 
-    def words(self, option: str) -> tuple[str, ...]:
+    def option_values(self, option: str) -> tuple[str, ...]:
         """Return the package's own values of a list option."""
         value = self.settings.get(option, ())
         return tuple(map(str, value)) if isinstance(value, list | tuple) else (str(value),)
@@ -125,14 +125,14 @@ class Package:
 class Workspace:
     """All packages below the base paths, by name.
 
-    Of packages with the same name the first one counts, `twins` are the others. `problems` are invalid
+    Of packages with the same name the first one counts, `duplicates` are the others. `problems` are invalid
     manifests, which prevent builds. `notes` are warnings.
     """
 
     root: Path
     packages: Mapping[str, Package]
     problems: tuple[Problem, ...] = ()
-    twins: tuple[Package, ...] = ()
+    duplicates: tuple[Package, ...] = ()
     notes: tuple[Problem, ...] = ()
 
 

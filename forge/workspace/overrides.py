@@ -16,7 +16,7 @@ from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import is_below, is_word
 from forge.workspace.forge_toml import package_options
-from forge.workspace.model import Dependency, Kind
+from forge.workspace.model import Dependency, DependencyKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 COLCON_PKG = "colcon.pkg"
 _CATEGORIES = {
-    "dependencies": frozenset({Kind.BUILD, Kind.EXEC, Kind.TEST}),
-    "build-dependencies": frozenset({Kind.BUILD}),
-    "run-dependencies": frozenset({Kind.EXEC}),
-    "test-dependencies": frozenset({Kind.TEST}),
+    "dependencies": frozenset({DependencyKind.BUILD, DependencyKind.EXEC, DependencyKind.TEST}),
+    "build-dependencies": frozenset({DependencyKind.BUILD}),
+    "run-dependencies": frozenset({DependencyKind.EXEC}),
+    "test-dependencies": frozenset({DependencyKind.TEST}),
 }
 NO_SETTINGS = frozenset({"name", "type", "hooks", *_CATEGORIES})
 """Keys that are not options of a command."""

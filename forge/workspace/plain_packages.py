@@ -17,10 +17,10 @@ from forge.workspace.cmake_metadata import (
     project_name,
 )
 from forge.workspace.identity import Identity
-from forge.workspace.model import Dependency, Kind, Manifest, Package
+from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
 from forge.workspace.python_metadata import (
-    PythonFacts,
+    PythonMetadata,
     leaves_all_to_setup_cfg,
     read_pyproject,
     read_setup_cfg,
@@ -80,7 +80,11 @@ def _cmake_package(folder: Folder) -> Identity | None:
     if is_catkin_toplevel(text):
         return Identity(
             descend=True,
-            notes=(Problem("ignored: created by catkin_make above its packages", Location(path)),),
+            notes=(
+                Problem(
+                    "ignored: this is the top-level CMakeLists.txt that catkin_make creates", Location(path)
+                ),
+            ),
         )
     name = project_name(text)
     notes = () if name or folder.name or not names_no_literal(text) else (_no_literal(folder, path),)
@@ -88,7 +92,7 @@ def _cmake_package(folder: Folder) -> Identity | None:
     # As in colcon, dependencies are not read if the user assigned both name and type.
     assigned = folder.name and folder.type
     wanted = set() if assigned else cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
-    kinds = frozenset({Kind.BUILD, Kind.EXEC})
+    kinds = frozenset({DependencyKind.BUILD, DependencyKind.EXEC})
     dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
     return Identity(_plain(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
 
@@ -107,7 +111,7 @@ def _python_package(folder: Folder) -> Identity | None:
         )
     if facts is None:
         return None
-    return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonFacts()), path)
+    return _python(folder, facts.over(_cfg_facts(folder)).over(_toml_facts(folder) or PythonMetadata()), path)
 
 
 def _reason(error: Exception) -> str:
@@ -124,10 +128,10 @@ def _project(folder: Folder) -> Identity | None:
     facts, below = _toml_facts(folder), _cfg_facts(folder)
     if facts is None and below.name is None:
         return None
-    return _python(folder, (facts or PythonFacts()).over(below), folder.path / "pyproject.toml")
+    return _python(folder, (facts or PythonMetadata()).over(below), folder.path / "pyproject.toml")
 
 
-def _python(folder: Folder, facts: PythonFacts, path: Path) -> Identity:
+def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
     if folder.name and facts.name and folder.name != facts.name:
         message = f"ignored: the assigned name '{folder.name}' differs from the Python name '{facts.name}'"
         hint = "remove the name from colcon.pkg or the *.meta file"
@@ -139,11 +143,11 @@ def _python(folder: Folder, facts: PythonFacts, path: Path) -> Identity:
     return Identity(replace(package, manifest=manifest), notes=notes)
 
 
-def _cfg_facts(folder: Folder) -> PythonFacts:
-    return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonFacts()
+def _cfg_facts(folder: Folder) -> PythonMetadata:
+    return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonMetadata()
 
 
-def _toml_facts(folder: Folder) -> PythonFacts | None:
+def _toml_facts(folder: Folder) -> PythonMetadata | None:
     if not folder.has("pyproject.toml"):
         return None
     return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.place / "pyproject.toml"))

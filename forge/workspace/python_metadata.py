@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from forge.base.frozen import frozen
-from forge.workspace.model import Dependency, Kind, Person
+from forge.workspace.model import Dependency, DependencyKind, Person
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -22,14 +22,14 @@ _SYMBOLS = {"==": "eq", "!=": "neq", "<=": "lte", ">=": "gte", "<": "lt", ">": "
 _IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([^#\n]+))", re.MULTILINE)
 _TEST_EXTRAS = ("test", "tests", "testing")
 _KINDS = {
-    "setup_requires": frozenset({Kind.BUILD}),
-    "install_requires": frozenset({Kind.EXEC}),
-    "tests_require": frozenset({Kind.TEST}),
+    "setup_requires": frozenset({DependencyKind.BUILD}),
+    "install_requires": frozenset({DependencyKind.EXEC}),
+    "tests_require": frozenset({DependencyKind.TEST}),
 }
 
 
 @frozen
-class PythonFacts:
+class PythonMetadata:
     """The metadata of a package; `name` is None if it is not a literal."""
 
     name: str | None = None
@@ -37,9 +37,9 @@ class PythonFacts:
     dependencies: tuple[Dependency, ...] = ()
     maintainers: tuple[Person, ...] = ()
 
-    def over(self, below: PythonFacts) -> PythonFacts:
+    def over(self, below: PythonMetadata) -> PythonMetadata:
         """Return this metadata with missing values taken from another."""
-        return PythonFacts(
+        return PythonMetadata(
             self.name or below.name,
             self.version or below.version,
             self.dependencies or below.dependencies,
@@ -56,13 +56,13 @@ class _Parser(configparser.RawConfigParser):
         raise error
 
 
-def read_setup_cfg(text: str) -> PythonFacts:
+def read_setup_cfg(text: str) -> PythonMetadata:
     """Return the contents of the sections metadata and options; empty if the file is malformed."""
     parser = _Parser()
     try:
         parser.read_string(text)
     except configparser.Error:
-        return PythonFacts()
+        return PythonMetadata()
     metadata = dict(parser["metadata"]) if parser.has_section("metadata") else {}
     options = dict(parser["options"]) if parser.has_section("options") else {}
     extras = "options.extras_require"
@@ -78,7 +78,7 @@ def read_setup_cfg(text: str) -> PythonFacts:
     return _facts(values)
 
 
-def read_setup_py(text: str) -> PythonFacts | None:
+def read_setup_py(text: str) -> PythonMetadata | None:
     """Return the arguments of the setup() call, or None without one.
 
     Raises SyntaxError like Python.
@@ -97,13 +97,13 @@ def leaves_all_to_setup_cfg(text: str) -> bool:
     return "setup()" in text or "setup(cmdclass=cmdclass)" in text
 
 
-def read_pyproject(table: Mapping[str, Any]) -> PythonFacts | None:
+def read_pyproject(table: Mapping[str, Any]) -> PythonMetadata | None:
     """Return the project metadata of a pyproject.toml, None if it only configures tools (PEP 621)."""
     project = table.get("project")
     if not isinstance(project, dict):
         poetry = _below(_below(table, "tool"), "poetry")
         if isinstance(poetry.get("name"), str):
-            return PythonFacts(poetry["name"], str(poetry.get("version", "")))
+            return PythonMetadata(poetry["name"], str(poetry.get("version", "")))
         return None
     values: dict[str, Any] = {
         "name": project.get("name"),
@@ -118,7 +118,7 @@ def read_pyproject(table: Mapping[str, Any]) -> PythonFacts | None:
         for person in (people if isinstance(people, list) else ())
         if isinstance(person, dict) and person.get("email") and isinstance(person["email"], str)
     )
-    return PythonFacts(maintainers=persons).over(_facts(values))
+    return PythonMetadata(maintainers=persons).over(_facts(values))
 
 
 def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -161,10 +161,10 @@ def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
                 yield from _imported(child)
 
 
-def _facts(values: Mapping[str, Any]) -> PythonFacts:
+def _facts(values: Mapping[str, Any]) -> PythonMetadata:
     """Convert setuptools' arguments; values of unexpected types are ignored."""
     name, version = values.get("name"), values.get("version", "")
-    return PythonFacts(
+    return PythonMetadata(
         name if isinstance(name, str) and name else None,
         version if isinstance(version, str) else "",
         tuple(_dependencies(values)),
@@ -179,7 +179,7 @@ def _dependencies(values: Mapping[str, Any]) -> Iterator[Dependency]:
     if isinstance(extras, dict):
         for extra in _TEST_EXTRAS:
             needed = _required(extras.get(extra, ()))
-            yield from (Dependency(name, frozenset({Kind.TEST}), asked) for name, asked in needed)
+            yield from (Dependency(name, frozenset({DependencyKind.TEST}), asked) for name, asked in needed)
 
 
 def _required(requirements: object) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:

@@ -20,7 +20,7 @@ _NOBODY: frozenset[str] = frozenset()
 
 
 @frozen
-class Named:
+class References:
     """The references of a text.
 
     `words` are potential programs: bare words and absolute paths. `included` are other CMake files and
@@ -37,9 +37,9 @@ class Named:
     exported_packages: frozenset[str] = _NOBODY
     exported_words: frozenset[str] = _NOBODY
 
-    def __or__(self, other: Named) -> Named:
+    def __or__(self, other: References) -> References:
         """Return the union of both."""
-        return Named(
+        return References(
             self.variables | other.variables,
             self.packages | other.packages,
             self.words | other.words,
@@ -51,7 +51,7 @@ class Named:
         )
 
 
-def reader_of(name: str, *, top: bool) -> Callable[[str], Named] | None:
+def reader_of(name: str, *, top: bool) -> Callable[[str], References] | None:
     """Return the function to search a file that each build of a package may run, else None.
 
     `top` tells whether the file is directly in the package's folder.
@@ -67,17 +67,17 @@ def reader_of(name: str, *, top: bool) -> Callable[[str], Named] | None:
     return in_settings if top and name in {"setup.cfg", "pyproject.toml"} else None
 
 
-def reader_of_script(name: str) -> Callable[[str], Named] | None:
+def reader_of_script(name: str) -> Callable[[str], References] | None:
     """Return the function to search a script that another text refers to, else None."""
     return in_python if name.endswith(".py") else in_shell if _SCRIPT.fullmatch(name) else None
 
 
-def in_lists(text: str) -> Named:
+def in_lists(text: str) -> References:
     """Return the references of a CMakeLists.txt, including those in embedded shell commands."""
     packages = frozenset(_PACKAGE.findall(text))
     exports = (words.split() for words in _EXPORTED.findall(text))
     exported = frozenset(word for words in exports for word in words)
-    return Named(
+    return References(
         variables=_first_groups(_ENV, text) | _first_groups(_SHELL_IN_CMAKE, text),
         packages=packages | exported,
         words=frozenset(_words(_without_comments(text))),
@@ -88,38 +88,38 @@ def in_lists(text: str) -> Named:
     )
 
 
-def in_module(text: str) -> Named:
+def in_module(text: str) -> References:
     """Return the references of a CMake file that may be installed and included by others."""
     found = in_lists(text)
-    return found | Named(
+    return found | References(
         exported=found.variables, exported_packages=found.packages, exported_words=found.words
     )
 
 
-def in_find_module(text: str) -> Named:
+def in_find_module(text: str) -> References:
     """Return the references of a CMake find module; programs only from find_program."""
     calls = " ".join(_PROGRAM.findall(text))
-    return Named(variables=_first_groups(_ENV, text), words=frozenset(_words(calls)))
+    return References(variables=_first_groups(_ENV, text), words=frozenset(_words(calls)))
 
 
-def in_python(text: str) -> Named:
+def in_python(text: str) -> References:
     """Return the references of a Python script; programs only if it starts any."""
     variables = _NOBODY
     if "environ" in text or "getenv" in text:
         variables = _first_groups(_PYTHON_ENV, text) | frozenset(_CAPITALS.findall(text))
     literals = (literal for _, literal in _LITERAL.findall(text)) if _STARTS_PROGRAMS.search(text) else ()
     words = frozenset(word for literal in literals for word in _words(literal))
-    return Named(variables=variables, words=words, scripts=frozenset(_SCRIPT.findall(text)))
+    return References(variables=variables, words=words, scripts=frozenset(_SCRIPT.findall(text)))
 
 
-def in_settings(text: str) -> Named:
+def in_settings(text: str) -> References:
     """Return the references of setup.cfg or pyproject.toml, such as hatch's '{env:NAME}'."""
-    return Named(variables=frozenset(_CONTEXT.findall(text)), scripts=frozenset(_SCRIPT.findall(text)))
+    return References(variables=frozenset(_CONTEXT.findall(text)), scripts=frozenset(_SCRIPT.findall(text)))
 
 
-def in_shell(text: str) -> Named:
+def in_shell(text: str) -> References:
     """Return the references of a shell script or a makefile."""
-    return Named(
+    return References(
         variables=_first_groups(_SHELL, text),
         words=frozenset(_words(_without_comments(text))),
         scripts=frozenset(_SCRIPT.findall(text)),

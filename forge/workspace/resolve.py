@@ -18,7 +18,7 @@ from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-FAMILY_MARKS = {
+FAMILY_MARKERS = {
     "ament": ("ament_cmake", "ament_cmake_core"),
     "lint": ("ament_lint_auto",),
     "rosidl": ("rosidl_default_generators", "rosidl_cmake"),
@@ -74,7 +74,7 @@ def resolve_dependencies(
     `provider(name)` returns the prefix in which an underlay or the system has a package, else None.
     """
     reasons = _provided_families(workspace, provider)
-    answers, withheld = _answers(embedded, reasons)
+    answers, withheld = _embedded_providers(embedded, reasons)
     packages = dict(workspace)
     needs: dict[str, frozenset[str]] = {}
     missing: dict[str, tuple[str, ...]] = {}
@@ -179,7 +179,7 @@ def _provided_families(
 ) -> dict[str, str]:
     """Return the families provided elsewhere, with the provider."""
     families = {}
-    for family, marks in FAMILY_MARKS.items():
+    for family, marks in FAMILY_MARKERS.items():
         for mark in marks:
             if mark in workspace:
                 families[family] = f"'{mark}' is in the workspace ({workspace[mark].path})"
@@ -188,7 +188,7 @@ def _provided_families(
     return families
 
 
-def _answers(
+def _embedded_providers(
     embedded: Mapping[str, Package], reasons: Mapping[str, str]
 ) -> tuple[dict[str, Package], dict[str, str]]:
     """Return the names that embedded packages provide, and separately those of unused families."""
@@ -206,7 +206,7 @@ def _answers(
     return answers, withheld
 
 
-def answered_names(embedded: Mapping[str, Package]) -> frozenset[str]:
+def provided_names(embedded: Mapping[str, Package]) -> frozenset[str]:
     """Return all names that embedded packages provide, including those of unused families."""
     return frozenset(name for package in embedded.values() for name in _names_of(package))
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-_MARKS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
+_ROOT_MARKERS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
 
 _ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base", "--output")
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
@@ -30,10 +30,10 @@ def find_root(start: Path, home: Path) -> Path:
     that contains 'src' and is not a package. The home folder, the file system's root, and folders that
     everyone may write to, such as /tmp, are used only if they are `start`.
     """
-    if _marked(start):
+    if _has_marker(start):
         return start
     around = [folder for folder in start.parents if _may_be_found(folder, home)]
-    marked = [folder for folder in around if _marked(folder)]
+    marked = [folder for folder in around if _has_marker(folder)]
     sources = [folder for folder in around if start.is_relative_to(folder / "src")]
     candidates = (
         *(folder for folder in marked if folder in sources),
@@ -86,8 +86,8 @@ def working_directory(folder: Path) -> Iterator[None]:
             os.chdir(before)
 
 
-def _marked(folder: Path) -> bool:
-    return any((folder / mark).is_file() for mark in _MARKS)
+def _has_marker(folder: Path) -> bool:
+    return any((folder / mark).is_file() for mark in _ROOT_MARKERS)
 
 
 def _has_sources(folder: Path) -> bool:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Graph = Mapping[str, frozenset[str]]
 
-Limit = tuple[str, frozenset[str]]
+FilterResult = tuple[str, frozenset[str]]
 """The reason why other packages are left out, and the names that are kept."""
 
 
@@ -80,7 +80,7 @@ def name_of(node: str) -> str:
     return node.partition("\0")[0]
 
 
-def twin(name: str, folder: object) -> str:
+def duplicate_node(name: str, folder: object) -> str:
     """Return the node of a further package with the same name."""
     return f"{name}\0{folder}"
 
@@ -89,7 +89,7 @@ def select(
     query: Query,
     ordered: Sequence[str],
     needs: Graph,
-    limits: Iterable[Limit] = (),
+    limits: Iterable[FilterResult] = (),
     known: Collection[str] | None = None,
 ) -> tuple[Selection, tuple[Problem, ...]]:
     """Return the nodes that `query` and `limits` keep, in topological order, and warnings.
@@ -116,7 +116,7 @@ def ignored(query: Query, names: Iterable[str]) -> frozenset[str]:
     return frozenset(name for name in names if _named(name, query.ignore, query.ignore_regex))
 
 
-def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[Limit]:
+def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[FilterResult]:
     """Yield the packages that each given option keeps."""
     yield from _by_name(query, ordered)
     nodes = frozenset(ordered)
@@ -151,7 +151,7 @@ def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[Lim
         yield "outside of --packages-start and --packages-end", frozenset(_range(query, ordered))
 
 
-def _by_name(query: Query, ordered: Sequence[str]) -> Iterator[Limit]:
+def _by_name(query: Query, ordered: Sequence[str]) -> Iterator[FilterResult]:
     if query.skip or query.skip_regex:
         gone = {node for node in ordered if _named(node, query.skip, query.skip_regex)}
         yield "named by --packages-skip", frozenset(ordered) - gone
@@ -230,7 +230,7 @@ def _doubts(query: Query, known: frozenset[str]) -> Iterator[Problem]:
 def _unknown(option: str, names: Iterable[str], known: frozenset[str]) -> Iterator[Problem]:
     for name in names:
         if name not in known:
-            message = f"{option} names '{name}', which is not in the workspace"
+            message = f"{option}: no package named '{name}' in the workspace"
             yield Problem(message, hint=did_you_mean(name, known))
 
 

@@ -38,7 +38,7 @@ def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
                 if wanted:
                     words = " and ".join(_WORDS[word].format(version) for word, version in wanted)
                     yield Problem(
-                        f"'{package.name}' requires '{need.name}' in version {words}; it is {present} here",
+                        f"'{package.name}' requires version {words} of '{need.name}', but it is {present}",
                         Location(package.manifest.path),
                     )
 

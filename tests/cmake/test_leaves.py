@@ -60,7 +60,7 @@ def test_a_python_package_is_installed_with_metadata_and_scripts(ament: Ament) -
 @pytest.mark.parametrize(
     ("commands", "complaint"),
     [
-        ("ament_python_install_package(none)", "holds no __init__.py"),
+        ("ament_python_install_package(none)", "contains no __init__.py"),
         ("ament_python_install_package(p)\nament_python_install_package(p)", "the Python package 'p' twice"),
         ("ament_python_install_module(none.py)", "none.py', which does not exist"),
         ("ament_generate_version_header(none)", "'none', which is not a target"),

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.layout import LOCK_FILE
-from forge.execution.started import VARIABLE
+from forge.execution.started import BUILD_FOLDER_VARIABLE
 from tests.evolving import differences, look
 from tests.packages import manifest_text
 from tests.snippets import ROOT
@@ -119,7 +119,7 @@ def until(done: object, seconds: float = 30) -> None:
 
 def living(root: Path) -> dict[int, str]:
     """Return the programs that builds of a workspace have left running, by their ids."""
-    mark = f"{VARIABLE}={root / 'build'}".encode()
+    mark = f"{BUILD_FOLDER_VARIABLE}={root / 'build'}".encode()
     found = {}
     for path in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):

@@ -38,9 +38,9 @@ from forge.cli.config import configured
 from forge.cli.main import Parser
 from forge.cli.mixins import combined, read_mixins
 from forge.environment import sourcing
-from forge.environment.dsv import Installed
+from forge.environment.dsv import PackageEdits
+from forge.environment.install_state import recorded_python, recorded_underlays
 from forge.environment.prefixes import installed_packages
-from forge.environment.recorded import recorded_python, recorded_underlays
 from forge.environment.scripts import local_setup, package_setup
 from forge.environment.shells import SHELLS
 from forge.execution.jobserver import join_pool
@@ -233,7 +233,7 @@ def workspace(root: Path, overrides: Any = None) -> None:  # noqa: ANN401  (what
     """Look at a folder's packages, and at each as `forge info` shows it; discovery raises nothing."""
     found = discover(root, ["."], {}, overrides=overrides)
     for package in found.packages.values():
-        package.words("cmake-args")
+        package.option_values("cmake-args")
         json.dumps(package.settings, default=str)
         manifest_variables(package.manifest)
     for problem in (*found.problems, *found.notes):
@@ -313,8 +313,10 @@ def dsv(data: bytes) -> None:
     with contextlib.suppress(ForgeError):
         edits = sourcing.package_edits("p", prefix)
         for shell in SHELLS:
-            write_if_changed(room() / "local_setup", local_setup(shell, prefix, [Installed("p", "p", edits)]))
-            write_if_changed(room() / "package", package_setup(shell, prefix, Installed("p", "", edits)))
+            write_if_changed(
+                room() / "local_setup", local_setup(shell, prefix, [PackageEdits("p", "p", edits)])
+            )
+            write_if_changed(room() / "package", package_setup(shell, prefix, PackageEdits("p", "", edits)))
 
 
 @harness

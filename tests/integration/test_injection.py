@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 
 from forge.build.recipes.initial_cache import manifest_variables
-from forge.environment.dsv import Edit, Installed, apply
+from forge.environment.dsv import Edit, PackageEdits, apply
 from forge.environment.scripts import local_setup, package_setup, setup
 from forge.interfaces.writing import write_depfile
-from forge.workspace.model import Dependency, Export, Kind, Manifest, Person
+from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
 from tests.hostile import CANARY, FRAGMENTS
 from tests.unit.test_injection import BIDI, EXAMPLES, NEUTRAL, definition, generated, messages, quick
 
@@ -96,7 +96,7 @@ def manifest_of(text: str) -> Manifest:
     """Return a manifest that says the same in every place that takes any text."""
     return Manifest(
         name="pkg", version=text, description=text, build_type="ament_cmake", path=Path("package.xml"),
-        dependencies=(Dependency("other", frozenset({Kind.BUILD}), (("gte", text),)),),
+        dependencies=(Dependency("other", frozenset({DependencyKind.BUILD}), (("gte", text),)),),
         maintainers=(Person(text, text),), licenses=(text,), groups=(text, text), group_dependencies=(text,),
         exports=(Export("deprecated", (("a", text),), text), Export("x", (), text)),
     )  # fmt: skip
@@ -150,7 +150,7 @@ def test_shells_set_what_packages_say_and_carry_nothing_out(shell: str, tmp_path
     listed = [(n, value) for n, value in enumerate(values()) if not {":", "\n"} & {*value}]
     edits += [Edit("prepend", f"LIST_{n}", value, below=not value.startswith("/")) for n, value in listed]
     underlay = tmp_path / f"gone\n touch {CANARY}\n'\" $(touch {CANARY})"
-    package = Installed("pkg", "pkg", tuple(edits))
+    package = PackageEdits("pkg", "pkg", tuple(edits))
     (root / f"local_setup.{shell}").write_text(local_setup(shell, root, [package]), newline="")
     (root / f"setup.{shell}").write_text(setup(shell, root, [underlay / f"local_setup.{shell}"]), newline="")
     (root / f"package.{shell}").write_text(package_setup(shell, root, package), newline="")

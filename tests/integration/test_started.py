@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.layout import PROCESSES_FILE
-from forge.execution.started import VARIABLE, StartedProcesses
+from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,7 +36,7 @@ def start(
     argv: list[str], build: Path | None = None, *, told: bool = False
 ) -> tuple[subprocess.Popen[str], int]:
     """Start a program in a session of its own, and note it for a build; return the id that it prints, too."""
-    environment = {**os.environ, VARIABLE: str(build)} if told else dict(os.environ)
+    environment = {**os.environ, BUILD_FOLDER_VARIABLE: str(build)} if told else dict(os.environ)
     process = subprocess.Popen(
         argv, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -74,7 +74,7 @@ def test_a_process_with_only_its_variables_keeps_running(
     tmp_path: Path, started: list[subprocess.Popen[str]]
 ) -> None:
     """An editor, started in a shell that has sourced the environment of a step."""
-    editor = subprocess.Popen(SLEEP, env={**os.environ, VARIABLE: str(tmp_path)}, text=True)
+    editor = subprocess.Popen(SLEEP, env={**os.environ, BUILD_FOLDER_VARIABLE: str(tmp_path)}, text=True)
     process, _ = start(SLEEP, tmp_path, told=True)
     started += [editor, process]
     StartedProcesses(tmp_path).end()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.environment.recorded import recorded_underlays
+from forge.environment.install_state import recorded_underlays
 from forge.environment.underlays import lost_underlays, overridden
 from tests.installs import Made, make_install
 from tests.packages import manifest_text

@@ -80,7 +80,7 @@ def test_what_a_caller_wanted_ends_with_it(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((HOME, str(tmp_path))))
     flag = tmp_path / "flag"
     with worker("dawdling") as variables:
-        until(Path(variables[worker_client.VARIABLE]).exists)
+        until(Path(variables[worker_client.WORKER_VARIABLE]).exists)
         words = [sys.executable, "-S", "-E", str(CLIENT), "-m", "dawdling", str(flag)]
         with subprocess.Popen(words, env={**os.environ, **variables}) as caller:
             until(flag.exists)

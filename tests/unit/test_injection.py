@@ -18,7 +18,7 @@ from forge.base.errors import EnvironmentFault, ForgeError, WorkspaceError
 from forge.base.templating import render as render_template
 from forge.base.xml import parse_xml
 from forge.build.recipes.initial_cache import manifest_variables
-from forge.environment.dsv import Change, parse_dsv, resolve_hooks
+from forge.environment.dsv import DsvChange, parse_dsv, resolve_hooks
 from forge.interfaces.model import (
     Array,
     Constant,
@@ -35,7 +35,7 @@ from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.rendering import render
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.writing import write_depfile
-from forge.workspace.creation import BUILD_TYPES, Blueprint, draw
+from forge.workspace.creation import BUILD_TYPES, NewPackage, render_package
 from forge.workspace.identification import identify
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Person
@@ -241,12 +241,12 @@ def test_a_new_package_says_what_it_was_told(
     description: str, license_: str, name: str, build_type: str
 ) -> None:
     try:
-        blueprint = Blueprint(
+        blueprint = NewPackage(
             "pkg", Person(name, "a@b.cc"), build_type, description=description, license=license_
         )
     except ForgeError:
         return
-    files = {item.path: item.text or "" for item in draw(blueprint)}
+    files = {item.path: item.text or "" for item in render_package(blueprint)}
     manifest = parse_manifest(files["package.xml"].encode(), Path("package.xml"), {})
     assert manifest.maintainers == (Person(" ".join(name.split(" ")).strip(), "a@b.cc"),)
     if build_type == "ament_python":
@@ -289,7 +289,7 @@ def test_a_hook_file_with_such_a_line_is_refused(line: str) -> None:
 @given(hostile("\n", "\r", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029", "\0"))
 def test_a_hook_file_says_one_thing_a_line(text: str) -> None:
     changes, sources = parse_dsv(f"set;VALUE;{text}\n", "package.dsv")
-    assert (changes, sources) == ((Change("set", "VALUE", text),), ())
+    assert (changes, sources) == ((DsvChange("set", "VALUE", text),), ())
     assert resolve_hooks(changes, lambda _: False)
 
 

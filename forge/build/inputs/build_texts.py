@@ -19,7 +19,7 @@ from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
 from forge.toolchain.programs import cmake_root
 from forge.workspace.references import (
     LISTS,
-    Named,
+    References,
     in_find_module,
     in_module,
     reader_of,
@@ -82,21 +82,21 @@ class Scanner:
         found = (self._configs.folder(prefix, name) for prefix in prefixes_of_path(self._lookup.folders))
         return next(filter(None, found), "")
 
-    def _read_find_module(self, name: str) -> Named:
+    def _read_find_module(self, name: str) -> References:
         """Return the names in CMake's find module for a package."""
         root = cmake_root(self._cmake) if self._cmake else None
         if root is None or name in _SKIPPED_MODULES:
-            return Named()
+            return References()
         return in_find_module(_text(f"{root}/Modules/Find{name}.cmake"))
 
-    def _read_config(self, name: str) -> Named:
+    def _read_config(self, name: str) -> References:
         """Return the variables read by the CMake config files of a package in an underlay."""
-        found = Named()
+        found = References()
         entries = (self._variables.get(key, "") for key in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"))
         for prefix in dict.fromkeys(os.pathsep.join(entries).split(os.pathsep)):
             folder = self._configs.folder(prefix, name) if prefix else ""
             for path in sorted(Path(folder).glob("*.cmake")) if folder else ():
-                found |= Named(variables=in_module(_text(str(path))).variables)
+                found |= References(variables=in_module(_text(str(path))).variables)
         return found
 
 
@@ -133,10 +133,10 @@ def _stamp(paths: Sequence[str]) -> str:
     return "" if racy or not paths else stamp_files(paths)
 
 
-def _read_texts(source_dir: str) -> tuple[Named, list[str]]:
+def _read_texts(source_dir: str) -> tuple[References, list[str]]:
     """Return the names in the build scripts below a folder, and the files that they include elsewhere."""
     files = list(source_files(source_dir))
-    named, outside = Named(), list[str]()
+    named, outside = References(), list[str]()
     waiting = []
     for path in files:
         folder, _, name = path.rpartition("/")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
     from forge.build.tasks import Step
-    from forge.workspace.model import Kind, Package
+    from forge.workspace.model import DependencyKind, Package
 
 
 @frozen
@@ -78,9 +78,9 @@ class BuildContext:
             return self
         return replace(
             self,
-            cmake_args=(*self.cmake_args, *package.words("cmake-args")),
-            ament_cmake_args=(*self.ament_cmake_args, *package.words("ament-cmake-args")),
-            target=self.target or next(iter(package.words("cmake-target")), None),
+            cmake_args=(*self.cmake_args, *package.option_values("cmake-args")),
+            ament_cmake_args=(*self.ament_cmake_args, *package.option_values("ament-cmake-args")),
+            target=self.target or next(iter(package.option_values("cmake-target")), None),
             skip_target=self.skip_target or bool(package.settings.get("cmake-target-skip-unavailable")),
         )
 
@@ -151,5 +151,5 @@ def _manifest(package: Package) -> str:
 
 
 @cache
-def _kinds(kinds: frozenset[Kind]) -> str:
+def _kinds(kinds: frozenset[DependencyKind]) -> str:
     return " ".join(sorted(kind.value for kind in kinds))

@@ -10,7 +10,7 @@ from forge.base.frozen import frozen
 from forge.base.names import is_word
 from forge.base.templating import render
 from forge.toolchain.compiler_launchers.choice import launcher_variables
-from forge.workspace.model import Kind
+from forge.workspace.model import DependencyKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from forge.workspace.model import Export, Manifest
 
 _LISTS = {
-    "BUILD_DEPENDS": Kind.BUILD,
-    "BUILDTOOL_DEPENDS": Kind.BUILDTOOL,
-    "BUILD_EXPORT_DEPENDS": Kind.BUILD_EXPORT,
-    "BUILDTOOL_EXPORT_DEPENDS": Kind.BUILDTOOL_EXPORT,
-    "EXEC_DEPENDS": Kind.EXEC,
-    "TEST_DEPENDS": Kind.TEST,
+    "BUILD_DEPENDS": DependencyKind.BUILD,
+    "BUILDTOOL_DEPENDS": DependencyKind.BUILDTOOL,
+    "BUILD_EXPORT_DEPENDS": DependencyKind.BUILD_EXPORT,
+    "BUILDTOOL_EXPORT_DEPENDS": DependencyKind.BUILDTOOL_EXPORT,
+    "EXEC_DEPENDS": DependencyKind.EXEC,
+    "TEST_DEPENDS": DependencyKind.TEST,
 }
 _PYTHON_VERSION = re.compile(r"python(\d+\.\d+)")
 

@@ -28,7 +28,7 @@ from forge.cli.preparation import (
     prepare,
     warn_of_lost_underlays,
 )
-from forge.environment.recorded import forget_underlays
+from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir
 from forge.output.console import ConsoleReporter
 from forge.workspace.load import load_workspace

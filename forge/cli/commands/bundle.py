@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, print_warnings
 from forge.environment.bundling import write_bundle
-from forge.environment.recorded import recorded_underlays
+from forge.environment.install_state import recorded_underlays
 
 if TYPE_CHECKING:
     import argparse

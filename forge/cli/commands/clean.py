@@ -26,7 +26,7 @@ from forge.build.journal import open_journal
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables
-from forge.environment.recorded import recorded_python
+from forge.environment.install_state import recorded_python
 from forge.execution.lock import lock_build_dir
 from forge.workspace.load import load_workspace
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from forge.build.cleaning import Removable
     from forge.build.journal import Journal
     from forge.cli.main import Parser
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
 
 
 def register(parser: Parser) -> None:
@@ -125,7 +125,7 @@ def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Jou
     return tuple(dict.fromkeys([*options.names, *selected]))
 
 
-def _load(options: argparse.Namespace, root: Path, layout: Layout) -> Loaded:
+def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWorkspace:
     """Return the workspace; raises WorkspaceError for invalid manifests, whose packages are not stale."""
     variables = build_variables(layout, os.environ)
     loaded = load_workspace(

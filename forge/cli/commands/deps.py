@@ -23,8 +23,8 @@ from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace
-from forge.workspace.model import Kind
-from forge.workspace.resolve import answered_names
+from forge.workspace.model import DependencyKind
+from forge.workspace.resolve import provided_names
 
 if TYPE_CHECKING:
     import argparse
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from forge.doctor.system_deps.outstanding import DependencyStatus
     from forge.doctor.system_deps.rosdep import Database
     from forge.doctor.system_deps.system import System
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
 
 
 def register(parser: Parser) -> None:
@@ -114,8 +114,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _kinds(words: tuple[str, ...]) -> frozenset[Kind]:
-    known = {kind.value: kind for kind in Kind}
+def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
+    known = {kind.value: kind for kind in DependencyKind}
     unknown = [word for word in words if word not in known]
     if unknown:
         raise SelectionError(
@@ -130,12 +130,12 @@ def _kinds(words: tuple[str, ...]) -> frozenset[Kind]:
     return frozenset(known[word] for word in words) or USUAL_KINDS
 
 
-def _provider(loaded: Loaded, install: Path) -> Callable[[str], str | None]:
+def _provider(loaded: LoadedWorkspace, install: Path) -> Callable[[str], str | None]:
     """Return a function from a package name to what provides it: workspace, underlay, system or forge."""
     underlays = find_underlays(os.environ, install)
     system = tuple(path for path in system_prefixes(os.environ) if not path.is_relative_to(install))
     own = {package.name for package in loaded.packages.values()} | loaded.workspace.packages.keys()
-    embedded = answered_names(discover_embedded())
+    embedded = provided_names(discover_embedded())
 
     def find(name: str) -> str | None:
         if name in own:

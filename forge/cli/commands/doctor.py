@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from forge.base.layout import Layout
     from forge.cli.main import Parser
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
 
 _ANYWHERE = (
     *(programs.compiler, programs.cmake, programs.builder, programs.python, programs.shells),
@@ -90,7 +90,7 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
     return _workspace(loaded), _subject(bare, loaded)
 
 
-def _workspace(loaded: Loaded) -> CheckResult:
+def _workspace(loaded: LoadedWorkspace) -> CheckResult:
     errors, warnings = missing_problems(loaded.resolution, loaded.selection.names)
     count = len(loaded.selection.names)
     summary = f"{count} package{'' if count == 1 else 's'}" if count else "no packages found"
@@ -98,7 +98,7 @@ def _workspace(loaded: Loaded) -> CheckResult:
     return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.warnings, *warnings))
 
 
-def _subject(bare: CheckContext, loaded: Loaded) -> CheckContext:
+def _subject(bare: CheckContext, loaded: LoadedWorkspace) -> CheckContext:
     everything = loaded.workspace.packages
     return CheckContext(
         bare.root,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from forge.cli.main import Parser
-    from forge.workspace.load import Loaded
+    from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package, Person
 
 _CATEGORIES = (("build", BUILD_KINDS), ("run", RUN_KINDS), ("test", TEST_KINDS))
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _requested(loaded: Loaded, names: tuple[str, ...]) -> list[Package]:
+def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]:
     """Return the selected packages with these names, or all selected ones without names.
 
     Unknown names are a warning if others are known. Raises SelectionError if no package is left.

@@ -15,7 +15,15 @@ from forge.base.files import write_if_changed
 from forge.base.names import did_you_mean, is_email
 from forge.base.xml import parse_xml
 from forge.environment.installed import executables, find_package, sourced_packages
-from forge.workspace.creation import BUILD_TYPES, LICENSES, VERSION, Blueprint, Item, draw, placeholder_email
+from forge.workspace.creation import (
+    BUILD_TYPES,
+    LICENSES,
+    VERSION,
+    GeneratedFile,
+    NewPackage,
+    placeholder_email,
+    render_package,
+)
 from forge.workspace.model import Person
 
 if TYPE_CHECKING:
@@ -128,7 +136,7 @@ def _create(options: argparse.Namespace) -> None:
     if folder.exists() or folder.is_symlink():
         hint = "remove it, or choose another name or --destination-directory"
         raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
-    items = draw(blueprint)
+    items = render_package(blueprint)
     _announce(blueprint, folder.parent.resolve())
     try:
         _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
@@ -138,14 +146,14 @@ def _create(options: argparse.Namespace) -> None:
     _warn_about(blueprint)
 
 
-def _blueprint(options: argparse.Namespace) -> Blueprint:
+def _blueprint(options: argparse.Namespace) -> NewPackage:
     node, library = options.node_name, options.library_name
     if node is not None and node == library:
         node = f"{node}_node"
         _warn(f"node and library cannot both be named '{library}'")
         _warn(f"the node is named '{node}' instead")
     name = options.maintainer_name or _login()
-    return Blueprint(
+    return NewPackage(
         options.name,
         Person(name, options.maintainer_email or _git_email() or placeholder_email(name)),
         options.build_type,
@@ -175,7 +183,7 @@ def _git_email() -> str | None:
     return email if is_email(email) else None
 
 
-def _announce(blueprint: Blueprint, destination: Path) -> None:
+def _announce(blueprint: NewPackage, destination: Path) -> None:
     person = f"{blueprint.maintainer.name} <{blueprint.maintainer.email}>"
     print("going to create a new package")
     print("package name:", blueprint.name)
@@ -193,7 +201,7 @@ def _announce(blueprint: Blueprint, destination: Path) -> None:
         print("library_name:", blueprint.library)
 
 
-def _write(blueprint: Blueprint, root: str, items: Iterable[Item]) -> None:
+def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> None:
     """Create the folders and files below `root`, and print each one like `ros2 pkg create`."""
     headline = "source folder" if blueprint.build_type == "ament_python" else "source and include folder"
     print("creating folder", root)
@@ -211,7 +219,7 @@ def _write(blueprint: Blueprint, root: str, items: Iterable[Item]) -> None:
             write_if_changed(Path(path), item.text)
 
 
-def _warn_about(blueprint: Blueprint) -> None:
+def _warn_about(blueprint: NewPackage) -> None:
     """Warn about valid but unusual values."""
     name = blueprint.name
     if not name[0].isalpha() or name != name.lower():

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
-from forge.environment.executable_hints import refuse_windows_line_endings, remedy
+from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.installed import executables, find_package, workspace_of
 
 if TYPE_CHECKING:
@@ -64,7 +64,9 @@ def _choose(package: str, name: str, prefix: Path) -> Path:
     paths = executables(package, prefix)
     matches = [path for path in paths if path.name == name]
     if not matches:
-        raise ForgeError(Problem("no executable found", hint=remedy(package, name, prefix, paths)))
+        raise ForgeError(
+            Problem("no executable found", hint=missing_executable_hint(package, name, prefix, paths))
+        )
     if len(matches) > 1:
         listing = "".join(f"\n- {path}" for path in matches)
         raise ForgeError(Problem(f"multiple executables found:{listing}"))

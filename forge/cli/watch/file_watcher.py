@@ -16,7 +16,7 @@ from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
 from forge.build.inputs.fingerprints import source_folders
-from forge.workspace.identification import ROS_MARKS, TELLING
+from forge.workspace.identification import MARKER_FILES, ROS_IGNORE_FILES
 from forge.workspace.source_names import is_source
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _SECOND = 1.5
 """Seconds after which to check again when polling, which compares times in whole seconds."""
 
 _ATTEMPTS = 10
-_IGNORE_MARKERS = frozenset({IGNORE_MARK, *ROS_MARKS})
+_IGNORE_MARKERS = frozenset({IGNORE_MARK, *ROS_IGNORE_FILES})
 
 
 @frozen
@@ -75,7 +75,7 @@ def watch_specs(
     def add(folder: str, spec: WatchSpec) -> None:
         found[folder] = found[folder].joined(spec) if folder in found else spec
 
-    packages = [*workspace.packages.values(), *workspace.twins]
+    packages = [*workspace.packages.values(), *workspace.duplicates]
     homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}  # noqa: PTH118  (like discovery)
     for home in sorted(homes):
         for folder, targets in source_folders(home):
@@ -109,7 +109,7 @@ def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, 
         if any(name in _IGNORE_MARKERS for name, _ in inside):
             yield folder, WatchSpec(_IGNORE_MARKERS, folders=False)
             continue
-        yield folder, WatchSpec(TELLING)
+        yield folder, WatchSpec(MARKER_FILES)
         waiting += [f"{folder}/{name}" for name, below in inside if below and not name.startswith(".")]
 
 
@@ -175,7 +175,7 @@ class FileWatcher:
         """Tell whether the set of watched folders may have changed."""
         return not changed or any(
             path in self._watched
-            or os.path.basename(path) in TELLING  # noqa: PTH119
+            or os.path.basename(path) in MARKER_FILES  # noqa: PTH119
             or os.path.islink(path)  # noqa: PTH114
             or os.path.isdir(path)  # noqa: PTH112
             for path in changed

@@ -9,7 +9,7 @@ from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.workspace.cmake_metadata import uses
-from forge.workspace.model import TEST_KINDS, Kind
+from forge.workspace.model import TEST_KINDS, DependencyKind
 from forge.workspace.python_metadata import imported_modules, mentioned_modules
 from forge.workspace.resolve import ALL_KINDS, is_ros_name
 
@@ -117,7 +117,7 @@ def unused(
         dependency.name
         for dependency in package.manifest.dependencies
         if dependency.name in known
-        and dependency.kinds & {Kind.BUILD, Kind.EXEC}
+        and dependency.kinds & {DependencyKind.BUILD, DependencyKind.EXEC}
         and not dependency.name.startswith(_SILENT_BEGINNINGS)
         and dependency.name not in _SILENT
     }
@@ -134,7 +134,7 @@ def unused(
 
 
 def _declared(package: Package) -> frozenset[str]:
-    return frozenset((package.name, *package.manifest.names(ALL_KINDS | TEST_KINDS | {Kind.DOC})))
+    return frozenset((package.name, *package.manifest.names(ALL_KINDS | TEST_KINDS | {DependencyKind.DOC})))
 
 
 def _undeclared(

@@ -21,7 +21,7 @@ from forge.environment.prefixes import installed_packages
 from forge.environment.underlays import overridden
 from forge.workspace.cmake_metadata import calls
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, answered_names
+from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, provided_names
 
 if TYPE_CHECKING:
     import re
@@ -96,7 +96,7 @@ def _surroundings(subject: CheckContext) -> KnownPackages:
         for root in subject.underlays.chain
         for package in installed_packages(root)
     }
-    brought = frozenset(resolution.packages) | frozenset(installed) | answered_names(discover_embedded())
+    brought = frozenset(resolution.packages) | frozenset(installed) | provided_names(discover_embedded())
     modules = {name: name for name in brought}
     for name in near:
         modules.update(dict.fromkeys(modules_of(subject, resolution.packages[name]), name))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Location, Problem
 from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.shells import SHELLS
-from forge.toolchain.interpreter import find_interpreter, lacking, traits
+from forge.toolchain.interpreter import find_interpreter, interpreter_properties, missing_modules_problem
 from forge.toolchain.programs import (
     CMAKE_TYPES,
     compiled_packages,
@@ -100,7 +100,7 @@ def python(subject: CheckContext) -> CheckResult:
     """Check the interpreter of a build and its modules."""
     try:
         interpreter = find_interpreter(subject.python, subject.variables)
-        known = traits(interpreter, ("numpy", "em", "catkin_pkg", "lark"))
+        known = interpreter_properties(interpreter, ("numpy", "em", "catkin_pkg", "lark"))
     except EnvironmentFault as fault:
         return CheckResult("python", "none", errors=fault.problems)
     has = frozenset(known)
@@ -163,7 +163,7 @@ def _missing_modules(
         wanted += ["em", "lark"]
     missing = [name for name in wanted if name not in has]
     if missing:
-        yield lacking(interpreter, missing)
+        yield missing_modules_problem(interpreter, missing)
 
 
 def _missing_header(

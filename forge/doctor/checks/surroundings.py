@@ -11,8 +11,8 @@ from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceErro
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
 from forge.doctor.checks.model import CheckResult
+from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
-from forge.environment.recorded import recorded_underlays
 from forge.environment.underlays import lost_underlays
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name

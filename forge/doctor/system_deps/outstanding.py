@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.doctor.system_deps.rosdep import resolve
-from forge.workspace.model import Kind
+from forge.workspace.model import DependencyKind
 from forge.workspace.resolve import is_ros_name
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from forge.doctor.system_deps.system import System
     from forge.workspace.model import Package
 
-USUAL_KINDS = frozenset(Kind) - {Kind.DOC}
+USUAL_KINDS = frozenset(DependencyKind) - {DependencyKind.DOC}
 """The default dependency types, as in rosdep."""
 
 COMMANDS: Mapping[str, str] = {
@@ -52,7 +52,7 @@ class DependencyStatus:
 
 def needs_of(
     packages: Iterable[Package],
-    kinds: frozenset[Kind],
+    kinds: frozenset[DependencyKind],
     provider: Callable[[str], str | None],
     databases: Sequence[Database],
     system: System,

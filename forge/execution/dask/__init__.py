@@ -1,1 +1,1 @@
-"""Packages built on other machines, as tasks of a Dask scheduler; the board stays here."""
+"""Build packages on the workers of a Dask cluster; this process keeps scheduling them."""

@@ -46,7 +46,7 @@ class Traits:
 
 
 @frozen
-class Surveyed:
+class WorkerInfo:
     """A surveyed worker: its address, its properties, and whether it shares the build folder."""
 
     address: str
@@ -66,12 +66,12 @@ class Cluster:
     client: Client
     address: str
     folder: Path
-    workers: tuple[Surveyed, ...]
+    workers: tuple[WorkerInfo, ...]
     remarks: tuple[Problem, ...] = ()
     """The reasons why other workers are not used."""
 
     @property
-    def fit(self) -> tuple[str, ...]:
+    def allowed_workers(self) -> tuple[str, ...]:
         """The allowed workers if some are unsuitable; empty if any may be used, including later ones."""
         return tuple(worker.address for worker in self.workers) if self.remarks else ()
 
@@ -163,23 +163,23 @@ def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Clu
     workers = tuple(result for where, result in sorted(found.items()) if where not in lost)
     ours = traits_of(programs)
     differing = {worker.address: tuple(_other_programs(worker, ours)) for worker in workers}
-    fit = tuple(worker for worker in workers if not differing[worker.address])
+    allowed_workers = tuple(worker for worker in workers if not differing[worker.address])
     remarks = tuple(problem for problems in differing.values() for problem in problems)
     raise_if_any(
         (
             *(_unsurveyed(where, error) for where, error in sorted(lost.items())),
             *_without_access(workers, build),
             *(problem for worker in workers for problem in _other_versions(worker, ours)),
-            *(() if fit else remarks),
+            *(() if allowed_workers else remarks),
         ),
         EnvironmentFault,
     )
-    return Cluster(client, address, folder, fit, remarks)
+    return Cluster(client, address, folder, allowed_workers, remarks)
 
 
-def survey(probe: str, content: str, programs: Pairs, dask_worker: Worker) -> Surveyed:
+def survey(probe: str, content: str, programs: Pairs, dask_worker: Worker) -> WorkerInfo:
     """Return the properties of this worker; the client calls this on every worker."""
-    return Surveyed(
+    return WorkerInfo(
         dask_worker.address,
         host_name(),
         traits_of(programs),
@@ -231,7 +231,7 @@ def _unsurveyed(where: str, error: BaseException) -> Problem:
     return Problem(f"the worker at '{where}' cannot be used: {cause}", hint=hint if missing else None)
 
 
-def _without_access(workers: tuple[Surveyed, ...], build: Path) -> Iterator[Problem]:
+def _without_access(workers: tuple[WorkerInfo, ...], build: Path) -> Iterator[Problem]:
     """Yield a problem if workers do not share the build folder."""
     separate = [f"'{worker.address}'" for worker in workers if not worker.sharing]
     if separate:
@@ -240,7 +240,7 @@ def _without_access(workers: tuple[Surveyed, ...], build: Path) -> Iterator[Prob
         yield Problem(f"{who} cannot access the build folder '{build}'", hint=hint)
 
 
-def _other_versions(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
+def _other_versions(worker: WorkerInfo, ours: Traits) -> Iterator[Problem]:
     """Yield a problem if a worker has another version of forge or Python."""
     theirs = worker.traits
     for name, local, other in (("forge", ours.forge, theirs.forge), ("Python", ours.python, theirs.python)):
@@ -249,7 +249,7 @@ def _other_versions(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
             yield Problem(message, hint=f"install the same {name} on both")
 
 
-def _other_programs(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
+def _other_programs(worker: WorkerInfo, ours: Traits) -> Iterator[Problem]:
     """Yield a problem for each program that differs, since a worker may continue the build of another one."""
     known = dict(worker.traits.programs)
     for name, local in ours.programs:
@@ -261,7 +261,7 @@ def _other_programs(worker: Surveyed, ours: Traits) -> Iterator[Problem]:
         yield Problem(f"{_where(worker)} is not used: '{path}' {difference}", hint=hint)
 
 
-def _where(worker: Surveyed) -> str:
+def _where(worker: WorkerInfo) -> str:
     return f"the worker at '{worker.address}' on '{worker.host}'"
 
 

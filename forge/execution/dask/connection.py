@@ -120,7 +120,7 @@ class Connection:
             pure=False,
             retries=_RETRIES,
             resources=dict(self.limits.resources) or None,
-            workers=list(self.cluster.fit) or None,
+            workers=list(self.cluster.allowed_workers) or None,
         )
         future.add_done_callback(lambda _: mailbox.note(_ENDED))
         return future

@@ -24,8 +24,8 @@ from forge.execution.dask.messages import FINISH, INTERRUPT
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.runner import ProcessRunner, TaskLifecycle
-from forge.execution.started import VARIABLE, StartedProcesses
-from forge.toolchain.resources import shortage
+from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.toolchain.resources import is_overloaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,15 +54,15 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     # The client is trusted: it may run anything here.
     remote_task: RemoteTask = pickle.loads(read_message(source))  # noqa: S301
     pool = join_pool(auth) if auth else None
-    is_short = partial(shortage, remote_task.limits.memory, remote_task.limits.load)
-    job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_short=is_short)
+    overloaded = partial(is_overloaded, remote_task.limits.memory, remote_task.limits.load)
+    job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_overloaded=overloaded)
     # The client performs the rest of the task's lifecycle.
     lifecycle = TaskLifecycle(
         lambda _: remote_task.environment,
         lambda _task, _variables: None,
         lambda _: BuildRecord(BuildInputs()),
     )
-    folder = remote_task.environment.get(VARIABLE)
+    folder = remote_task.environment.get(BUILD_FOLDER_VARIABLE)
     runner = ProcessRunner(lifecycle, job_pool, StartedProcesses(Path(folder)) if folder else None)
     threading.Thread(target=_listen, args=(source, runner), name=COMMANDS_THREAD, daemon=True).start()
     put = partial(_write, target, threading.Lock())

@@ -44,7 +44,7 @@ LAUNCHERS: Mapping[str, Launcher] = {
 """The values of --compiler-launcher."""
 
 
-def chosen(word: str | None) -> str:
+def selected_launcher(word: str | None) -> str:
     """Return the selected launcher, '' for none; raises SelectionError for an unknown one."""
     if not word or word == NONE:
         return ""

@@ -49,4 +49,4 @@ def test_a_hook_that_ends_the_shell_is_a_message(tmp_path: Path) -> None:
             (prefix / file).write_text(text)
         with pytest.raises(EnvironmentFault) as caught:
             build_environment([(name, prefix)], {})
-        assert str(caught.value) == f"error: the environment hook '{prefix}/{path}' exits: {said}"
+        assert str(caught.value) == f"error: the environment hook '{prefix}/{path}' failed: {said}"

@@ -53,7 +53,7 @@ def test_the_second_waits_and_says_for_whom(tmp_path: Path, capfd: pytest.Captur
     out, err = capfd.readouterr()
     assert (out, err) == (
         "holding\n",
-        f"waiting for process {first.pid}, which has locked the build folder '{tmp_path}'\n",
+        f"waiting for process {first.pid} to release the lock on the build folder '{tmp_path}'\n",
     )
     assert (tmp_path / LOCK_FILE).read_text() == ""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.workspace.creation import Blueprint, draw
+from forge.workspace.creation import NewPackage, render_package
 from forge.workspace.model import Person
 
 if TYPE_CHECKING:
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 ADA = Person("Ada", "ada@example.org")
 
 
-def files_of(blueprint: Blueprint) -> dict[str, str]:
-    return {item.path: item.text for item in draw(blueprint) if item.text is not None}
+def files_of(blueprint: NewPackage) -> dict[str, str]:
+    return {item.path: item.text for item in render_package(blueprint) if item.text is not None}
 
 
 @pytest.mark.parametrize("name", ["3d-scan", "union", "Walker", "walker"])
 @pytest.mark.needs("g++")
 def test_a_library_compiles_whatever_the_package_is_called(name: str, tree: Tree) -> None:
-    blueprint = Blueprint(name, ADA, "cmake", node="walk", library="gait_planner")
+    blueprint = NewPackage(name, ADA, "cmake", node="walk", library="gait_planner")
     root = tree(files_of(blueprint))
     argv = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-Iinclude"]
     subprocess.run([*argv, "src/gait_planner.cpp", "src/walk.cpp"], cwd=root, check=True)
@@ -33,7 +33,7 @@ def test_a_library_compiles_whatever_the_package_is_called(name: str, tree: Tree
 
 @pytest.mark.needs("cmake", "g++", "make")
 def test_a_cmake_package_builds_installs_and_is_found(tree: Tree) -> None:
-    maker = Blueprint("walker", ADA, "cmake", node="walk", library="gait")
+    maker = NewPackage("walker", ADA, "cmake", node="walk", library="gait")
     user = "find_package(walker 0.0 REQUIRED)\nadd_executable(use use.cpp)\n"
     root = tree(
         {
@@ -56,7 +56,7 @@ def test_a_cmake_package_builds_installs_and_is_found(tree: Tree) -> None:
 
 
 def test_the_tests_of_a_python_package_pass_without_ros(tree: Tree) -> None:
-    root = tree(files_of(Blueprint("walker", ADA, "ament_python", node="walk")))
+    root = tree(files_of(NewPackage("walker", ADA, "ament_python", node="walk")))
     shutil.copy(root / "walker/walk.py", root / "run_walk.py")
     argv = [
         sys.executable,

@@ -11,7 +11,7 @@ from forge.base.errors import WorkspaceError
 from forge.base.layout import Layout
 from forge.build.installation import finish_workspace, install_package, uninstall_markers
 from forge.build.markers import create_output_folders
-from forge.environment.recorded import recorded_underlays
+from forge.environment.install_state import recorded_underlays
 from tests.installs import PYTHON, Made, dsv_package, make_install
 from tests.packages import manifest_text, package
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.errors import WorkspaceError
-from forge.environment.dsv import Change, Edit, Script, apply, order, parse_dsv, read_hooks, resolve_hooks
+from forge.environment.dsv import DsvChange, Edit, Script, apply, order, parse_dsv, read_hooks, resolve_hooks
 from tests.strategies import graphs
 
 if TYPE_CHECKING:
@@ -42,10 +42,10 @@ def test_a_dsv_file_has_changes_and_sources() -> None:
     )
     changes, sources = parse_dsv(text, "x.dsv")
     assert changes == (
-        Change("prepend-non-duplicate", "PATH", "bin"),
-        Change("prepend-non-duplicate", "PATH", "sbin"),
-        Change("set", "A", "b;c"),
-        Change("set-if-unset", "B", ""),
+        DsvChange("prepend-non-duplicate", "PATH", "bin"),
+        DsvChange("prepend-non-duplicate", "PATH", "sbin"),
+        DsvChange("set", "A", "b;c"),
+        DsvChange("set-if-unset", "B", ""),
     )
     assert sources == ("share/p/x.dsv",)
 
@@ -72,10 +72,10 @@ def test_sourced_files_are_read_in_their_place() -> None:
         "c.dsv": "set;THIRD;3\n",
     }
     assert read_hooks("p", reader(files)) == (
-        Change("set", "FIRST", "1"),
+        DsvChange("set", "FIRST", "1"),
         Script(("a.sh", "a.bash")),
-        Change("set", "SECOND", "2"),
-        Change("set", "THIRD", "3"),  # the dsv file beside c.sh speaks for it, though nobody lists it
+        DsvChange("set", "SECOND", "2"),
+        DsvChange("set", "THIRD", "3"),  # the dsv file beside c.sh speaks for it, though nobody lists it
     )
 
 
@@ -104,15 +104,15 @@ def test_a_script_is_sourced_in_the_shell_s_own_language(
 
 def test_settling_asks_which_files_exist() -> None:
     """Conditional prepends stay or go; a value that is a file becomes a path."""
-    hooks: list[Change | Script] = [
-        Change("prepend-non-duplicate-if-exists", "PATH", "bin"),
-        Change("prepend-non-duplicate-if-exists", "PATH", "sbin"),
-        Change("prepend-non-duplicate", "PATH", "/opt"),
-        Change("append-non-duplicate", "PATH", ""),
-        Change("set", "HERE", "bin"),
-        Change("set", "WORD", "humble"),
-        Change("set-if-unset", "PREFIX", ""),
-        Change("set-if-unset", "ABSOLUTE", "/bin"),
+    hooks: list[DsvChange | Script] = [
+        DsvChange("prepend-non-duplicate-if-exists", "PATH", "bin"),
+        DsvChange("prepend-non-duplicate-if-exists", "PATH", "sbin"),
+        DsvChange("prepend-non-duplicate", "PATH", "/opt"),
+        DsvChange("append-non-duplicate", "PATH", ""),
+        DsvChange("set", "HERE", "bin"),
+        DsvChange("set", "WORD", "humble"),
+        DsvChange("set-if-unset", "PREFIX", ""),
+        DsvChange("set-if-unset", "ABSOLUTE", "/bin"),
         Script(("x.sh",)),
     ]
     assert resolve_hooks(hooks, {"bin", "/bin"}.__contains__) == (

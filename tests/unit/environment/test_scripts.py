@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.environment.dsv import Edit, Installed, Script
-from forge.environment.scripts import dsv, local_setup, package_setup, setup
+from forge.environment.dsv import Edit, PackageEdits, Script
+from forge.environment.scripts import local_setup, package_setup, render_dsv, setup
 from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
@@ -35,9 +35,9 @@ EVERYTHING = (
 )
 
 
-def installed(*packages: tuple[str, tuple[Edit | Script, ...]], merged: bool = False) -> list[Installed]:
+def installed(*packages: tuple[str, tuple[Edit | Script, ...]], merged: bool = False) -> list[PackageEdits]:
     """Return packages in prefixes of their own, or in one."""
-    return [Installed(name, "" if merged else name, edits) for name, edits in packages]
+    return [PackageEdits(name, "" if merged else name, edits) for name, edits in packages]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,9 @@ def installed(*packages: tuple[str, tuple[Edit | Script, ...]], merged: bool = F
         ("everything", installed(("library", LIBRARY), ("odd", EVERYTHING), ("programs", PROGRAMS))),
     ],
 )
-def test_local_setup_reads_as_written_by_hand(case: str, packages: list[Installed], golden: Golden) -> None:
+def test_local_setup_reads_as_written_by_hand(
+    case: str, packages: list[PackageEdits], golden: Golden
+) -> None:
     """One statement for each variable, until an operation or a script comes between."""
     texts = {f"local_setup.{shell}": local_setup(shell, ROOT, packages) for shell in SHELLS}
     golden(f"scripts/{case}", texts)
@@ -70,15 +72,15 @@ def test_setup_sources_the_chain(golden: Golden) -> None:
 @pytest.mark.parametrize(("name", "edits"), [("library", LIBRARY), ("odd", EVERYTHING)])
 def test_package_scripts(name: str, edits: tuple[Edit | Script, ...], golden: Golden) -> None:
     """A package alone, in front of everything; a hook for PowerShell is a file that nobody sources."""
-    package = Installed(name, "", edits)
+    package = PackageEdits(name, "", edits)
     texts = {f"package.{shell}": package_setup(shell, ROOT / name, package) for shell in SHELLS}
     golden(f"scripts/package-{name}", texts)
 
 
 def test_a_dsv_file_is_its_lines() -> None:
     """No lines, no text."""
-    assert dsv([]) == ""
-    assert dsv(["set;A;b", "source;c"]) == "set;A;b\nsource;c\n"
+    assert render_dsv([]) == ""
+    assert render_dsv(["set;A;b", "source;c"]) == "set;A;b\nsource;c\n"
 
 
 @pytest.mark.parametrize(

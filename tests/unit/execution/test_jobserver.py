@@ -169,7 +169,7 @@ def test_lost_tokens_are_replaced_when_nothing_runs(tmp_path: Path) -> None:
 
 def test_while_memory_is_short_one_package_runs_and_the_pool_is_drained(tmp_path: Path) -> None:
     short = threading.Event()
-    with closing(JobPool(3, create_pool(FIFO), FLUENT, is_short=short.is_set)) as budget:
+    with closing(JobPool(3, create_pool(FIFO), FLUENT, is_overloaded=short.is_set)) as budget:
         auth = auth_in(budget, tmp_path)
         begun = threading.Event()
 
@@ -279,7 +279,7 @@ def test_memory_is_looked_at_by_the_clock_however_many_packages_come_and_go() ->
         return False
 
     begun = time.monotonic()
-    with closing(JobPool(2, is_short=short)) as budget:
+    with closing(JobPool(2, is_overloaded=short)) as budget:
         for _ in range(200):
             with budget.package():
                 time.sleep(0.001)

@@ -17,7 +17,7 @@ from forge.interfaces.read.parsing import SECTIONS, parse_all, type_name
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import Kind
+from forge.workspace.model import DependencyKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,7 +123,7 @@ def test_the_manifest_says_what_a_package_of_interfaces_says(name: str) -> None:
     assert manifest.build_type == "ament_cmake"
     assert manifest.licenses == ("Apache-2.0",)
     assert manifest.groups == (GROUP,)
-    assert manifest.names(frozenset({Kind.BUILDTOOL})) == ("ament_cmake", "rosidl_core_generators")
+    assert manifest.names(frozenset({DependencyKind.BUILDTOOL})) == ("ament_cmake", "rosidl_core_generators")
     assert re.fullmatch(r"[A-Z][^.]{9,99}\.", manifest.description)
 
 
@@ -131,8 +131,8 @@ def test_the_manifest_says_what_a_package_of_interfaces_says(name: str) -> None:
 def test_the_manifest_names_the_packages_whose_types_are_used(name: str) -> None:
     manifest = _manifest(name)
     needs = tuple(sorted(_needs(name)))
-    assert manifest.names(frozenset({Kind.BUILD})) == needs
-    assert manifest.names(frozenset({Kind.EXEC})) == (*needs, "rosidl_default_runtime")
+    assert manifest.names(frozenset({DependencyKind.BUILD})) == needs
+    assert manifest.names(frozenset({DependencyKind.EXEC})) == (*needs, "rosidl_default_runtime")
 
 
 @in_each_package

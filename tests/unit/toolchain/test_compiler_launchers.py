@@ -14,7 +14,7 @@ from forge.build.recipes.initial_cache import initial_cache
 from forge.build.up_to_date import relevant_environment
 from forge.execution.opening import open_job_pool
 from forge.execution.options import JobOptions
-from forge.toolchain.compiler_launchers.choice import LAUNCHERS, chosen, launcher_variables
+from forge.toolchain.compiler_launchers.choice import LAUNCHERS, launcher_variables, selected_launcher
 from forge.toolchain.compiler_launchers.launcher_stats import (
     HostPool,
     LauncherSummary,
@@ -52,12 +52,12 @@ def context_of(launcher: Path | None) -> BuildContext:
 
 @pytest.mark.parametrize(("word", "name"), [(None, ""), ("none", ""), ("ccache", "ccache"), ("recc", "recc")])
 def test_a_launcher_is_chosen_by_its_name(word: str | None, name: str) -> None:
-    assert chosen(word) == name
+    assert selected_launcher(word) == name
 
 
 def test_a_variable_may_name_no_other() -> None:
     with pytest.raises(SelectionError, match="FORGE_COMPILER_LAUNCHER: unknown compiler launcher 'cache'"):
-        chosen("cache")
+        selected_launcher("cache")
 
 
 def test_a_launcher_that_is_not_there_is_one_mistake_with_its_remedy(forge: Forge, tree: Tree) -> None:

@@ -11,11 +11,11 @@ from forge.toolchain.resources import (
     Memory,
     MemoryLimit,
     default_memory_limit,
+    is_overloaded,
     load,
     memory,
     memory_limit,
     processors,
-    shortage,
 )
 
 if TYPE_CHECKING:
@@ -104,9 +104,9 @@ def test_this_machine_says_what_it_has() -> None:
     assert now is not None
     assert 0 < now.available <= now.total
     assert load() >= 0
-    assert not shortage(MemoryLimit(), None)
-    assert shortage(MemoryLimit(size=1), None)
-    assert shortage(None, 0.0)
+    assert not is_overloaded(MemoryLimit(), None)
+    assert is_overloaded(MemoryLimit(size=1), None)
+    assert is_overloaded(None, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -14,27 +14,27 @@ from hypothesis import strategies as st
 
 from forge.base.errors import ForgeError
 from forge.base.names import is_email
-from forge.workspace.creation import BUILD_TYPES, LICENSES, Blueprint, draw, placeholder_email
+from forge.workspace.creation import BUILD_TYPES, LICENSES, NewPackage, placeholder_email, render_package
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import Kind, Person
+from forge.workspace.model import DependencyKind, Person
 
 if TYPE_CHECKING:
     from tests.conftest import Golden
 
 ADA = Person("Ada", "ada@example.org")
 CASES = {
-    "ament_cmake": Blueprint("walker", ADA, dependencies=("rclcpp", "std_msgs")),
-    "ament_cmake-node": Blueprint("walker", ADA, dependencies=("std_msgs",), node="walk"),
-    "ament_cmake-bare": Blueprint("walker", ADA, node="walk"),
-    "ament_cmake-library": Blueprint(
+    "ament_cmake": NewPackage("walker", ADA, dependencies=("rclcpp", "std_msgs")),
+    "ament_cmake-node": NewPackage("walker", ADA, dependencies=("std_msgs",), node="walk"),
+    "ament_cmake-bare": NewPackage("walker", ADA, node="walk"),
+    "ament_cmake-library": NewPackage(
         "walker", ADA, dependencies=("std_msgs",), node="walk", library="gait_planner", license="Apache-2.0"
     ),
-    "cmake": Blueprint("walker", ADA, "cmake", format=2),
-    "cmake-library": Blueprint(
+    "cmake": NewPackage("walker", ADA, "cmake", format=2),
+    "cmake-library": NewPackage(
         "walker", ADA, "cmake", dependencies=("eigen",), node="walk", library="gait", license="MIT"
     ),
-    "ament_python": Blueprint("walker", ADA, "ament_python", dependencies=("rclpy",)),
-    "ament_python-node": Blueprint(
+    "ament_python": NewPackage("walker", ADA, "ament_python", dependencies=("rclpy",)),
+    "ament_python-node": NewPackage(
         "walker",
         Person("Ada 'A' <Lovelace>", "ada@example.org"),
         "ament_python",
@@ -50,7 +50,7 @@ lines = st.text(
     st.characters(exclude_categories=("Cc", "Cs", "Cn"), exclude_characters="\ufffe\uffff")
 ).filter(str.strip)
 blueprints = st.builds(
-    Blueprint,
+    NewPackage,
     name=words.map("pkg_{}".format),
     maintainer=st.builds(Person, lines, st.just("ada@example.org")),
     build_type=st.sampled_from(BUILD_TYPES),
@@ -63,18 +63,18 @@ blueprints = st.builds(
 )
 
 
-def files_of(blueprint: Blueprint) -> dict[str, str]:
-    return {item.path: item.text for item in draw(blueprint) if item.text is not None}
+def files_of(blueprint: NewPackage) -> dict[str, str]:
+    return {item.path: item.text for item in render_package(blueprint) if item.text is not None}
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_package_is_what_a_reviewer_has_accepted(case: str, golden: Golden) -> None:
-    folders = "".join(f"{item.path}/\n" for item in draw(CASES[case]) if item.text is None)
+    folders = "".join(f"{item.path}/\n" for item in render_package(CASES[case]) if item.text is None)
     golden(f"pkg/{case}", {**files_of(CASES[case]), "folders.txt": folders})
 
 
 @given(blueprints)
-def test_every_manifest_says_what_the_blueprint_says(blueprint: Blueprint) -> None:
+def test_every_manifest_says_what_the_blueprint_says(blueprint: NewPackage) -> None:
     text = files_of(blueprint)["package.xml"]
     manifest = parse_manifest(text.encode(), Path("package.xml"), {})
     assert (manifest.name, manifest.version, manifest.format) == (blueprint.name, "0.0.0", blueprint.format)
@@ -82,11 +82,11 @@ def test_every_manifest_says_what_the_blueprint_says(blueprint: Blueprint) -> No
     assert manifest.licenses == (blueprint.license.strip(),)
     assert manifest.maintainers == (replace(blueprint.maintainer, name=blueprint.maintainer.name.strip()),)
     assert html.unescape(manifest.description).split() == blueprint.description.split()
-    assert manifest.names(frozenset({Kind.EXEC})) == blueprint.dependencies
+    assert manifest.names(frozenset({DependencyKind.EXEC})) == blueprint.dependencies
 
 
 @given(blueprints.filter(lambda blueprint: blueprint.build_type == "ament_python"))
-def test_every_setup_py_says_what_the_blueprint_says(blueprint: Blueprint) -> None:
+def test_every_setup_py_says_what_the_blueprint_says(blueprint: NewPackage) -> None:
     files = files_of(blueprint)
     for path in files:
         if path.endswith(".py"):
@@ -99,8 +99,8 @@ def test_every_setup_py_says_what_the_blueprint_says(blueprint: Blueprint) -> No
 
 
 @given(blueprints)
-def test_every_file_has_its_folder_and_ends_with_a_line_end(blueprint: Blueprint) -> None:
-    items = draw(blueprint)
+def test_every_file_has_its_folder_and_ends_with_a_line_end(blueprint: NewPackage) -> None:
+    items = render_package(blueprint)
     known = {"."}
     for item in items:
         assert str(Path(item.path).parent) in known or item.text is None
@@ -111,13 +111,13 @@ def test_every_file_has_its_folder_and_ends_with_a_line_end(blueprint: Blueprint
 
 @pytest.mark.parametrize("license_", LICENSES)
 def test_a_known_licence_comes_with_its_text(license_: str) -> None:
-    text = files_of(Blueprint("walker", ADA, license=license_))["LICENSE"]
+    text = files_of(NewPackage("walker", ADA, license=license_))["LICENSE"]
     assert len(text) > 800
     assert "{{" not in text
 
 
 def test_an_unknown_licence_has_no_text() -> None:
-    assert "LICENSE" not in files_of(Blueprint("walker", ADA, license="Beerware"))
+    assert "LICENSE" not in files_of(NewPackage("walker", ADA, license="Beerware"))
 
 
 @pytest.mark.parametrize(
@@ -135,18 +135,18 @@ def test_an_unknown_licence_has_no_text() -> None:
 )
 def test_a_name_that_cannot_be_built_is_refused(name: str, build_type: str, message: str) -> None:
     with pytest.raises(ForgeError) as caught:
-        Blueprint(name, ADA, build_type)
+        NewPackage(name, ADA, build_type)
     assert [problem.message for problem in caught.value.problems] == [message]
 
 
 @pytest.mark.parametrize("name", ["test", "my-walker", "3d", "import", "Walker", "a"])
 def test_a_name_that_only_python_minds_will_do_for_cmake(name: str) -> None:
-    assert files_of(Blueprint(name, ADA))["package.xml"]
+    assert files_of(NewPackage(name, ADA))["package.xml"]
 
 
 def test_all_invalid_properties_are_reported_together() -> None:
     with pytest.raises(ForgeError) as caught:
-        Blueprint(
+        NewPackage(
             "walker",
             Person("Ada\nLovelace", "ada@home"),
             description=" ",
@@ -170,21 +170,21 @@ def test_all_invalid_properties_are_reported_together() -> None:
 @pytest.mark.parametrize(("node", "fits"), [("walk-far", True), ("3walk", False), ("", False)])
 def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:  # noqa: FBT001  (a table's column)
     if fits:
-        assert f"src/{node}.cpp" in files_of(Blueprint("walker", ADA, node=node))
+        assert f"src/{node}.cpp" in files_of(NewPackage("walker", ADA, node=node))
     else:
         with pytest.raises(ForgeError, match="invalid --node-name"):
-            Blueprint("walker", ADA, node=node)
+            NewPackage("walker", ADA, node=node)
 
 
 @pytest.mark.parametrize("node", ["walk-far", "class"])
 def test_a_node_in_python_is_named_like_a_module(node: str) -> None:
     with pytest.raises(ForgeError, match="invalid --node-name"):
-        Blueprint("walker", ADA, "ament_python", node=node)
+        NewPackage("walker", ADA, "ament_python", node=node)
 
 
 def test_node_and_library_need_two_names() -> None:
     with pytest.raises(ForgeError, match="cannot both be named 'walk'"):
-        Blueprint("walker", ADA, node="walk", library="walk")
+        NewPackage("walker", ADA, node="walk", library="walk")
 
 
 @given(st.text())

@@ -67,7 +67,7 @@ def test_errors_and_duplicate_names_are_reported_and_the_rest_is_found(tree: Tre
     (root / "e" / "package.xml").mkdir(parents=True)
     workspace = discover(root, ["."], os.environ)
     assert sorted(workspace.packages) == ["d", "same"]
-    assert [str(other.path) for other in workspace.twins] == ["b"]
+    assert [str(other.path) for other in workspace.duplicates] == ["b"]
     assert [problem.message for problem in workspace.problems] == [
         "not well-formed XML: unclosed token",
         "cannot read the manifest: Is a directory",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from forge.base.errors import WorkspaceError
 from forge.workspace.conditions import ConditionError, holds
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import Kind
+from forge.workspace.model import DependencyKind
 
 catkin = pytest.importorskip("catkin_pkg.package", reason="catkin_pkg: pip install catkin_pkg")
 conditions = pytest.importorskip("catkin_pkg.condition", reason="catkin_pkg: pip install catkin_pkg")
@@ -134,13 +134,13 @@ class Reading:
 
 
 _LISTS = {
-    "build_depends": Kind.BUILD,
-    "buildtool_depends": Kind.BUILDTOOL,
-    "build_export_depends": Kind.BUILD_EXPORT,
-    "buildtool_export_depends": Kind.BUILDTOOL_EXPORT,
-    "exec_depends": Kind.EXEC,
-    "test_depends": Kind.TEST,
-    "doc_depends": Kind.DOC,
+    "build_depends": DependencyKind.BUILD,
+    "buildtool_depends": DependencyKind.BUILDTOOL,
+    "build_export_depends": DependencyKind.BUILD_EXPORT,
+    "buildtool_export_depends": DependencyKind.BUILDTOOL_EXPORT,
+    "exec_depends": DependencyKind.EXEC,
+    "test_depends": DependencyKind.TEST,
+    "doc_depends": DependencyKind.DOC,
 }
 
 

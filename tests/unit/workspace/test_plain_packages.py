@@ -9,7 +9,7 @@ import pytest
 
 from forge.workspace.cmake_metadata import cmake_dependencies, project_name
 from forge.workspace.discovery import discover
-from forge.workspace.model import Kind, Package, Workspace
+from forge.workspace.model import DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
 from forge.workspace.python_metadata import read_pyproject, read_setup_cfg, read_setup_py
 from tests.packages import manifest_text
@@ -65,11 +65,11 @@ def test_setup_py_is_read_with_the_names_it_binds() -> None:
     assert facts is not None
     assert (facts.name, facts.version) == ("x", "")
     assert [(d.name, *d.kinds) for d in facts.dependencies] == [
-        ("d", Kind.BUILD),
-        ("a", Kind.EXEC),
-        ("b", Kind.EXEC),
-        ("c", Kind.TEST),
-        ("e", Kind.TEST),
+        ("d", DependencyKind.BUILD),
+        ("a", DependencyKind.EXEC),
+        ("b", DependencyKind.EXEC),
+        ("c", DependencyKind.TEST),
+        ("e", DependencyKind.TEST),
     ]
     assert [person.email for person in facts.maintainers] == ["m@x.co", "n@x.co"]
     assert read_setup_py("print('no setup')") is None
@@ -191,7 +191,7 @@ def test_dependencies_come_from_all_cmake_files_but_hidden_ones(tree: Tree) -> N
             "x/.git/no.cmake": "find_package(d)",
         }
     )
-    assert only(root).manifest.names(frozenset({Kind.BUILD})) == ("a", "b", "c")
+    assert only(root).manifest.names(frozenset({DependencyKind.BUILD})) == ("a", "b", "c")
 
 
 def test_a_name_that_is_no_literal_is_the_folders_and_noted(tree: Tree, forge: Forge) -> None:

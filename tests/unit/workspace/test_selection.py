@@ -3,7 +3,7 @@
 import pytest
 
 from forge.base.errors import SelectionError
-from forge.workspace.selection import Query, ignored, select, twin
+from forge.workspace.selection import Query, duplicate_node, ignored, select
 
 NEEDS = {"a": frozenset[str](), "b": frozenset({"a"}), "c": frozenset({"b"}), "d": frozenset[str]()}
 ORDERED = ("a", "d", "b", "c")
@@ -33,8 +33,8 @@ def test_unknown_names_in_select_and_skip_are_warnings() -> None:
     selection, warnings = select(Query(select=("aa",), skip=("x",)), ORDERED, NEEDS)
     assert selection.names == ()
     assert [(w.message, w.hint) for w in warnings] == [
-        ("--packages-select names 'aa', which is not in the workspace", "did you mean 'a'?"),
-        ("--packages-skip names 'x', which is not in the workspace", None),
+        ("--packages-select: no package named 'aa' in the workspace", "did you mean 'a'?"),
+        ("--packages-skip: no package named 'x' in the workspace", None),
     ]
 
 
@@ -101,14 +101,14 @@ def test_ignored_names_are_known_all_the_same() -> None:
     selection, warnings = select(query, ORDERED, NEEDS, known=(*ORDERED, "gone"))
     assert selection.names == ()
     assert [warning.message for warning in warnings] == [
-        "--packages-ignore names 'x', which is not in the workspace",
+        "--packages-ignore: no package named 'x' in the workspace",
         "--packages-ignore-regex 'y' matches no package",
     ]
     assert ignored(query, ["gone", "good", "a"]) == {"gone", "good"}
 
 
 def test_packages_of_one_name_are_selected_together() -> None:
-    other = twin("a", "again")
+    other = duplicate_node("a", "again")
     needs = {
         "a": frozenset[str](),
         other: frozenset({"d"}),

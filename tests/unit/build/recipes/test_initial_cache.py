@@ -8,7 +8,7 @@ from forge import __version__
 from forge.base.layout import Layout
 from forge.build.recipes.context import BuildContext
 from forge.build.recipes.initial_cache import initial_cache, manifest_variables
-from forge.workspace.model import Dependency, Export, Kind, Manifest, Person
+from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
 
 KITCHEN = BuildContext(
     root=Path("/ws"),
@@ -40,8 +40,8 @@ def test_a_manifest_becomes_its_variables() -> None:
         description="",
         build_type="ament_cmake",
         dependencies=(
-            Dependency("a", frozenset({Kind.BUILD, Kind.EXEC}), (("gte", "1.0"),)),
-            Dependency("b", frozenset({Kind.TEST})),
+            Dependency("a", frozenset({DependencyKind.BUILD, DependencyKind.EXEC}), (("gte", "1.0"),)),
+            Dependency("b", frozenset({DependencyKind.TEST})),
         ),
         path=Path("package.xml"),
         maintainers=(Person("Some Body", "some@body.org"), Person("No Mail")),
