@@ -87,8 +87,8 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             session.report.launcher_summaries = opened.launcher_stats.finish()
             _report_results(plan, build, opened)
     _report_conflicts(plan, build, state)
-    code = session.report.exit_code
-    return code if build.audit is None else code or _report_audit(build.audit, plan, build, state)
+    untracked = _report_audit(build.audit, plan, build, state) if build.audit else 0
+    return session.report.exit_code or untracked
 
 
 @frozen

@@ -67,7 +67,7 @@ def test_files_that_nobody_declared_are_named(forge: Forge, tree: Tree, tmp_path
         "  hint: set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS FILE) lets forge track it",
         f"a: read {tmp_path}/outside/made.txt (build step, by cat)",
         "  hint: add_custom_command(... DEPENDS FILE) lets forge track it",
-        "audit: of 1 package, 1 uses 2 paths that forge does not track",
+        "audit: 1 of 1 package uses 2 paths that forge does not track",
     ]
     assert not (root / "build/.forge_audit").exists()
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"
-CHECKS = HERE.parent / "unit" / "interfaces" / "cpp"
+CHECKS = HERE.parent / "integration" / "interfaces" / "cpp"
 EXAMPLES = int(os.environ.get("FORGE_CDR_EXAMPLES", "5"))
 MUTATIONS = int(os.environ.get("FORGE_CDR_MUTATIONS", "5000"))
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if MUTATIONS > 100_000 else ()

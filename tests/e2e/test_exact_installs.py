@@ -233,7 +233,7 @@ def test_scripts_of_the_workspace_come_back(forge: Forge, tree: Tree, options: t
     build(forge, root, *options)
     before = look(root / "install")
     scripts = sorted(path for path in (root / "install").iterdir() if "setup." in path.name)
-    assert len(scripts) == 10
+    assert len(scripts) == 8
     for path in scripts:
         path.unlink()
         assert "Starting" not in build(forge, root, *options).out
