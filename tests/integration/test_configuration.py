@@ -115,7 +115,7 @@ def test_mixins_come_before_the_command_line_and_give_way_to_its_single_values(
     )
     assert listed(forge, root, "--mixin", "only-a") == "a"
     told = listed(forge, root, "--mixin", "both", "--packages-skip", "a", "--strict")
-    assert "names 'c'" in told
+    assert "no package named 'c'" in told
     assert listed(forge, root, "--mixin", "only-a", "--packages-skip", "a", "--since", "v2") == ""
     assert "mixins include each other: round -> round" in listed(forge, root, "--mixin", "round")
     told = listed(forge, root, "--mixin", "only-b")
