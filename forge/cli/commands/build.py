@@ -35,13 +35,16 @@ from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from forge.base.layout import Layout
     from forge.build.audit.tracing import Audit
+    from forge.build.recipes.context import BuildContext
+    from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
     from forge.cli.main import Parser
+    from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
 
@@ -88,18 +91,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         lock_build_dir(layout.build, wait=not options.folders.no_wait),
         closing(open_state(root, layout, interpreter)) as state,
     ):
-        snapshot = take_snapshot(root, loaded.packages.values(), layout, state.journal, state.table)
-        shared_inputs, named_inputs = global_inputs(options, loaded, context, variables)
-        plan, hashes = make_whole_plan(
-            names,
-            loaded.resolution,
-            snapshot,
-            context,
-            shared_inputs,
-            state.merged_prefix.packages_to_reinstall,
-        )
-        named_inputs.save()
-        state.confirm_up_to_date(plan, snapshot, hashes)
+        plan = _make_plan(options, loaded, names, context, variables, state)
         check_plan(plan, loaded, context, variables, mode.warn)
         if plan.tasks or not mode.silent_if_up_to_date:
             _print_plan(plan, options, loaded.packages)
@@ -117,6 +109,27 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
 
         prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
         return run_plan(plan, prepared, state)
+
+
+def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)
+    options: BuildOptions,
+    loaded: LoadedWorkspace,
+    names: Sequence[str],
+    context: BuildContext,
+    variables: Mapping[str, str],
+    state: BuildState,
+) -> BuildPlan:
+    """Compare inputs with the journal; returns the tasks to run, and records what is up to date."""
+    snapshot = take_snapshot(
+        context.root, loaded.packages.values(), context.layout, state.journal, state.table
+    )
+    shared_inputs, named_inputs = global_inputs(options, loaded, context, variables)
+    plan, hashes = make_whole_plan(
+        names, loaded.resolution, snapshot, context, shared_inputs, state.merged_prefix.packages_to_reinstall
+    )
+    named_inputs.save()
+    state.confirm_up_to_date(plan, snapshot, hashes)
+    return plan
 
 
 def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> Audit | None:
