@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs("cmake", "g++")
 
-EXAMPLES = int(os.environ.get("FORGE_TEST_SEQUENCES", "5"))
+EXAMPLES = int(os.environ.get("FORGE_TEST_SEQUENCES", "3"))
 """How many sequences each of the four tests tries; `make soak` asks for many."""
 SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 

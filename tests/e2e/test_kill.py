@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
 
-KILLS = int(os.environ.get("FORGE_TEST_KILLS", "2"))
+KILLS = int(os.environ.get("FORGE_TEST_KILLS", "1"))
 """How often each test kills; `make soak` asks for many."""
 SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
 

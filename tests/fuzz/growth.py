@@ -130,6 +130,8 @@ _YAML: Final = (
     Shape("explicit keys", b"? ", b""),
     Shape("unknown options", b"  k%d: 1\n", b"build:\n"),
 )
+_FLAT_YAML: Final = tuple(shape for shape in _YAML if shape.name != "nested in line")
+"""One parser reads all YAML, and it takes seconds for what is nested so deeply."""
 _TOML: Final = (
     Shape("keys", b"k%d = 1\n"),
     Shape("tables", b"[k%d]\n"),
@@ -174,9 +176,9 @@ SHAPES: Final[dict[str, tuple[Shape, ...]]] = {
     ),
     "defaults": _YAML,
     "forge-toml": _TOML,
-    "metas": (*_YAML, Shape("names", b"  n%d: {a: 1}\n", b"names:\n")),
-    "colcon-pkg": _YAML,
-    "mixin": (*_YAML,),
+    "metas": (*_FLAT_YAML, Shape("names", b"  n%d: {a: 1}\n", b"names:\n")),
+    "colcon-pkg": _FLAT_YAML,
+    "mixin": _FLAT_YAML,
     "cmake-lists": (
         Shape("open projects", b"project(a "),
         Shape("projects", b"project(a)\n"),

@@ -27,25 +27,23 @@ class _Guard:
     def __init__(self) -> None:
         self.active = False
         self.violations: list[str] = []
-        self.earlier_threads: frozenset[int | None] = frozenset()
 
     def __call__(self, event: str, arguments: tuple[object, ...]) -> None:
         if not self.active or (event not in _PROGRAMS and event != _NETWORK):
             return
         if event == _NETWORK and not isinstance(arguments[1], tuple):  # a Unix domain socket
             return
-        if threading.get_ident() in self.earlier_threads:
+        in_main_thread = threading.current_thread() is threading.main_thread()
+        if event == _NETWORK and not in_main_thread:
             return  # of a library that an earlier test in this process has used, such as Dask
         frames = [frame for frame in traceback.extract_stack()[:-1] if frame.filename.startswith(_HERE)]
         line = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
         self.violations.append(f"{line}{event} {arguments!r}")
-        if threading.current_thread() is threading.main_thread():
+        if in_main_thread:
             raise PermissionError(event)  # not in other threads, for which a test may wait
 
     def watch(self) -> Generator[None, object, object]:
         """Watch one phase of a test, and fail it even if the tested code handled the error."""
-        threads = {thread.ident for thread in threading.enumerate()}
-        self.earlier_threads = frozenset(threads - {threading.main_thread().ident})
         self.active = True
         try:
             return (yield)
