@@ -16,7 +16,7 @@ help:
 	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
 	@echo "make scale   list, order, build 5,000 packages and chains of 3,000, generate 20,000 interfaces: 25 minutes"
 	@echo "make soak    build after long random edits, many kills and faults, compare with clean builds"
-	@echo "make peers   install colcon, rosdep, rosbags and mcap-ros2-support, which tests and bench compare forge with"
+	@echo "make peers   install colcon, rosdep, rosbags, mcap-ros2-support and EmPy, which tests and bench compare forge with"
 	@echo "make lint    check style and format"
 	@echo "make types   check types"
 	@echo "make bench   measure forge beside its peers and write docs/benchmarks.md; ONLY=cold one scenario"
@@ -102,10 +102,13 @@ clean:
 	.venv-cmake/bin/python -m pip install --quiet 'cmake==3.18.4.post1'
 	@touch $@
 
-# colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py.
+# colcon pins old tools of Python packaging: it lives apart, and tests find it by tests/conftest.py. EmPy is there
+# twice, in the versions that ROS distributions use.
 .venv-peers/.ready:
 	$(PYTHON) -m venv .venv-peers
 	.venv-peers/bin/python -m pip install --quiet colcon-common-extensions rosdep rosbags mcap-ros2-support
+	.venv-peers/bin/python -m pip install --quiet --target .venv-peers/empy-3 'empy==3.3.4'
+	.venv-peers/bin/python -m pip install --quiet --target .venv-peers/empy-4 'empy==4.2.1'
 	@touch $@
 
 # Debian's own ament, rosidl and Fast-CDR, unpacked and not installed; on other systems nothing comes.

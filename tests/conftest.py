@@ -21,6 +21,7 @@ from hypothesis import HealthCheck, settings
 from forge.base.files import write_if_changed
 from forge.cli.main import main
 from tests.generated import generate, importable, probe_catalog
+from tests.rosidl import DEBIAN, EMPY, MODULES
 
 # A suite that was started in the background, or below nohup, ignores these, and what it starts would, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -46,6 +47,9 @@ collect_ignore = ["golden"]
 GOLDEN = Path(__file__).parent / "golden"
 
 REMEDIES = {
+    **{str(path): "make peers" for path in EMPY.values()},
+    str(DEBIAN): "make debian-peers",
+    str(MODULES / "rosidl_parser"): "make debian-peers",
     "/usr/include/fastcdr/Cdr.h": "apt-get install libfastcdr-dev",
     "/usr/sbin/nginx": "apt-get install nginx-light",
     "bash": "apt-get install bash",

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT
+from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, UNITS_FAILED_FILE
 from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, read_json, written_since
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.inputs.native_graph import read_by_cmake, read_native_graph
@@ -214,7 +214,9 @@ def _begin_empty(build: Path, decision: Decision) -> None:
     if build.is_dir() and not build.is_symlink():
         build.rename(target)
     build.mkdir(parents=True, exist_ok=True)
-    for name in _KEPT:
+    # A build that reuses nothing tries again whether generated sources compile together.
+    kept = (*_KEPT, UNITS_FAILED_FILE) if decision.reuse is Reuse.PRODUCTS else _KEPT
+    for name in kept:
         with contextlib.suppress(FileNotFoundError):
             (target / name).rename(build / name)
     if decision.reuse is Reuse.PRODUCTS:

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import json
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
 from forge.base.layout import COMPILE_COMMANDS
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Iterator
+
+_UNIT = "/Unity/unity_"
+"""In the paths of the files that CMake writes to compile several sources at once."""
+_INCLUDED = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 
 
 def merge_compile_commands(build: Path, *, force: bool = False) -> bool:
     """Join the packages' files into `build`/compile_commands.json; return True if it was written.
 
-    Nothing is read if no package's file is newer, except with `force`, which is needed after a package was
-    removed. Files are joined as text, since they may be large.
+    Nothing is read if no package was configured since, except with `force`, needed after a package was
+    removed. Files are joined as text, since they may be large; only those with units are parsed.
     """
     target = build / COMPILE_COMMANDS
     sources = sorted(build.glob(f"*/{COMPILE_COMMANDS}"))
@@ -24,14 +31,43 @@ def merge_compile_commands(build: Path, *, force: bool = False) -> bool:
         return False
     if not force and target.is_file():
         made = target.stat().st_mtime_ns
-        if all(part.stat().st_mtime_ns <= made for part in sources):
+        if all(_configured(part) <= made for part in sources):
             return False
     bodies = (_body(part.read_text(encoding="utf-8", errors="surrogateescape")) for part in sources)
     text = "[\n" + ",\n".join(filter(None, bodies)) + "\n]\n"
     return write_if_changed(target, text)
 
 
+def _configured(part: Path) -> int:
+    """Return the time, in ns, of a package's last configure run, which may change only its units."""
+    cache = part.with_name("CMakeCache.txt")
+    return max(path.stat().st_mtime_ns for path in (part, cache) if path.exists())
+
+
 def _body(text: str) -> str:
     """Return the text between the brackets of a list, or '' if the file is incomplete."""
     text = text.strip()
-    return text[1:-1].strip("\r\n ") if text.startswith("[") and text.endswith("]") else ""
+    if not (text.startswith("[") and text.endswith("]")):
+        return ""
+    if _UNIT in text:
+        try:
+            entries = [each for entry in json.loads(text) for each in _sources(entry)]
+        except (ValueError, TypeError, AttributeError, RecursionError):  # no list of objects
+            return ""
+        text = json.dumps(entries, indent=2)
+    return text[1:-1].strip("\r\n ")
+
+
+def _sources(entry: dict[str, str]) -> Iterator[dict[str, str]]:
+    """Yield an entry for each source of a unit, which editors look for; yield any other entry unchanged."""
+    unit = entry.get("file", "")
+    if _UNIT not in unit:
+        yield entry
+        return
+    try:
+        text = Path(unit).read_text(encoding="utf-8", errors="surrogateescape")
+    except OSError:
+        return
+    for source in _INCLUDED.findall(text):
+        command = entry.get("command", "").replace(unit, source)
+        yield {"directory": entry.get("directory", ""), "command": command, "file": source}

@@ -65,6 +65,10 @@ class CMakeOptions:
     cmake_target_skip_unavailable: bool = option(
         "ignore packages without the target of --cmake-target", default=False
     )
+    no_fast_rosidl: bool = option(
+        "let the ROS distribution's rosidl start each generator anew and compile each source on its own",
+        default=False,
+    )
     catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), takes_options=True, metavar="ARG")
     catkin_skip_building_tests: bool = option(_NO_EFFECT, default=False)
 

@@ -7,14 +7,15 @@ import sys
 from contextlib import closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import own_cache
+from forge.base.env_vars import compiled_templates, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR
+from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR, TEMPLATES_DIR
 from forge.build.cleaning import stale_package_warnings
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.referenced_inputs import named_by
 from forge.build.recipes.cmake import common_arguments
+from forge.build.recipes.fast_rosidl import is_accelerated
 from forge.build.recording import PackageRecorder
 from forge.build.up_to_date import relevant_environment
 from forge.cli.options import displayed
@@ -111,7 +112,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
     with (
         _connection(build) as connection,
         # Reads of a worker belong to no step: under an audit each generator is a separate process.
-        nullcontext({}) if audit else mode.worker(plan) as worker_variables,
+        nullcontext({}) if audit else _worker(plan, build) as worker_variables,
         closing(_job_pool(plan, build, launcher_stats)) as job_pool,
         _session(plan, build, state) as session,
         sample_usage(wanted=options.timings) as sampler,
@@ -147,6 +148,17 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             slots = options.jobs.parallel_workers or connection.cluster.slots
         session.json_events.announce(seconds=state.seconds())
         yield _Opened(session, runner, _scheduler(plan, build, state, slots), launcher_stats, sampler, cache)
+
+
+def _worker(plan: BuildPlan, build: PreparedBuild) -> AbstractContextManager[dict[str, str]]:
+    """Return a context that yields the variables for the worker of interface packages."""
+    context, variables = build.context, build.variables
+    if not any(is_accelerated(task.package, context) for task in plan.tasks.values()):
+        return build.mode.worker(plan)
+    from forge.execution.rosidl.start import rosidl_worker  # noqa: PLC0415  (only for interface packages)
+
+    cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
+    return rosidl_worker(context.python, cache, without_secrets(variables))
 
 
 def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:

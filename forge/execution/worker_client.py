@@ -1,6 +1,8 @@
 """Run forge, or with '-m' one of its modules, in the worker named by FORGE_WORKER, else in this process.
 
-This file is a program started without site-packages; it imports as little as possible.
+After '--generator', run the command line of any program: in the worker named by FORGE_ROSIDL_WORKER if it is
+one of rosidl's generators, else in this process. This file is a program started without site-packages; it
+imports as little as possible.
 """
 
 import os
@@ -8,10 +10,18 @@ import socket
 import sys
 
 WORKER_VARIABLE = "FORGE_WORKER"
+ROSIDL_WORKER_VARIABLE = "FORGE_ROSIDL_WORKER"
+
+DECLINED = 255
+"""The exit code of a command that the worker leaves to its client."""
+DECLINED_PREFIX = "forge: runs "
+"""The start of the line that says why."""
 
 
 def main(argv: "list[str]") -> int:
     """Run the arguments in the worker and return the exit code; without a worker, execute forge."""
+    if argv[:1] == ["--generator"]:
+        return _generate(argv[1:])
     address = os.environ.get(WORKER_VARIABLE)
     if address:
         try:
@@ -33,6 +43,19 @@ def receive_exactly(connection: socket.socket, size: int) -> bytes:
             raise OSError("the connection ended")
         received += chunk
     return received
+
+
+def _generate(argv: "list[str]") -> int:
+    """Run a generator in its worker if possible, and any other program in this process."""
+    address = os.environ.get(ROSIDL_WORKER_VARIABLE)
+    if address and ("--generator-arguments-file" in argv[:-1] or argv[1:] == ["setup.py", "egg_info"]):
+        try:
+            code = _ask(address, argv)
+        except OSError:
+            code = DECLINED
+        if code != DECLINED:
+            return code
+    return os.execvp(argv[0], argv)  # noqa: S606  (no shell is wanted)
 
 
 def _ask(address: str, argv: "list[str]") -> int:

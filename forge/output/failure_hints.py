@@ -15,6 +15,7 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
 from forge.build.inputs.fingerprints import own_files
+from forge.execution.worker_client import DECLINED_PREFIX
 from forge.workspace.cmake_metadata import targets
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS
@@ -84,7 +85,7 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
     plain = [_COLOUR.sub("", line.rstrip("\r\n")) for line in output]
     for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
         for index, line in enumerate(plain):
-            if pattern.search(line):
+            if pattern.search(line) and not line.startswith(DECLINED_PREFIX):
                 first, *rest = _block(plain, index, extent)
                 first = _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), first)
                 return FirstError((first, *rest), pattern is _INTERFACE)

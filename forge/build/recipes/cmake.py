@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
+from forge.build.recipes import fast_rosidl
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 
@@ -35,13 +37,23 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     """Return the steps for an ament_cmake package; AMENT_CMAKE_SYMLINK_INSTALL selects symlinks."""
     links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0")
     arguments = (*context.cmake_args, *context.ament_cmake_args)
-    return _recipe(package, context, arguments, (links, *_test_results(context)))
+    entries = (links, *_test_results(context))
+    if not fast_rosidl.is_accelerated(package, context):
+        return _recipe(package, context, arguments, entries)
+    folder = scratch_folder(context.layout.build_dir(package.name))
+    recipe = _recipe(package, context, arguments, (*entries, *fast_rosidl.cache_entries(folder)))
+    steps = (
+        replace(step, argv=fast_rosidl.build_argv(folder, step.argv)) if step.kind is StepKind.BUILD else step
+        for step in recipe.steps
+    )
+    return Recipe(tuple(steps), (*recipe.files, *fast_rosidl.files(folder, context)))
 
 
 def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     test_results = (value for _, value in _test_results(context))
-    return (*plain_options(package, context), *test_results, *context.ament_cmake_args)
+    fast = ("fast rosidl",) if fast_rosidl.is_accelerated(package, context) else ()
+    return (*plain_options(package, context), *test_results, *context.ament_cmake_args, *fast)
 
 
 def common_arguments(context: BuildContext) -> tuple[str, ...]:

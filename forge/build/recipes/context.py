@@ -47,6 +47,8 @@ class BuildContext:
     ament_cmake_args: tuple[str, ...] = ()
     launcher: Path | None = None
     """The compiler launcher, for example ccache."""
+    generator_launcher: tuple[str, ...] = ()
+    """The argv prefix for the generators of a distribution's rosidl; empty to run them as they are."""
     test_results: Path | None = None
     """The folder for the results of ament tests, instead of the build folders."""
     force_configure: bool = False

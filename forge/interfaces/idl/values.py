@@ -43,6 +43,8 @@ def read_expression(tree: Tree[Token]) -> Expression:
     match tree.data:
         case "signed":
             return _signed(str(tree.children[0]), read_expression(cast("Tree[Token]", tree.children[1])))
+        case "group":
+            return read_expression(cast("Tree[Token]", tree.children[0]))
         case "number":
             return _number(str(token), offset)
         case "texts":

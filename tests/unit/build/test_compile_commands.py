@@ -43,3 +43,46 @@ def test_it_is_written_only_when_a_part_changed(tree: Tree) -> None:
     (root / "b/compile_commands.json").unlink()
     assert not merge_compile_commands(root)
     assert not (root / "compile_commands.json").exists()
+
+
+def test_the_sources_of_a_unit_have_entries_of_their_own(tree: Tree) -> None:
+    root = tree({"a/Unity/unity_0_c.c": '/* generated */\n\n#include "/g/one.c"\n\n#include "/g/two.c"\n'})
+    unit = f"{root}/a/Unity/unity_0_c.c"
+    entries = [
+        {"directory": "/b", "command": f"cc -c {unit} -o unit.o", "file": unit, "output": "unit.o"},
+        {"directory": "/b", "command": "cc -c own.c", "file": "own.c"},
+    ]
+    (root / "a/compile_commands.json").write_text(json.dumps(entries))
+    assert merge_compile_commands(root)
+    assert json.loads((root / "compile_commands.json").read_text()) == [
+        {"directory": "/b", "command": "cc -c /g/one.c -o unit.o", "file": "/g/one.c"},
+        {"directory": "/b", "command": "cc -c /g/two.c -o unit.o", "file": "/g/two.c"},
+        entries[1],
+    ]
+
+
+def test_sources_that_join_a_unit_get_entries(tree: Tree) -> None:
+    root = tree({"a/Unity/unity_0_c.c": '#include "/g/one.c"\n', "a/CMakeCache.txt": ""})
+    unit = f"{root}/a/Unity/unity_0_c.c"
+    entry = {"directory": "/b", "command": f"cc -c {unit}", "file": unit}
+    (root / "a/compile_commands.json").write_text(json.dumps([entry]))
+    assert merge_compile_commands(root)
+    (root / "a/Unity/unity_0_c.c").write_text('#include "/g/one.c"\n#include "/g/two.c"\n')
+    later = (root / "compile_commands.json").stat().st_mtime_ns + 10**9
+    os.utime(root / "a/CMakeCache.txt", ns=(later, later))
+    assert merge_compile_commands(root)
+    named = [entry["file"] for entry in json.loads((root / "compile_commands.json").read_text())]
+    assert named == ["/g/one.c", "/g/two.c"]
+
+
+def test_damaged_lists_with_units_are_left_out(tree: Tree) -> None:
+    root = tree(
+        {
+            "a/compile_commands.json": '["/Unity/unity_0_c.c"]',
+            "b/compile_commands.json": '[{"file": "/Unity/unity_0_c.c"}, ]',
+            "c/compile_commands.json": '[{"file": "/missing/Unity/unity_0_c.c"}]',
+            "d/compile_commands.json": '[{"file": "1"}]',
+        }
+    )
+    assert merge_compile_commands(root)
+    assert json.loads((root / "compile_commands.json").read_text()) == [{"file": "1"}]

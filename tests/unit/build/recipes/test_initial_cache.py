@@ -10,7 +10,7 @@ from forge.build.recipes.context import BuildContext
 from forge.build.recipes.initial_cache import initial_cache, manifest_variables
 from forge.workspace.model import Dependency, DependencyKind, Export, Manifest, Person
 
-KITCHEN = BuildContext(
+CONTEXT = BuildContext(
     root=Path("/ws"),
     layout=Layout(Path("/ws/build"), Path("/ws/install"), None),
     python=Path("/opt/my python/bin/python3"),
@@ -21,7 +21,7 @@ KITCHEN = BuildContext(
 
 
 def test_the_initial_cache_names_python_forge_and_the_manifest() -> None:
-    text = initial_cache(KITCHEN, Path("/ws/build/p/.forge/manifest.cmake"))
+    text = initial_cache(CONTEXT, Path("/ws/build/p/.forge/manifest.cmake"))
     for line in (
         'set(Python3_EXECUTABLE "/opt/my python/bin/python3" CACHE FILEPATH',
         'set(PYTHON_INSTALL_DIR "lib/python3.11/site-packages" CACHE STRING',

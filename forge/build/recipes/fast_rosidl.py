@@ -1,0 +1,71 @@
+"""Steps and files by which a distribution's own rosidl builds interface packages faster; pure."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING
+
+from forge.base.layout import UNITS_FAILED_FILE
+from forge.workspace.resolve import INTERFACE_GROUP
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.build.recipes.context import BuildContext
+    from forge.workspace.model import Package
+
+_BATCH_SIZE = 64
+"""Sources per compiled unit: headers weigh little, and a unit needs less than twice the memory of one source.
+
+A package has eight targets or so, so even a small one has enough units for eight processors.
+"""
+
+_BUILD = r"""[ -e "$0" ] && exec "$@"
+"$@" && exit
+code=$?
+[ -e "$0" ] || exit "$code"
+echo "forge: the generated sources do not compile together; compiling them one by one" >&2
+"$1" "$3" && exec "$@"
+"""
+"""Builds, and builds again without units if one could not be compiled. $0 is the marker of that."""
+
+
+def is_accelerated(package: Package, context: BuildContext) -> bool:
+    """Tell whether a package generates interfaces with rosidl, and the user did not opt out."""
+    return bool(context.generator_launcher) and INTERFACE_GROUP in package.manifest.groups
+
+
+def cache_entries(folder: Path) -> Pairs:
+    """Return the CMake variables that include the file in forge's folder of a build folder."""
+    return (("CMAKE_PROJECT_INCLUDE", str(_include(folder))),)
+
+
+def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
+    """Return the files that CMake and its rules use, to be written into that folder."""
+    from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
+    from forge.build.recipes.initial_cache import quoted  # noqa: PLC0415  (as above)
+
+    marker, script = _marker(folder), folder / "compile_unit.sh"
+    include = render(
+        "cmake/fast_rosidl.cmake.j2",
+        marker=quoted(str(marker)),
+        batch_size=_BATCH_SIZE,
+        compile_launcher=quoted(shlex.join(("sh", str(script), str(marker)))),
+        launcher_program=quoted(context.generator_launcher[0]),
+        generator_launcher=quoted(shlex.join(context.generator_launcher)),
+    )
+    return (_include(folder), include), (script, render("cmake/compile_unit.sh.j2"))
+
+
+def build_argv(folder: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the command line of the build step for `argv`, which is `cmake --build FOLDER ...`."""
+    return ("sh", "-c", _BUILD, str(_marker(folder)), *argv)
+
+
+def _include(folder: Path) -> Path:
+    return folder / "fast_rosidl.cmake"
+
+
+def _marker(folder: Path) -> Path:
+    return folder.parent / UNITS_FAILED_FILE

@@ -1,0 +1,142 @@
+"""A process that imports its modules once and then forks for each command that a client asks for.
+
+The child runs the command with the client's working directory, environment and output. The server ends when
+its stdin is closed, that is, whenever the build ends that started it. Uses the standard library only, so that
+any interpreter can run it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
+from forge.execution.worker_client import receive_exactly
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+
+@frozen
+class Call:
+    """A command line with its absolute working directory and its whole environment."""
+
+    argv: list[str]
+    cwd: str
+    environment: dict[str, str]
+
+
+@contextlib.contextmanager
+def started_server(
+    argv: Callable[[str], Sequence[str]], environment: Mapping[str, str] | None = None
+) -> Iterator[str]:
+    """Start the server whose command line `argv` returns for a socket's path; yield that path.
+
+    The server is stopped at the end of the block.
+    """
+    with tempfile.TemporaryDirectory(prefix="forge-") as folder:
+        address = str(Path(folder) / "worker")
+        process = subprocess.Popen(
+            argv(address),
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            yield address
+        finally:
+            assert process.stdin is not None  # noqa: S101  (stdin=PIPE)
+            process.stdin.close()
+            process.wait()
+
+
+def serve(
+    address: str,
+    run: Callable[[Call], int],
+    load: Callable[[], object] = lambda: None,
+    prepare: Callable[[Call], object] = lambda _: None,
+) -> int:
+    """Serve calls until stdin is closed; `run` runs one in a fork and returns the exit code.
+
+    `load` is called once clients can connect, and `prepare` before each fork, in this process.
+    """
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(address)
+        listener.listen(64)
+        load()
+        # The kernel reaps children, because nothing waits for them.
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+        while True:
+            ready, _, _ = select.select([listener, sys.stdin], [], [])
+            if sys.stdin in ready:
+                return 0
+            connection, _ = listener.accept()
+            with connection, contextlib.suppress(OSError, ValueError):
+                call, descriptors = _receive(connection)
+                prepare(call)
+                if os.fork() == 0:
+                    listener.close()
+                    os._exit(_answer(connection, call, descriptors, run))
+                for descriptor in descriptors:
+                    os.close(descriptor)
+
+
+def _receive(connection: socket.socket) -> tuple[Call, list[int]]:
+    size, descriptors, _, _ = socket.recv_fds(connection, 4, 2)
+    call = json.loads(receive_exactly(connection, int.from_bytes(size, "big")))
+    return Call(call["argv"], call["cwd"], call["environment"]), descriptors
+
+
+def _answer(connection: socket.socket, call: Call, descriptors: list[int], run: Callable[[Call], int]) -> int:
+    """Run a call in this forked process and send its exit code to the client."""
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    for target, descriptor in enumerate(descriptors, start=1):
+        os.dup2(descriptor, target)
+    _end_with(connection, call.environment.get(BUILD_FOLDER_VARIABLE))
+    os.chdir(call.cwd)
+    os.environ.clear()
+    os.environ.update(call.environment)
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  (until the process ends)
+    sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    try:
+        code = run(call)
+    except SystemExit as leaving:
+        code = leaving.code if isinstance(leaving.code, int) else 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    connection.sendall(bytes([code]))
+    return 0
+
+
+def _end_with(connection: socket.socket, folder: str | None) -> None:
+    """Kill this process group when the client disconnects.
+
+    If the client belongs to a build, note the process, so that the next build in that folder can kill it
+    otherwise.
+    """
+
+    def check_connection(_number: int, _frame: object) -> None:
+        with contextlib.suppress(BlockingIOError):
+            if not connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT):
+                os.killpg(0, signal.SIGKILL)
+
+    os.setpgid(0, 0)
+    if folder:
+        # It could not be identified after the end of the server.
+        StartedProcesses(Path(folder)).note(os.getpid())
+    signal.signal(signal.SIGIO, check_connection)
+    fcntl.fcntl(connection, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(connection, fcntl.F_SETFL, fcntl.fcntl(connection, fcntl.F_GETFL) | os.O_ASYNC)

@@ -1,0 +1,217 @@
+"""Run a distribution's interface generators in a warm process, which imports and parses once for all of them.
+
+Runs in the workspace's interpreter. What all generators share is loaded before the fork: EmPy, rosidl_parser
+and the parsed .idl files of the package. Each generator runs in a fork, so that none sees what another did.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import importlib.machinery
+import json
+import os
+import runpy
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import ModuleType
+
+    from forge.execution.rosidl.idl_trees import IdlTrees
+
+ARGUMENTS_OPTION = "--generator-arguments-file"
+"""What every generator of rosidl is called with, followed by a JSON file."""
+
+SETUP = ["setup.py", "egg_info"]
+"""The program by which ament_cmake_python describes a package."""
+
+_LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
+_HELPERS = ("rosidl_pycommon", "rosidl_cmake")
+"""What generators import; which of the helpers exists depends on the distribution."""
+
+_PROBES = Path(__file__).with_name("probes")
+"""Files with every construct that the fast parser supports."""
+
+
+class DeclinedError(Exception):
+    """The command has to run in a process of its own, for the reason in the message."""
+
+
+class Generators:
+    """What the generators of all packages share, and the parsed .idl files of one package."""
+
+    def __init__(self, grammar: Path, cache: Path | None) -> None:
+        """Store forge's grammar of .idl files, and the folder for what can be kept across builds."""
+        self._grammar = grammar
+        self._cache = cache
+        self._path = list(sys.path)
+        self._modules: dict[str, ModuleType] = {}
+        self._accelerated = False
+        self._arguments_file = ""
+        self._contents: dict[str, tuple[tuple[int, int], Any]] = {}
+
+    def prepare(self, argv: list[str], environment: dict[str, str]) -> None:
+        """Before the fork: import what is shared, and parse the .idl files of a generator's arguments.
+
+        Whatever fails here is left to the fork, where it fails again.
+        """
+        with contextlib.suppress(Exception), self._search_path(environment):
+            if argv[1:] == SETUP:
+                self._import("setuptools")
+                return
+            if not self._accelerated:
+                self._import(*_LIBRARIES)
+                self._accelerate()
+                self._import(*_HELPERS)
+            arguments_file = argv[argv.index(ARGUMENTS_OPTION) + 1]
+            if Path(arguments_file).parent != Path(self._arguments_file).parent:
+                self._contents.clear()
+            self._arguments_file = arguments_file
+            self._parse(arguments_file)
+
+    def run(self, argv: list[str], environment: dict[str, str]) -> None:
+        """In the fork: run `python PROGRAM ...`; raises DeclinedError unless it succeeds."""
+        program = argv[1]
+        sys.path[:] = [str(Path(program).resolve().parent), *self._entries(environment), *self._path]
+        self._check_origins()
+        sys.argv[:] = argv[1:]
+        try:
+            runpy.run_path(program, run_name="__main__")
+        except SystemExit as leaving:
+            if leaving.code:
+                raise DeclinedError(f"it ended with {leaving.code}") from None
+        except Exception as error:
+            raise DeclinedError(f"{type(error).__name__}: {error}") from error
+
+    def _accelerate(self) -> None:
+        """Make EmPy and rosidl_parser faster, once in this process."""
+        from forge.execution.rosidl.idl_trees import IdlTrees  # noqa: PLC0415  (needs lark)
+        from forge.execution.rosidl.templates import CompiledTemplates, install  # noqa: PLC0415  (as above)
+
+        self._accelerated = True
+        em, parser = self._modules["em"], self._modules["rosidl_parser.parser"]
+        install(em, CompiledTemplates(em, self._cache))
+        trees = IdlTrees(self._grammar)
+        if self._is_same_parser(trees, parser):
+            _parse_trees_with(trees, parser)
+        self._share_contents(parser)
+
+    def _import(self, *names: str) -> None:
+        for name in names:
+            with contextlib.suppress(ImportError):
+                self._modules[name] = importlib.import_module(name)
+
+    @contextlib.contextmanager
+    def _search_path(self, environment: dict[str, str]) -> Iterator[None]:
+        before = list(sys.path)
+        sys.path[:0] = self._entries(environment)
+        try:
+            yield
+        finally:
+            sys.path[:] = before
+
+    @staticmethod
+    def _entries(environment: dict[str, str]) -> list[str]:
+        return [entry for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]
+
+    def _check_origins(self) -> None:
+        """Raise DeclinedError if the package would import one of the shared modules from elsewhere."""
+        for name, module in self._modules.items():
+            top, _, _ = name.partition(".")
+            found = importlib.machinery.PathFinder.find_spec(top)
+            if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
+                raise DeclinedError(f"it imports another {top} than {module.__file__}")
+
+    def _parse(self, arguments_file: str) -> None:
+        parser: Any = self._modules["rosidl_parser.parser"]
+        locator: Any = self._modules["rosidl_parser.definition"]
+        for pair in json.loads(Path(arguments_file).read_bytes()).get("idl_tuples", ()):
+            found = locator.IdlLocator(*pair.rsplit(":", 1))
+            path = str(found.get_absolute_path())
+            signature = _signature(path)
+            if path not in self._contents or self._contents[path][0] != signature:
+                self._contents.pop(path, None)
+                self._contents[path] = signature, parser.parse_idl_file(found)
+
+    def _share_contents(self, parser: Any) -> None:
+        parse = parser.parse_idl_file
+
+        def parse_idl_file(locator: Any, png_file: str | None = None) -> Any:
+            # Whoever asks a second time gets another object, as always: the first may have been changed.
+            path = str(locator.get_absolute_path())
+            signature, content = self._contents.pop(path, (None, None))
+            if png_file is None and signature is not None and signature == _signature(path):
+                return content
+            return parse(locator, png_file)
+
+        parser.parse_idl_file = parse_idl_file
+
+    def _is_same_parser(self, trees: IdlTrees, parser: Any) -> bool:
+        """Tell whether the fast trees give the results of this rosidl_parser, for all probes."""
+        names = ("parse_idl_string", "get_ast_from_idl_string", "extract_content_from_ast", "grammar_file")
+        if not all(hasattr(parser, name) for name in names):
+            return False
+        probes = sorted(_PROBES.glob("*.idl"))
+        definition, lark = self._modules["rosidl_parser.definition"], self._modules["lark"]
+        digest = hashlib.sha256(f"{lark.__version__} {sys.version}".encode())
+        own = Path(__file__)
+        sources = (parser.__file__, definition.__file__, parser.grammar_file, own, self._grammar, *probes)
+        for source in (*sources, own.with_name("idl_trees.py")):
+            digest.update(Path(source or "").read_bytes())
+        known = self._cache / f"{digest.hexdigest()}.parser" if self._cache else None
+        if known:
+            with contextlib.suppress(OSError):
+                return known.read_text(encoding="utf-8") == "same"
+        same = all(_agrees(trees, parser, probe.read_text(encoding="utf-8")) for probe in probes)
+        if known:
+            with contextlib.suppress(OSError):
+                known.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                known.write_text("same" if same else "different", encoding="utf-8")
+        return same
+
+
+def _agrees(trees: IdlTrees, parser: Any, text: str) -> bool:
+    try:
+        fast = parser.extract_content_from_ast(trees.parse(text))
+        return described(fast) == described(parser.parse_idl_string(text))
+    except Exception:  # noqa: BLE001  (of either parser: then the distribution's is used)
+        return False
+
+
+def described(thing: object) -> object:
+    """Return an object of rosidl_parser.definition as plain data: the types and values of all its parts."""
+    if type(thing).__module__ == "rosidl_parser.definition":
+        slots = [name for type_ in type(thing).__mro__ for name in _slots(type_)]
+        return type(thing).__name__, {name: described(getattr(thing, name)) for name in slots}
+    if isinstance(thing, dict):
+        return {key: described(value) for key, value in thing.items()}
+    if isinstance(thing, list | tuple):
+        return [described(part) for part in thing]
+    return type(thing).__name__, str(thing)
+
+
+def _slots(type_: type) -> list[str]:
+    slots = vars(type_).get("__slots__", ())
+    return [slots] if isinstance(slots, str) else list(slots)
+
+
+def _parse_trees_with(trees: IdlTrees, parser: Any) -> None:
+    """Replace the parser's slow step; what the fast one does not support goes to the slow one."""
+    slow = parser.get_ast_from_idl_string
+
+    def get_ast_from_idl_string(text: str) -> Any:
+        try:
+            return trees.parse(text)
+        except trees.errors:
+            return slow(text)
+
+    parser.get_ast_from_idl_string = get_ast_from_idl_string
+
+
+def _signature(path: str) -> tuple[int, int]:
+    status = os.stat(path)  # noqa: PTH116  (as fast as it gets)
+    return status.st_mtime_ns, status.st_size

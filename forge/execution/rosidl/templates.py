@@ -1,0 +1,339 @@
+"""Compile EmPy templates to Python code objects, from the tokens that EmPy itself finds in them.
+
+EmPy interprets a template token by token and compiles each expression again whenever it is reached. Here a
+template becomes one code object, which is executed with the same two dictionaries as EmPy's expressions, so
+that names behave the same. Templates with rarer markups remain EmPy's business, and so does every template
+of an interpreter that has hooks or another prefix.
+
+Runs in the workspace's interpreter with its EmPy, version 3 or 4.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import hashlib
+import importlib.util
+import marshal
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import CodeType, ModuleType
+
+_WRITE = "__forge_write__"
+_SERIALIZE = "__forge_serialize__"
+"""The builtins that compiled templates call: to write a text, and to write a value unless it is None."""
+
+_PSEUDOMODULE = "empy"
+"""The name by which templates reach their interpreter and could change where output goes."""
+
+_FORMAT = 1
+"""To be increased whenever compiled templates change."""
+
+
+class UncompilableError(Exception):
+    """A template has a markup that is left to EmPy."""
+
+
+class CompiledTemplates:
+    """The compiled templates of one version of EmPy, in memory and in the files of a folder."""
+
+    def __init__(self, em: ModuleType, folder: Path | None) -> None:
+        """Store EmPy's module and the folder, which is created when it is needed; None keeps no files."""
+        self._em = em
+        self._folder = folder
+        self._codes: dict[str, CodeType | None] = {}
+
+    def code(self, text: str) -> CodeType | None:
+        """Return the code of a template; None leaves it to EmPy."""
+        if text not in self._codes:
+            self._codes[text] = self._stored(text)
+        return self._codes[text]
+
+    def _stored(self, text: str) -> CodeType | None:
+        identity = f"{_FORMAT} {self._em.__version__} {importlib.util.MAGIC_NUMBER.hex()}\n{text}"
+        digest = hashlib.sha256(identity.encode("utf-8", "surrogatepass")).digest()
+        path = self._folder / f"{digest.hex()}.empy" if self._folder else None
+        if path:
+            with suppress(OSError, EOFError, ValueError, TypeError):
+                data = path.read_bytes()
+                if data[:32] == hashlib.sha256(digest + data[32:]).digest():
+                    code: CodeType | None = marshal.loads(data[32:])  # noqa: S302  (a private folder)
+                    return code
+        try:
+            code = compile_template(self._em, text)
+        except UncompilableError:
+            code = None
+        if path:
+            data = marshal.dumps(code)
+            with suppress(OSError):
+                _write(path, hashlib.sha256(digest + data).digest() + data)
+        return code
+
+
+def install(em: ModuleType, templates: CompiledTemplates) -> None:
+    """Let EmPy's interpreters run compiled templates, where these behave the same."""
+    version_3 = hasattr(em, "RAW_OPT")
+    interpreted = em.Interpreter.string
+
+    def string(self: Any, data: str, *args: Any, **keywords: Any) -> Any:
+        locals_: Any = keywords.get(
+            "locals", args[1 if version_3 else 0] if len(args) > int(version_3) else None
+        )
+        code = None
+        if locals_ is not None and _is_plain(self, version_3=version_3):
+            code = templates.code(data)
+        if code is None:
+            return interpreted(self, data, *args, **keywords)
+        name = keywords.get("name", args[0] if version_3 and args else "<string>")
+        return _execute(self, code, locals_, em.Context(name) if version_3 else None)
+
+    em.Interpreter.string = string
+
+
+def _is_plain(interpreter: Any, *, version_3: bool) -> bool:
+    """Tell whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output."""
+    if interpreter.hooks or len(interpreter.streams) != 1:
+        return False
+    if version_3:
+        return bool(interpreter.prefix == "@" and interpreter.pseudo == _PSEUDOMODULE)
+    config = interpreter.config
+    return bool(
+        config.prefix == "@"
+        and config.pseudomoduleName == _PSEUDOMODULE
+        and config.noneSymbol is None
+        and interpreter.enabled
+    )
+
+
+def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any], context: Any) -> None:
+    """Run a compiled template; what it prints is output, too."""
+    write: Callable[[str], object] = interpreter.write
+    before = getattr(builtins, _WRITE, None), getattr(builtins, _SERIALIZE, None)
+
+    def serialize(value: object) -> None:
+        if value is not None:
+            write(str(value))
+
+    setattr(builtins, _WRITE, write)
+    setattr(builtins, _SERIALIZE, serialize)
+    if context is not None:
+        interpreter.contexts.push(context)
+        context.bump()
+    interpreter.push()
+    try:
+        exec(code, interpreter.globals, locals_)  # noqa: S102  (the purpose of templates)
+    finally:
+        interpreter.pop()
+        setattr(builtins, _WRITE, before[0])
+        setattr(builtins, _SERIALIZE, before[1])
+    if context is not None:
+        interpreter.contexts.pop()
+
+
+def compile_template(em: ModuleType, text: str) -> CodeType:
+    """Return the code object of a template; raises UncompilableError for markups that are left to EmPy."""
+    try:
+        tokens = _tokens(em, text)
+        module = ast.Module(list(_Compiler(em).block(tokens)), [])
+        _check_names(module)
+        return compile(ast.fix_missing_locations(module), "<template>", "exec")
+    except UncompilableError:
+        raise
+    except Exception as error:  # (whatever EmPy finds wrong, it reports itself when it runs the template)
+        raise UncompilableError(str(error)) from error
+
+
+def _tokens(em: ModuleType, text: str) -> list[Any]:
+    """Return the tokens that EmPy finds, without running them."""
+    found: list[Any] = []
+
+    class Recorder(em.Interpreter):  # type: ignore[misc, name-defined]
+        def parse(self, scanner: Any, locals: object = None) -> bool:  # noqa: A002, ARG002  (EmPy's name)
+            while (token := scanner.one()) is not None:
+                found.append(token)
+                if not version_3:
+                    scanner.accumulate()
+            return True
+
+        def shutdown(self) -> None:
+            """Leave the output alone."""
+
+    version_3 = hasattr(em, "RAW_OPT")
+    recorder = Recorder.__new__(Recorder)  # without an output, for which it would replace sys.stdout
+    if version_3:
+        recorder.prefix = "@"
+        scanner = em.Scanner("@", text)
+    else:
+        recorder.config = em.Configuration()
+        recorder.dispatcher = None
+        context = recorder.newContext("<string>")
+        scanner = em.Scanner(
+            recorder.config, context, em.Stack([recorder.config.renderContext(context)]), text
+        )
+    recorder.safe(scanner, True)  # noqa: FBT003  (the signature of EmPy)
+    return found
+
+
+class _Compiler:
+    """Converts tokens to statements."""
+
+    def __init__(self, em: ModuleType) -> None:
+        self._em = em
+        self._version_3 = hasattr(em, "RAW_OPT")
+        self._convert: dict[str, Callable[[Any], list[ast.stmt]]] = {
+            "NullToken": lambda token: _call(_WRITE, ast.Constant(token.data)),
+            "TextToken": lambda token: _call(_WRITE, ast.Constant(token.data)),
+            "LiteralToken": lambda token: _call(_WRITE, ast.Constant(token.first)),
+            "PrefixToken": lambda _: _call(_WRITE, ast.Constant("@")),
+            "EscapeToken": self._escape,
+            "WhitespaceToken": lambda _: [],
+            "CommentToken": lambda _: [],
+            "LineCommentToken": lambda _: [],
+            "InlineCommentToken": lambda _: [],
+            "ExpressionToken": self._expression,
+            "SimpleExpressionToken": self._simple,
+            "StatementToken": lambda token: self._statements(token.code),
+            "ControlToken": self._control,
+        }
+
+    def block(self, tokens: list[Any]) -> Iterator[ast.stmt]:
+        """Yield the statements of some tokens."""
+        for token in tokens:
+            convert = self._convert.get(type(token).__name__)
+            if convert is None:
+                raise UncompilableError(type(token).__name__)
+            yield from convert(token)
+
+    def _escape(self, token: Any) -> list[ast.stmt]:
+        if not self._version_3:
+            raise UncompilableError("escape")
+        return _call(_WRITE, ast.Constant(token.code))
+
+    def _expression(self, token: Any) -> list[ast.stmt]:
+        if self._version_3:
+            rarer = token.thenCode or token.elseCode or token.exceptCode
+            code = token.testCode
+        else:
+            (code, then), *others = token.ifThenCodes
+            rarer = then is not None or others or token.exceptCode
+        if rarer:
+            raise UncompilableError("conditional expression")
+        return _call(_SERIALIZE, self._evaluated(code))
+
+    def _simple(self, token: Any) -> list[ast.stmt]:
+        if getattr(token, "subtokens", None):
+            raise UncompilableError("functional expression")
+        return _call(_SERIALIZE, self._evaluated(token.code))
+
+    def _evaluated(self, code: str) -> ast.expr:
+        """Return an expression as EmPy evaluates it."""
+        if self._version_3:
+            if code in {"1", "True"}:
+                return ast.Constant(value=True)
+            if code in {"0", "False"}:
+                return ast.Constant(value=False)
+        else:
+            code = code.replace("\n", " ")
+        return ast.parse(code.lstrip(" \t"), mode="eval").body
+
+    def _statements(self, code: str) -> list[ast.stmt]:
+        code = code.replace("\r", "")
+        statements = ast.parse(code if "\n" in code else code.strip()).body
+        first = statements[:1]
+        if first and isinstance(first[0], ast.Expr) and isinstance(first[0].value, ast.Constant):
+            raise UncompilableError("docstring")  # which would be assigned to __doc__
+        # On its own, as EmPy executes it: 'continue' means nothing here, even within a loop of the template.
+        compile(ast.Module(statements, []), "<statements>", "exec")
+        return statements
+
+    def _control(self, token: Any) -> list[ast.stmt]:
+        conversions: dict[str, Callable[[Any], list[ast.stmt]]] = {
+            "if": self._if,
+            "for": self._for,
+            "while": self._while,
+            "continue": lambda _: [ast.Continue()],
+            "break": lambda _: [ast.Break()],
+        }
+        if token.type not in conversions:
+            raise UncompilableError(token.type)
+        return conversions[token.type](token)
+
+    def _chains(self, token: Any, *allowed: str) -> list[tuple[Any, list[ast.stmt]]]:
+        """Return the control tokens of a construct, each with the statements that follow it."""
+        chains = token.build(list(allowed))
+        if not self._version_3:
+            chains = [(chain.head, chain.tail) for chain in chains]
+        return [(head, list(self.block(tail)) or [ast.Pass()]) for head, tail in chains]
+
+    def _if(self, token: Any) -> list[ast.stmt]:
+        chains = self._chains(token, "elif", "else")
+        rest: list[ast.stmt] = []
+        if chains[-1][0].type == "else":
+            rest = chains.pop()[1]
+        for head, body in reversed(chains):
+            if head.type == "else":
+                raise UncompilableError("two else")
+            rest = [ast.If(self._evaluated(head.rest), body, rest)]
+        return rest
+
+    def _for(self, token: Any) -> list[ast.stmt]:
+        (head, body), *others = self._chains(token, "else")
+        target, found, sequence = _partition(self._em.ControlToken.IN_RE, head.rest)
+        if not found or len(others) > 1:
+            raise UncompilableError("for")
+        loop = ast.parse(f"for {target.strip()} in (): pass").body[0]
+        if not isinstance(loop, ast.For) or not _are_names(loop.target):
+            raise UncompilableError("for")
+        otherwise = others[0][1] if others else []
+        return [ast.For(loop.target, self._evaluated(sequence), body, otherwise)]
+
+    def _while(self, token: Any) -> list[ast.stmt]:
+        (head, body), *others = self._chains(token, "else")
+        if others:
+            raise UncompilableError("while with else")  # which EmPy 3 understands differently from Python
+        return [ast.While(self._evaluated(head.rest), body, [])]
+
+
+def _check_names(module: ast.Module) -> None:
+    """Raise UncompilableError for statements that would concern the other parts of the template."""
+    for node in ast.walk(module):
+        match node:
+            case ast.Global() | ast.Nonlocal() | ast.AnnAssign():
+                raise UncompilableError("scope")
+            case ast.ImportFrom(module="__future__"):
+                raise UncompilableError("future")
+            case ast.Name(id=name) if name == _PSEUDOMODULE:
+                raise UncompilableError(name)
+            case _:
+                pass
+
+
+def _are_names(target: ast.expr) -> bool:
+    if isinstance(target, ast.Tuple):
+        return all(map(_are_names, target.elts))
+    return isinstance(target, ast.Name)
+
+
+def _partition(pattern: Any, text: str) -> tuple[str, bool, str]:
+    parts = pattern.split(text, 1)
+    return (parts[0], True, parts[1]) if len(parts) == 2 else (text, False, "")  # noqa: PLR2004
+
+
+def _call(function: str, argument: ast.expr) -> list[ast.stmt]:
+    call = ast.Call(ast.Name(function, ast.Load()), [argument], [])
+    return [ast.Expr(call)]
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file so that readers see all of it or nothing."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    descriptor, name = tempfile.mkstemp(dir=path.parent)
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(data)
+    Path(name).replace(path)

@@ -1,0 +1,89 @@
+"""A warm process for rosidl's generators: `python worker.py SOCKET GRAMMAR [CACHE]`.
+
+The workspace's interpreter runs this file, which may not have forge. A command that does not succeed here is
+left to the client, which runs it as it stands in a process of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+if __name__ == "__main__":
+    # Only forge itself is found there, nothing that is installed beside it.
+    sys.path.pop(0)
+    spec = spec_from_file_location(
+        "forge", _PACKAGE / "__init__.py", submodule_search_locations=[str(_PACKAGE)]
+    )
+    assert spec  # noqa: S101  (for type checkers)
+    sys.modules["forge"] = module_from_spec(spec)
+
+from forge.execution.fork_server import Call, serve
+from forge.execution.rosidl.generators import DeclinedError, Generators
+from forge.execution.worker_client import DECLINED, DECLINED_PREFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_PREFIXES = ("PYTHON", "LC_", "LANG")
+"""Variables that an interpreter reads when it starts."""
+
+_OTHER_SETTINGS = frozenset({"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED"})
+"""Those among them whose value is honoured here, or makes no difference."""
+
+
+def main(address: str, grammar: str, cache: str = "") -> int:
+    """Serve commands until stdin is closed."""
+    generators = Generators(Path(grammar), Path(cache) if cache else None)
+    settings = _settings(os.environ)
+
+    def run(call: Call) -> int:
+        try:
+            if Path(call.argv[0]) != Path(sys.executable) or _settings(call.environment) != settings:
+                raise DeclinedError("it has an interpreter or a locale of its own")  # noqa: TRY301
+            _run_quietly(generators, call)
+        except DeclinedError as reason:
+            name = Path(call.argv[1]).name
+            sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
+            return DECLINED
+        return 0
+
+    return serve(address, run, prepare=lambda call: generators.prepare(call.argv, call.environment))
+
+
+def _run_quietly(generators: Generators, call: Call) -> None:
+    """Run a command and pass on what it printed, except if it is declined: then it runs again."""
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        clients = [os.dup(1), os.dup(2)]
+        os.dup2(output.fileno(), 1)
+        os.dup2(errors.fileno(), 2)
+        try:
+            generators.run(call.argv, call.environment)
+        finally:
+            for stream in (sys.stdout, sys.stderr):
+                stream.flush()
+            for target, client in enumerate(clients, start=1):
+                os.dup2(client, target)
+        for target, stream in enumerate((output, errors), start=1):
+            stream.seek(0)
+            with open(target, "wb", closefd=False) as client_stream:
+                shutil.copyfileobj(stream, client_stream)
+
+
+def _settings(variables: Mapping[str, str]) -> dict[str, str]:
+    return {
+        name: value
+        for name, value in variables.items()
+        if name.startswith(_PREFIXES) and name not in _OTHER_SETTINGS
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

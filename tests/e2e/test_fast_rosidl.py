@@ -1,0 +1,205 @@
+"""Packages whose interfaces a real rosidl generates: with forge's worker and units, and without."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.rosidl import DEBIAN, interface_package, underlay
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
+
+pytestmark = pytest.mark.needs(str(DEBIAN), "g++")
+
+FILES = {
+    "msg/Plain.msg": '# A comment\nint32 X=3\nfloat64 a 1.5\nstring<=5 s "x"\nint8[3] arr [1, 2, 3]\n',
+    "msg/Nested.msg": "fast_msgs/Plain[] plains\nwstring w\nfast_msgs/Plain[2] pair\n",
+    "srv/Ask.srv": "int8 a\n---\nNested b\n",
+}
+GENERATED = ("rosidl_adapter", "rosidl_generator_c", "rosidl_generator_cpp")
+INTROSPECTION = ("rosidl_typesupport_introspection_c", "rosidl_typesupport_introspection_cpp")
+
+
+def build(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run forge with Debian's rosidl as the underlay."""
+    environment = {**os.environ, **underlay()}
+    argv = [sys.executable, "-m", "forge", "build", "--python", sys.executable, *options]
+    return subprocess.run(argv, cwd=root, env=environment, capture_output=True, text=True, check=False)
+
+
+def log(root: Path, package: str = "fast_msgs") -> str:
+    """Return what the programs of the last build have printed."""
+    return (root / "log/latest_build" / package / "stdout_stderr.log").read_text(encoding="utf-8")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the files below a folder by their relative paths."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def generated_files(folder: Path) -> dict[str, bytes]:
+    """Return generated files; the list that rosidl_adapter writes has absolute paths."""
+    return {path: data for path, data in contents(folder).items() if not path.endswith(".idls")}
+
+
+def symbols(library: Path) -> list[str]:
+    """Return the names that a library exports."""
+    argv = ["nm", "-D", "--defined-only", "--format=just-symbols", str(library)]
+    return sorted(subprocess.run(argv, capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_it_is_what_rosidl_would_have_built(tree: Tree, tmp_path_factory: pytest.TempPathFactory) -> None:
+    fast = tree(interface_package("fast_msgs", FILES))
+    slow = fast.rename(tmp_path_factory.mktemp("slow") / "ws")
+    tree(interface_package("fast_msgs", FILES))
+    done = build(fast), build(slow, "--no-fast-rosidl")
+    assert [one.returncode for one in done] == [0, 0], done
+    assert "forge: runs" not in log(fast)
+    for folder in (*GENERATED, *INTROSPECTION):
+        generated = [generated_files(root / "build/fast_msgs" / folder) for root in (fast, slow)]
+        assert generated[0]
+        assert generated[0] == generated[1]
+    installed = [sorted(contents(root / "install/fast_msgs")) for root in (fast, slow)]
+    assert installed[0] == installed[1]
+    libraries = sorted(path.name for path in (fast / "install/fast_msgs/lib").glob("*.so"))
+    assert len(libraries) == 3  # C, and introspection of C and of C++
+    for name in libraries:
+        assert symbols(fast / "install/fast_msgs/lib" / name) == symbols(
+            slow / "install/fast_msgs/lib" / name
+        )
+    units = [list((root / "build/fast_msgs").rglob("unity_*.o")) for root in (fast, slow)]
+    assert units[0]
+    assert not units[1]
+
+
+def test_a_changed_definition_is_generated_and_compiled(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES))
+    assert build(root).returncode == 0
+    tree({"src/fast_msgs/msg/Plain.msg": "int32 renamed\n"})
+    assert build(root).returncode == 0
+    header = root / "install/fast_msgs/include/fast_msgs/fast_msgs/msg/detail/plain__struct.h"
+    assert "int32_t renamed;" in header.read_text(encoding="utf-8")
+    assert "1 package unchanged" in build(root).stdout
+
+
+OWN_SOURCE = """
+add_library(own SHARED own/a.c own/b.c)
+install(TARGETS own DESTINATION lib)
+"""
+
+
+def test_the_users_own_sources_are_compiled_one_by_one(tree: Tree) -> None:
+    files = interface_package("fast_msgs", FILES, after=OWN_SOURCE)
+    files |= {
+        "src/fast_msgs/own/a.c": "static int one(void) { return 1; }\nint a(void) { return one(); }\n",
+        "src/fast_msgs/own/b.c": "static int one(void) { return 2; }\nint b(void) { return one(); }\n",
+    }
+    root = tree(files)
+    assert build(root).returncode == 0
+    assert symbols(root / "install/fast_msgs/lib/libown.so") == ["a", "b"]
+
+
+GENERATED_LIBRARY = """
+set(folder "${CMAKE_CURRENT_BINARY_DIR}/rosidl_own")
+file(WRITE "${folder}/a.c" "%s")
+file(WRITE "${folder}/b.c" "static int one(void) { return 2; } int b(void) { return one(); }")
+add_library(clash SHARED "${folder}/a.c" "${folder}/b.c")
+install(TARGETS clash DESTINATION lib)
+"""
+CLASH = GENERATED_LIBRARY % "static int one(void) { return 1; } int a(void) { return one(); }"
+BROKEN = GENERATED_LIBRARY % "int a(void) { return missing; }"
+
+
+def test_sources_that_do_not_compile_together_are_compiled_one_by_one(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES, after=CLASH))
+    done = build(root)
+    assert done.returncode == 0, done.stderr
+    line = "forge: the generated sources do not compile together; compiling them one by one"
+    assert log(root).count(line) == 1
+    assert symbols(root / "install/fast_msgs/lib/libclash.so") == ["a", "b"]
+    tree({"src/fast_msgs/msg/Plain.msg": "int32 other\n"})
+    assert build(root).returncode == 0
+    assert line not in log(root)
+
+
+def test_sources_that_do_not_compile_at_all_fail(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES, after=BROKEN))
+    done = build(root)
+    assert done.returncode == 1
+    assert re.search("error: .missing. undeclared", done.stderr)
+
+
+THIRD_PARTY = """
+add_custom_command(OUTPUT third.txt
+  COMMAND "${Python3_EXECUTABLE}" "${CMAKE_CURRENT_SOURCE_DIR}/third.py"
+          --generator-arguments-file arguments.json
+  COMMAND "${CMAKE_COMMAND}" -E echo "another command")
+add_custom_target(third ALL DEPENDS third.txt)
+"""
+ARGUMENTS = 'file(WRITE "${CMAKE_CURRENT_BINARY_DIR}/arguments.json" "{}")\n'
+
+
+FAILS_ONCE = """import os
+if os.path.exists("tried"):
+    print("third party")
+    open("third.txt", "w")
+else:
+    open("tried", "w")
+    print("in vain")
+    raise ValueError("once")
+"""
+
+
+@pytest.mark.parametrize(
+    ("program", "reason"),
+    [
+        ("import sys\nprint('third party')\nopen('third.txt', 'w').write(sys.argv[1])\n", None),
+        (FAILS_ONCE, "runs third.py in a process of its own: ValueError: once"),
+    ],
+    ids=["runs in the worker", "declined"],
+)
+def test_third_party_generators(tree: Tree, program: str, reason: str | None) -> None:
+    files = interface_package("fast_msgs", FILES, after=ARGUMENTS + THIRD_PARTY)
+    root = tree({**files, "src/fast_msgs/third.py": program})
+    done = build(root)
+    assert done.returncode == 0, done.stderr
+    printed = log(root)
+    assert printed.count("third party") == 1
+    assert "in vain" not in printed
+    assert [line for line in printed.splitlines() if line.startswith("forge: ")] == (
+        [f"forge: {reason}"] if reason else []
+    )
+
+
+def test_an_invalid_definition_has_the_message_of_rosidl(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", {"msg/Bad.idl": "module fast_msgs { module msg { }; };\n"}))
+    done = build(root)
+    assert done.returncode == 1
+    assert "Error processing idl file" in log(root)
+    assert "  first error in step 'build':\n    forge: " not in done.stderr
+
+
+def test_two_packages_share_no_state(tree: Tree) -> None:
+    first = interface_package("first_msgs", {"msg/A.msg": "int32 a\n"})
+    second = interface_package("second_msgs", {"msg/A.msg": "int64 a\n"})
+    root = tree({**first, **second})
+    assert build(root).returncode == 0
+    for name, type_ in (("first_msgs", "int32_t a;"), ("second_msgs", "int64_t a;")):
+        header = root / f"install/{name}/include/{name}/{name}/msg/detail/a__struct.h"
+        assert type_ in header.read_text(encoding="utf-8")
+
+
+def test_compile_commands_name_every_generated_source(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES))
+    assert build(root).returncode == 0
+    entries = json.loads((root / "build/compile_commands.json").read_text(encoding="utf-8"))
+    named = {Path(entry["file"]).name for entry in entries}
+    assert {"plain__functions.c", "nested__functions.c", "ask__functions.c"} <= named

@@ -1,0 +1,113 @@
+"""Fast syntax trees against those of a real rosidl_parser: what it makes of both is the same."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import forge
+from forge.execution.rosidl import generators
+from forge.execution.rosidl.generators import described
+from forge.execution.rosidl.idl_trees import IdlTrees, UnsupportedIdlError
+from tests.rosidl import MODULES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tests.conftest import Forge
+
+pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"))
+
+HOME = Path(forge.__file__).parent
+PROBES = sorted(Path(generators.__file__).with_name("probes").glob("*.idl"))
+
+
+@pytest.fixture(scope="module")
+def parser() -> Iterator[Any]:
+    """Import rosidl_parser with the lark of this interpreter."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [*sys.path, str(MODULES)])
+        yield import_module("rosidl_parser.parser")
+        for name in [name for name in sys.modules if name.partition(".")[0] == "rosidl_parser"]:
+            del sys.modules[name]
+
+
+@pytest.fixture(scope="module")
+def trees() -> IdlTrees:
+    """Return the parser with forge's grammar."""
+    return IdlTrees(HOME / "interfaces/idl/grammar.lark")
+
+
+def same(parser: Any, trees: IdlTrees, text: str) -> bool:
+    """Tell whether both ways give the same objects."""
+    fast = parser.extract_content_from_ast(trees.parse(text))
+    return bool(described(fast) == described(parser.parse_idl_string(text)))
+
+
+@pytest.mark.parametrize("probe", PROBES, ids=lambda path: path.stem)
+def test_probes(parser: Any, trees: IdlTrees, probe: Path) -> None:
+    assert same(parser, trees, probe.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("package", ["diagnostic_msgs", "example_interfaces", "rcl_interfaces", "std_msgs"])
+def test_standard_interfaces(
+    parser: Any, trees: IdlTrees, forge: Forge, tmp_path: Path, package: str
+) -> None:
+    source = HOME / "embedded" / package
+    done = forge(
+        "interface", "generate", "--package", package, "--output", str(tmp_path), "--lang", "idl", str(source)
+    )
+    assert done.code == 0, done.err
+    files = sorted(tmp_path.rglob("*.idl"))
+    assert files
+    assert [path.name for path in files if not same(parser, trees, path.read_text(encoding="utf-8"))] == []
+
+
+MESSAGE = "module p {{ module msg {{ {} }}; }};"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "struct M { @default (value=010) long a; };",
+        "struct M { @default (value=+1) long a; };",
+        "struct M { @default (value=~1) long a; };",
+        "struct M { @default (value=(1)) long a; };",
+        "struct M { @default (value=a::b) long a; };",
+        'struct M { @verbatim (language="comment", text="a" L"b") long a; };',
+        "@key typedef long t; struct M { t a; };",
+        "module Empty { }; struct M { long a; };",
+        "module M_Constants { const other A = 1; }; struct M { long a; };",
+    ],
+)
+def test_what_is_left_to_rosidl(trees: IdlTrees, text: str) -> None:
+    with pytest.raises((UnsupportedIdlError, *trees.errors)):
+        trees.parse(MESSAGE.format(text))
+
+
+def outcome(parser: Any, way: Callable[[str], object], text: str) -> object:
+    """Return what rosidl makes of a tree, or the type of the error."""
+    try:
+        return described(parser.extract_content_from_ast(way(text)))
+    except Exception as error:  # noqa: BLE001  (which one, is the result)
+        return type(error).__name__
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "struct M { long a[2][3]; };",
+        "struct M { unknown a; };",
+        "struct M { @default (value=missing) long a; };",
+        "struct A { long a; }; struct B { long a; }; struct C { long a; }; struct D { long a; };",
+        "typedef long t; typedef short t; struct M { t a; };",
+    ],
+)
+def test_what_rosidl_refuses_is_refused(parser: Any, trees: IdlTrees, text: str) -> None:
+    ways = (trees.parse, parser.get_ast_from_idl_string)
+    fast, slow = (outcome(parser, way, MESSAGE.format(text)) for way in ways)
+    assert fast == slow

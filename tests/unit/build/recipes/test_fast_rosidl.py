@@ -1,0 +1,69 @@
+"""When and how interface packages of a distribution's rosidl are built faster."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from forge.base.layout import Layout
+from forge.build.recipes import RECIPES
+from forge.build.recipes.context import BuildContext
+from forge.build.tasks import StepKind
+from forge.workspace.discovery import ROS_DEFAULTS
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Package
+from tests.packages import manifest_text, package
+
+AMENT = RECIPES["ament_cmake"]
+CONTEXT = BuildContext(
+    root=Path("/w s"),
+    layout=Layout(Path("/w s/build"), Path("/w s/install"), None),
+    python=Path("/usr/bin/python3"),
+    site_packages="lib/python3.11/site-packages",
+    wheels=("forge-install-wheel",),
+    generator=("forge",),
+    cmake=Path("/usr/bin/cmake"),
+    generator_launcher=("/my python", "client.py", "--generator"),
+)
+PLAIN = replace(CONTEXT, generator_launcher=())
+INTERFACES = Package(
+    Path("src/i"),
+    parse_manifest(
+        manifest_text("i", "<member_of_group>rosidl_interface_packages</member_of_group>").encode(),
+        Path("src/i/package.xml"),
+        ROS_DEFAULTS,
+    ),
+)
+
+
+def test_only_packages_with_interfaces_are_concerned() -> None:
+    other = package("p")
+    assert AMENT.recipe(other, CONTEXT) == AMENT.recipe(other, PLAIN)
+    assert AMENT.options(other, CONTEXT) == AMENT.options(other, PLAIN)
+    assert AMENT.recipe(INTERFACES, CONTEXT) != AMENT.recipe(INTERFACES, PLAIN)
+
+
+def test_the_choice_is_an_input_and_configures_again() -> None:
+    assert AMENT.options(INTERFACES, CONTEXT) != AMENT.options(INTERFACES, PLAIN)
+    records = [AMENT.recipe(INTERFACES, context).steps[0].record for context in (CONTEXT, PLAIN)]
+    assert records[0] != records[1]
+
+
+def test_another_place_of_forge_changes_no_input() -> None:
+    moved = replace(CONTEXT, generator_launcher=("/elsewhere", "client.py"))
+    assert AMENT.options(INTERFACES, CONTEXT) == AMENT.options(INTERFACES, moved)
+
+
+def test_cmake_gets_the_files_and_paths_are_quoted() -> None:
+    recipe = AMENT.recipe(INTERFACES, CONTEXT)
+    files = {path.name: text for path, text in recipe.files}
+    include = "/w s/build/i/.forge/fast_rosidl.cmake"
+    assert f'set(CMAKE_PROJECT_INCLUDE "{include}" CACHE' in files["initial_cache.cmake"]
+    assert "RULE_LAUNCH_CUSTOM \"'/my python' client.py --generator\"" in files["fast_rosidl.cmake"]
+    assert (
+        "'/w s/build/i/.forge/compile_unit.sh' '/w s/build/i/.forge_units_failed'"
+        in files["fast_rosidl.cmake"]
+    )
+    build = next(step for step in recipe.steps if step.kind is StepKind.BUILD)
+    assert build.argv[:2] == ("sh", "-c")
+    assert build.argv[3:] == ("/w s/build/i/.forge_units_failed", "/usr/bin/cmake", "--build", "/w s/build/i")
