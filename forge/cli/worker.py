@@ -1,4 +1,6 @@
-"""A preloaded forge process for the many short commands of one build: `forge.cli.worker SOCKET [MODULE ...]`.
+"""A preloaded forge process for the many short commands of one build.
+
+Its command line is `forge.cli.worker DESCRIPTOR [MODULE ...]`.
 
 Each interface package runs `forge interface generate`, which spends most of its time starting an interpreter
 and importing modules. The worker imports everything once and forks for each request.
@@ -36,18 +38,22 @@ def worker(*modules: str) -> Iterator[dict[str, str]]:
 
     `modules` are imported in addition to those of the interface compiler.
     """
-    with started_server(lambda address: own_command("-m", "forge.cli.worker", address, *modules)) as address:
+
+    def command(descriptor: int) -> tuple[str, ...]:
+        return own_command("-m", "forge.cli.worker", str(descriptor), *modules)
+
+    with started_server(command) as address:
         yield {WORKER_VARIABLE: address}
 
 
-def main(address: str, *modules: str) -> int:
-    """Serve requests until stdin is closed."""
+def main(descriptor: str, *modules: str) -> int:
+    """Serve requests from a listening socket until stdin is closed."""
 
     def load() -> None:
         for module in (*_WARM, *modules):
             importlib.import_module(module)
 
-    return serve(address, _run, load)
+    return serve(int(descriptor), _run, load)
 
 
 def _run(call: Call) -> int:

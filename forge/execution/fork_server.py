@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import gc
 import json
 import os
 import select
@@ -39,22 +40,27 @@ class Call:
 
 @contextlib.contextmanager
 def started_server(
-    argv: Callable[[str], Sequence[str]], environment: Mapping[str, str] | None = None
+    argv: Callable[[int], Sequence[str]], environment: Mapping[str, str] | None = None
 ) -> Iterator[str]:
-    """Start the server whose command line `argv` returns for a socket's path; yield that path.
+    """Start the server whose command line `argv` returns for the descriptor of a listening socket.
 
+    Yield the path of the socket, to which clients can connect at once: they wait until the server is ready.
     The server is stopped at the end of the block.
     """
     with tempfile.TemporaryDirectory(prefix="forge-") as folder:
         address = str(Path(folder) / "worker")
-        process = subprocess.Popen(
-            argv(address),
-            env=environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(address)
+            listener.listen(128)
+            process = subprocess.Popen(
+                argv(listener.fileno()),
+                env=environment,
+                pass_fds=[listener.fileno()],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
         try:
             yield address
         finally:
@@ -64,18 +70,17 @@ def started_server(
 
 
 def serve(
-    address: str,
+    descriptor: int,
     run: Callable[[Call], int],
     load: Callable[[], object] = lambda: None,
     prepare: Callable[[Call], object] = lambda _: None,
 ) -> int:
-    """Serve calls until stdin is closed; `run` runs one in a fork and returns the exit code.
+    """Serve calls from a listening socket until stdin is closed.
 
-    `load` is called once clients can connect, and `prepare` before each fork, in this process.
+    `run` runs a call in a fork and returns its exit code; `load` is called once, and `prepare` before each
+    fork, in this process.
     """
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(address)
-        listener.listen(64)
+    with socket.socket(fileno=descriptor) as listener:
         load()
         # The kernel reaps children, because nothing waits for them.
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -87,11 +92,12 @@ def serve(
             with connection, contextlib.suppress(OSError, ValueError):
                 call, descriptors = _receive(connection)
                 prepare(call)
+                gc.freeze()  # or each child would copy what its garbage collector visits
                 if os.fork() == 0:
                     listener.close()
                     os._exit(_answer(connection, call, descriptors, run))
-                for descriptor in descriptors:
-                    os.close(descriptor)
+                for received in descriptors:
+                    os.close(received)
 
 
 def _receive(connection: socket.socket) -> tuple[Call, list[int]]:

@@ -60,13 +60,15 @@ def _beside_rosidl(sitting: Sitting, *, built: bool) -> list[Variant]:
         ("forge with rosidl", forge_build(), True),
         ("colcon with rosidl", colcon(sitting.peers, "build"), True),
     ):
-        kind = _of_20(sitting, real=real)
+        # forge tells CMake which interpreter it has chosen; for colcon CMake finds another one.
+        arguments = () if argv == forge_build() else ("--cmake-args", "-DPython3_EXECUTABLE=/usr/bin/python3")
+        kind = _of_20(sitting, arguments, real=real)
         make = kind.built if built else kind.tool
         found.append(make(sitting, name, argv, 1))
     return found
 
 
-def _of_20(sitting: Sitting, *, real: bool) -> Kind:
+def _of_20(sitting: Sitting, arguments: tuple[str, ...], *, real: bool) -> Kind:
     generators = workspaces.DEBIANS_GENERATORS if real else workspaces.EVERY_GENERATOR
     messages = sitting.size(20)
 
@@ -76,7 +78,6 @@ def _of_20(sitting: Sitting, *, real: bool) -> Kind:
         )
 
     if real:
-        arguments = ("--cmake-args", "-DPython3_EXECUTABLE=/usr/bin/python3")
         return Kind("interfaces_by_rosidl", write, debian(sitting), arguments)
     return Kind("interfaces_of_20", write, underlay(sitting, *_NEEDS))
 

@@ -117,7 +117,8 @@ SCENARIOS: Mapping[str, Scenario] = {
         "Interface packages from nothing",
         interface_builds.cold_interfaces,
         3.0,
-        "As above; everything is built.",
+        "As above; everything is built. With Debian's rosidl, both tools run the same generators: forge in "
+        "one process, and it compiles their output in units.",
     ),
     "watch": Scenario(
         "From a save to the end of its build",

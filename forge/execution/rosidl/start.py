@@ -23,7 +23,9 @@ def rosidl_worker(python: Path, cache: Path, variables: Mapping[str, str]) -> It
     """
     program = str(Path(__file__).with_name("worker.py"))
     environment = {name: value for name, value in variables.items() if name != "PYTHONPATH"}
-    with started_server(
-        lambda address: (str(python), program, address, str(_GRAMMAR), str(cache)), environment
-    ) as address:
+
+    def command(descriptor: int) -> tuple[str, ...]:
+        return str(python), program, str(descriptor), str(_GRAMMAR), str(cache)
+
+    with started_server(command, environment) as address:
         yield {ROSIDL_WORKER_VARIABLE: address}

@@ -1,4 +1,4 @@
-"""A warm process for rosidl's generators: `python worker.py SOCKET GRAMMAR [CACHE]`.
+"""A warm process for rosidl's generators: `python worker.py DESCRIPTOR GRAMMAR [CACHE]`.
 
 The workspace's interpreter runs this file, which may not have forge. A command that does not succeed here is
 left to the client, which runs it as it stands in a process of its own.
@@ -39,8 +39,8 @@ _OTHER_SETTINGS = frozenset({"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNB
 """Those among them whose value is honoured here, or makes no difference."""
 
 
-def main(address: str, grammar: str, cache: str = "") -> int:
-    """Serve commands until stdin is closed."""
+def main(descriptor: str, grammar: str, cache: str = "") -> int:
+    """Serve commands from a listening socket until stdin is closed."""
     generators = Generators(Path(grammar), Path(cache) if cache else None)
     settings = _settings(os.environ)
 
@@ -55,7 +55,7 @@ def main(address: str, grammar: str, cache: str = "") -> int:
             return DECLINED
         return 0
 
-    return serve(address, run, prepare=lambda call: generators.prepare(call.argv, call.environment))
+    return serve(int(descriptor), run, prepare=lambda call: generators.prepare(call.argv, call.environment))
 
 
 def _run_quietly(generators: Generators, call: Call) -> None:
