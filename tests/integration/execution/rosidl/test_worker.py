@@ -1,0 +1,135 @@
+"""The worker for rosidl's generators and its client: what runs where, and that callers see no difference."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.execution import worker_client
+from forge.execution.rosidl.start import rosidl_worker
+from tests.rosidl import MODULES, underlay
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from tests.conftest import Tree
+
+pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"))
+
+CLIENT = (sys.executable, "-S", "-E", worker_client.__file__, "--generator")
+REPORT = "import os, sys\nprint(os.getppid(), sys.argv[1:], os.getcwd(), os.environ['GREETING'])\n"
+"""A program that tells who has started it: the worker, or this process."""
+
+
+@pytest.fixture(scope="module")
+def variables(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """Start a worker; give the environment of clients."""
+    environment = {**os.environ, **underlay(), "GREETING": "hello"}
+    with rosidl_worker(Path(sys.executable), tmp_path_factory.mktemp("cache"), environment) as connection:
+        yield {**environment, **connection}
+
+
+@pytest.fixture(autouse=True)
+def _files(tree: Tree) -> None:
+    tree({"arguments.json": "{}", "report.py": REPORT})
+
+
+def ask(
+    root: Path, variables: Mapping[str, str], *argv: str, python: str = sys.executable
+) -> subprocess.CompletedProcess[str]:
+    """Run a command line as CMake's rules do."""
+    words = (*CLIENT, python, *(argv or ("report.py", "--generator-arguments-file", "arguments.json")))
+    return subprocess.run(words, cwd=root, env=variables, capture_output=True, text=True, check=False)
+
+
+def in_worker(done: subprocess.CompletedProcess[str]) -> bool:
+    """Tell whether the program ran in the worker, whose parent is no client of this process."""
+    return int(done.stdout.split()[0]) != os.getpid()
+
+
+def test_a_generator_runs_in_the_worker_with_its_own_surroundings(
+    tmp_path: Path, variables: dict[str, str]
+) -> None:
+    done = ask(tmp_path, {**variables, "GREETING": "other"})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert in_worker(done)
+    assert done.stdout.split(maxsplit=1)[1] == (
+        f"['--generator-arguments-file', 'arguments.json'] {tmp_path} other\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("report.py",),
+        ("report.py", "--generator-arguments-file"),
+        ("-c", REPORT),
+    ],
+    ids=["without arguments file", "without its name", "no file"],
+)
+def test_other_commands_run_as_they_are(
+    tmp_path: Path, variables: dict[str, str], argv: tuple[str, ...]
+) -> None:
+    done = ask(tmp_path, variables, *argv)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not in_worker(done)
+
+
+def test_without_a_worker_it_runs_as_well(tmp_path: Path, variables: dict[str, str]) -> None:
+    for address in ("", str(tmp_path / "gone")):
+        done = ask(tmp_path, {**variables, worker_client.ROSIDL_WORKER_VARIABLE: address})
+        assert (done.returncode, done.stderr) == (0, "")
+        assert not in_worker(done)
+
+
+@pytest.mark.parametrize(
+    "changed", [{"PYTHONHASHSEED": "1"}, {"LC_ALL": "C"}, {"PYTHONPATH": "{root}/other"}], ids=str
+)
+def test_another_environment_is_declined(
+    tmp_path: Path, variables: dict[str, str], changed: dict[str, str]
+) -> None:
+    assert in_worker(ask(tmp_path, variables))
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/em.py").write_text("")
+    values = {name: value.format(root=tmp_path) for name, value in changed.items()}
+    done = ask(tmp_path, {**variables, **values})
+    assert done.returncode == 0
+    assert not in_worker(done)
+    assert done.stderr.startswith("forge: runs report.py in a process of its own: it ")
+
+
+def test_another_interpreter_is_declined(tmp_path: Path, variables: dict[str, str]) -> None:
+    (tmp_path / "python").symlink_to(sys.executable)
+    done = ask(tmp_path, variables, python=str(tmp_path / "python"))
+    assert done.returncode == 0
+    assert not in_worker(done)
+
+
+def test_a_failure_is_that_of_the_command_itself(tmp_path: Path, variables: dict[str, str]) -> None:
+    (tmp_path / "report.py").write_text("print('once')\nraise SystemExit(7)\n")
+    done = ask(tmp_path, variables)
+    assert (done.returncode, done.stdout) == (7, "once\n")
+    assert done.stderr == "forge: runs report.py in a process of its own: it ended with 7\n"
+
+
+def test_no_state_is_passed_on(tmp_path: Path, variables: dict[str, str]) -> None:
+    (tmp_path / "report.py").write_text(
+        "import os, sys\nassert not hasattr(sys, 'left')\nsys.left = True\nos.environ['GREETING'] = 'left'\n"
+    )
+    assert [ask(tmp_path, variables).stderr for _ in range(2)] == ["", ""]
+
+
+def test_setup_py_of_ament_runs_in_the_worker(tmp_path: Path, variables: dict[str, str]) -> None:
+    (tmp_path / "setup.py").write_text(
+        "import os\nfrom setuptools import setup\nprint(os.getppid())\n"
+        "setup(name='p', version='1.0', packages=[])\n"
+    )
+    done = ask(tmp_path, variables, "setup.py", "egg_info")
+    assert done.returncode == 0, done.stderr
+    assert in_worker(done)
+    assert (tmp_path / "p.egg-info/PKG-INFO").is_file()
