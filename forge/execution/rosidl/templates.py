@@ -78,40 +78,57 @@ class CompiledTemplates:
 
 def install(em: ModuleType, templates: CompiledTemplates) -> None:
     """Let EmPy's interpreters run compiled templates, where these behave the same."""
-    version_3 = hasattr(em, "RAW_OPT")
     interpreted = em.Interpreter.string
 
-    def string(self: Any, data: str, *args: Any, **keywords: Any) -> Any:
-        locals_: Any = keywords.get(
-            "locals", args[1 if version_3 else 0] if len(args) > int(version_3) else None
-        )
-        code = None
-        if locals_ is not None and _is_plain(self, version_3=version_3):
-            code = templates.code(data)
+    def string_3(self: Any, data: str, name: str = "<string>", locals: Any = None) -> None:  # noqa: A002
+        code = templates.code(data) if locals is not None and _is_plain_3(self) else None
         if code is None:
-            return interpreted(self, data, *args, **keywords)
-        name = keywords.get("name", args[0] if version_3 and args else "<string>")
-        return _execute(self, code, locals_, em.Context(name) if version_3 else None)
+            interpreted(self, data, name, locals)
+            return
+        context = em.Context(name)
+        self.contexts.push(context)
+        context.bump()
+        _execute(self, code, locals)
+        self.contexts.pop()
 
-    em.Interpreter.string = string
+    def string_4(self: Any, string: str, locals: Any = None, dispatcher: Any = None) -> None:  # noqa: A002
+        code = templates.code(string) if locals is not None and _is_plain_4(self) else None
+        if code is None:
+            interpreted(self, string, locals, dispatcher)
+        else:
+            _execute(self, code, locals)
+
+    em.Interpreter.string = string_3 if _is_version_3(em) else string_4
 
 
-def _is_plain(interpreter: Any, *, version_3: bool) -> bool:
+def _is_version_3(em: ModuleType) -> bool:
+    return hasattr(em, "RAW_OPT")
+
+
+def _is_plain_3(interpreter: Any) -> bool:
     """Tell whether an interpreter has no hooks, EmPy's own prefix, and one unfiltered output."""
-    if interpreter.hooks or len(interpreter.streams) != 1:
-        return False
-    if version_3:
-        return bool(interpreter.prefix == "@" and interpreter.pseudo == _PSEUDOMODULE)
+    return (
+        not interpreter.hooks
+        and len(interpreter.streams) == 1
+        and interpreter.prefix == "@"
+        and interpreter.pseudo == _PSEUDOMODULE
+    )
+
+
+def _is_plain_4(interpreter: Any) -> bool:
+    """Tell the same of an interpreter of EmPy 4, and that its output is not disabled."""
     config = interpreter.config
-    return bool(
-        config.prefix == "@"
+    return (
+        not interpreter.hooks
+        and len(interpreter.streams) == 1
+        and config.prefix == "@"
         and config.pseudomoduleName == _PSEUDOMODULE
         and config.noneSymbol is None
         and interpreter.enabled
     )
 
 
-def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any], context: Any) -> None:
+def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any]) -> None:
     """Run a compiled template; what it prints is output, too."""
     write: Callable[[str], object] = interpreter.write
     before = getattr(builtins, _WRITE, None), getattr(builtins, _SERIALIZE, None)
@@ -122,9 +139,6 @@ def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any], context:
 
     setattr(builtins, _WRITE, write)
     setattr(builtins, _SERIALIZE, serialize)
-    if context is not None:
-        interpreter.contexts.push(context)
-        context.bump()
     interpreter.push()
     try:
         exec(code, interpreter.globals, locals_)  # noqa: S102  (the purpose of templates)
@@ -132,8 +146,6 @@ def _execute(interpreter: Any, code: CodeType, locals_: dict[str, Any], context:
         interpreter.pop()
         setattr(builtins, _WRITE, before[0])
         setattr(builtins, _SERIALIZE, before[1])
-    if context is not None:
-        interpreter.contexts.pop()
 
 
 def compile_template(em: ModuleType, text: str) -> CodeType:
@@ -164,7 +176,7 @@ def _tokens(em: ModuleType, text: str) -> list[Any]:
         def shutdown(self) -> None:
             """Leave the output alone."""
 
-    version_3 = hasattr(em, "RAW_OPT")
+    version_3 = _is_version_3(em)
     recorder = Recorder.__new__(Recorder)  # without an output, for which it would replace sys.stdout
     if version_3:
         recorder.prefix = "@"
@@ -185,7 +197,7 @@ class _Compiler:
 
     def __init__(self, em: ModuleType) -> None:
         self._em = em
-        self._version_3 = hasattr(em, "RAW_OPT")
+        self._version_3 = _is_version_3(em)
         self._convert: dict[str, Callable[[Any], list[ast.stmt]]] = {
             "NullToken": lambda token: _call(_WRITE, ast.Constant(token.data)),
             "TextToken": lambda token: _call(_WRITE, ast.Constant(token.data)),
