@@ -203,3 +203,23 @@ def test_compile_commands_name_every_generated_source(tree: Tree) -> None:
     entries = json.loads((root / "build/compile_commands.json").read_text(encoding="utf-8"))
     named = {Path(entry["file"]).name for entry in entries}
     assert {"plain__functions.c", "nested__functions.c", "ask__functions.c"} <= named
+
+
+@pytest.mark.needs("colcon")
+def test_colcon_and_forge_continue_each_others_builds(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES))
+    environment = {**os.environ, **underlay()}
+    argv = ["colcon", "build", "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}"]
+    library = root / "install/fast_msgs/lib/libfast_msgs__rosidl_generator_c.so"
+    for definition, tool in (("int32 a\n", "forge"), ("int64 b\n", "colcon"), ("int16 c\n", "forge")):
+        tree({"src/fast_msgs/msg/Plain.msg": definition})
+        if tool == "forge":
+            done = build(root)
+        else:
+            done = subprocess.run(
+                argv, cwd=root, env=environment, capture_output=True, text=True, check=False
+            )
+        assert done.returncode == 0, done.stderr
+        assert "fast_msgs__msg__Plain__init" in symbols(library)
+        header = root / "install/fast_msgs/include/fast_msgs/fast_msgs/msg/detail/plain__struct.h"
+        assert f"_t {definition.split()[1]};" in header.read_text(encoding="utf-8")
