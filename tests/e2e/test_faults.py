@@ -252,7 +252,11 @@ def shell_of_a_user(home: Path, *argv: str) -> Iterator[subprocess.Popen[str]]:
     ) as shell:
         assert shell.stdout is not None
         assert shell.stdout.readline() == "ready\n"
-        yield shell
+        try:
+            yield shell
+        except BaseException:
+            os.killpg(shell.pid, signal.SIGKILL)  # or the test would wait for it for ever
+            raise
 
 
 def go(home: Path) -> None:
@@ -264,6 +268,7 @@ def go(home: Path) -> None:
 def test_an_editor_outlives_the_forge_after_a_killed_one(waiting: Path) -> None:
     with start(waiting) as process:
         until(waiting / "ready")
+        time.sleep(0.2)  # a program may get that far before forge has recorded it
         process.kill()
         process.communicate()
     left = living(waiting)
@@ -392,9 +397,9 @@ def test_a_full_disk_is_told_and_nothing_half_written_looks_whole(tree: Tree, ba
         assert re.search("no space left|file too large|write error|disk is full", said, re.IGNORECASE), said
         installed = root / "install/a/share/a"
         whole = (installed / "package.sh").is_file()
-        assert not whole or (installed / "said.txt").read_text() == "a one\n", (
-            "what looks whole is the old one"
-        )
+        # Without a disk for logs, the package may be built to its end before the build is stopped.
+        texts = {"a one\n", "two\n"} if base == "log" else {"a one\n"}
+        assert not whole or (installed / "said.txt").read_text() in texts
         assert not living(root)
         if mounted:
             grown(root / base, "size=60m")

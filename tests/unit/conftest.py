@@ -74,6 +74,8 @@ def pytest_runtest_call() -> Generator[None, object, object]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_teardown() -> Generator[None, object, object]:
-    """Watch what the fixtures do afterwards."""
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None, object, object]:
+    """Watch what the fixtures do afterwards, but not those of the session, which end after the last test."""
+    if nextitem is None:
+        return (yield)
     return (yield from _GUARD.watch())

@@ -28,12 +28,13 @@ PROBES = sorted(Path(generators.__file__).with_name("probes").glob("*.idl"))
 
 @pytest.fixture(scope="module")
 def parser() -> Iterator[Any]:
-    """Import rosidl_parser with the lark of this interpreter."""
+    """Import Debian's rosidl_parser with the lark of this interpreter; other tests use that of forge."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [*sys.path, str(MODULES)])
-        yield import_module("rosidl_parser.parser")
+        patch.setattr(sys, "modules", dict(sys.modules))
         for name in [name for name in sys.modules if name.partition(".")[0] == "rosidl_parser"]:
             del sys.modules[name]
+        yield import_module("rosidl_parser.parser")
 
 
 @pytest.fixture(scope="module")
