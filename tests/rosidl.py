@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import ModuleType
 
 CHECKOUT = Path(__file__).parents[1]
 DEBIAN = CHECKOUT / ".debian-peers/usr"
@@ -22,6 +29,24 @@ def underlay() -> dict[str, str]:
         "LD_LIBRARY_PATH": str(DEBIAN / "lib/x86_64-linux-gnu"),
         "PYTHONPATH": os.pathsep.join((str(MODULES), *os.environ.get("PYTHONPATH", "").split(os.pathsep))),
     }
+
+
+@contextmanager
+def imported_anew(*packages: str) -> Iterator[None]:
+    """Let packages be imported from MODULES for a while; other tests use those that forge brings along."""
+
+    def forget() -> dict[str, ModuleType]:
+        names = [name for name in sys.modules if name.partition(".")[0] in packages]
+        return {name: sys.modules.pop(name) for name in names}
+
+    before, path = forget(), list(sys.path)
+    sys.path.append(str(MODULES))
+    try:
+        yield
+    finally:
+        forget()
+        sys.modules.update(before)
+        sys.path[:] = path
 
 
 CMAKE = """cmake_minimum_required(VERSION 3.10)

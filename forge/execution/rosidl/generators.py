@@ -31,7 +31,7 @@ SETUP = ["setup.py", "egg_info"]
 
 _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")
-"""What generators import; which of the helpers exists depends on the distribution."""
+"""What generators import; the second helper is the older one, and deprecated where both exist."""
 
 _PROBES = Path(__file__).with_name("probes")
 """Files with every construct that the fast parser supports."""
@@ -66,7 +66,9 @@ class Generators:
             if not self._accelerated:
                 self._import(*_LIBRARIES)
                 self._accelerate()
-                self._import(*_HELPERS)
+                self._import(_HELPERS[0])
+                if _HELPERS[0] not in self._modules:
+                    self._import(_HELPERS[1])
             arguments_file = argv[argv.index(ARGUMENTS_OPTION) + 1]
             if Path(arguments_file).parent != Path(self._arguments_file).parent:
                 self._contents.clear()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ import forge
 from forge.execution.rosidl import generators
 from forge.execution.rosidl.generators import described
 from forge.execution.rosidl.idl_trees import IdlTrees, UnsupportedIdlError
-from tests.rosidl import MODULES
+from tests.rosidl import MODULES, imported_anew
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,11 +28,7 @@ PROBES = sorted(Path(generators.__file__).with_name("probes").glob("*.idl"))
 @pytest.fixture(scope="module")
 def parser() -> Iterator[Any]:
     """Import Debian's rosidl_parser with the lark of this interpreter; other tests use that of forge."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "path", [*sys.path, str(MODULES)])
-        patch.setattr(sys, "modules", dict(sys.modules))
-        for name in [name for name in sys.modules if name.partition(".")[0] == "rosidl_parser"]:
-            del sys.modules[name]
+    with imported_anew("rosidl_parser"):
         yield import_module("rosidl_parser.parser")
 
 

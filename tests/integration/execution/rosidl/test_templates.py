@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import io
 import json
 import subprocess
 import sys
@@ -12,6 +14,8 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from forge.execution.rosidl.templates import CompiledTemplates, install
+from tests.integration.execution.rosidl.expand import expanded
 from tests.rosidl import DEBIAN, EMPY, RESOURCES
 
 pytestmark = pytest.mark.needs(*map(str, EMPY.values()))
@@ -150,8 +154,49 @@ def test_hostile_templates_expand_alike_or_fail(version: str) -> None:
     assert differences == [], differences
 
 
+def load(version: str) -> Any:
+    """Import EmPy under a name of its own."""
+    spec = importlib.util.spec_from_file_location(f"em_{version}", EMPY[version])
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("version", EMPY)
+def test_compiled_templates_are_kept_in_files(version: str, tmp_path: Path) -> None:
+    em = load(version)
+    first = CompiledTemplates(em, tmp_path / "cache")
+    codes = [first.code(template) for template in (*ORDINARY, *HOSTILE)]
+    assert None not in codes[: len(ORDINARY)]
+    assert None in codes
+    files = sorted((tmp_path / "cache").iterdir())
+    assert len(files) == len({*ORDINARY, *HOSTILE})
+    files[0].write_bytes(b"damaged")
+    files[1].write_bytes(files[2].read_bytes())
+    second = CompiledTemplates(em, tmp_path / "cache")
+    assert [second.code(template) for template in (*ORDINARY, *HOSTILE)] == codes
+
+
+@pytest.mark.parametrize("version", EMPY)
+def test_interpreters_run_compiled_templates(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    em = load(version)
+    monkeypatch.setitem(sys.modules, "em", em)
+    expected = [expanded(em, template) for template in (*ORDINARY, "@empy.identify()")]
+    compiled = CompiledTemplates(em, None)
+    install(em, compiled)
+    assert [expanded(em, template) for template in (*ORDINARY, "@empy.identify()")] == expected
+
+
+# But not those that ask for their position: it does not count what a compiled template within them writes.
 PIECES = st.sampled_from(
-    [*ORDINARY, *HOSTILE, " ", "\n", "x", "@[end if]", "@[end for]", "@[if one]", "@[else]"]
+    [
+        *ORDINARY,
+        *(template for template in HOSTILE if "identify" not in template),
+        *(" ", "\n", "x", "@[end if]", "@[end for]", "@[if one]", "@[else]"),
+    ]
 )
 
 

@@ -1,0 +1,124 @@
+"""What generators share in the worker's process, and how one of them runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import forge
+from forge.execution.rosidl import generators
+from forge.execution.rosidl.generators import DeclinedError, Generators
+from tests.rosidl import EMPY, MODULES, imported_anew
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"), str(EMPY["3"]))
+
+GRAMMAR = Path(forge.__file__).parent / "interfaces/idl/grammar.lark"
+PROBE = Path(generators.__file__).with_name("probes") / "Message.idl"
+COUNT = """import sys
+from rosidl_parser.definition import IdlLocator
+from rosidl_parser.parser import parse_idl_file
+first, second = (parse_idl_file(IdlLocator(sys.argv[3], "Message.idl")) for _ in range(2))
+print(len(first.content.elements), first is second)
+"""
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    """Return an environment with Debian's EmPy and rosidl, but not its lark: this process has one."""
+    folder = tmp_path / "modules"
+    folder.mkdir()
+    for name in ("em.py", "rosidl_parser", "rosidl_pycommon"):
+        (folder / name).symlink_to(MODULES / name)
+    return {"PYTHONPATH": str(folder)}
+
+
+@pytest.fixture
+def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Generators]:
+    """Return generators with an empty cache."""
+    monkeypatch.setattr(sys, "argv", list(sys.argv))
+    with imported_anew("em", "rosidl_parser", "rosidl_pycommon"):
+        yield Generators(GRAMMAR, tmp_path / "cache")
+
+
+def generator(folder: Path, text: str) -> list[str]:
+    """Write a generator with its arguments; return its command line."""
+    folder.mkdir(exist_ok=True)
+    shutil.copy(PROBE, folder / "Message.idl")
+    (folder / "arguments.json").write_text(json.dumps({"idl_tuples": [f"{folder}:Message.idl"]}))
+    (folder / "generator.py").write_text(text)
+    program = str(folder / "generator.py")
+    return [
+        sys.executable,
+        program,
+        "--generator-arguments-file",
+        str(folder / "arguments.json"),
+        str(folder),
+    ]
+
+
+def test_files_are_parsed_once_and_for_nobody_twice(
+    shared: Generators, environment: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = generator(tmp_path / "a", COUNT.replace("argv[3]", "argv[-1]"))
+    shared.prepare(argv, environment)
+    assert [path.read_text() for path in (tmp_path / "cache").glob("*.parser")] == ["same"]
+    shared.run(argv, environment)
+    assert capsys.readouterr().out == "3 False\n"
+
+
+def test_files_of_another_package_replace_those_of_the_first(
+    shared: Generators, environment: dict[str, str], tmp_path: Path
+) -> None:
+    for name in ("a", "b", "b"):
+        shared.prepare(generator(tmp_path / name, ""), environment)
+        assert {Path(path).parent.name for path in shared._contents} == {name}  # noqa: SLF001  (not seen otherwise)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("raise SystemExit(3)", "it ended with 3"), ("1 / 0", "ZeroDivisionError: division by zero")],
+)
+def test_failures_are_declined(
+    shared: Generators, environment: dict[str, str], tmp_path: Path, text: str, reason: str
+) -> None:
+    argv = generator(tmp_path / "a", text)
+    shared.prepare(argv, environment)
+    with pytest.raises(DeclinedError, match=reason):
+        shared.run(argv, environment)
+    shared.run(generator(tmp_path / "a", "raise SystemExit(0)"), environment)
+
+
+def test_modules_from_elsewhere_are_declined(
+    shared: Generators, environment: dict[str, str], tmp_path: Path
+) -> None:
+    argv = generator(tmp_path / "a", "")
+    shared.prepare(argv, environment)
+    (tmp_path / "em.py").touch()
+    with pytest.raises(DeclinedError, match="it imports another em than"):
+        shared.run(argv, {"PYTHONPATH": f"{tmp_path}:{environment['PYTHONPATH']}"})
+
+
+def test_setuptools_is_shared(shared: Generators, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "setup.py").write_text("from setuptools import setup\nsetup(name='p', packages=[])\n")
+    monkeypatch.chdir(tmp_path)
+    argv = [sys.executable, "setup.py", "egg_info"]
+    shared.prepare(argv, {})
+    shared.run(argv, {})
+    assert (tmp_path / "p.egg-info").is_dir()
+
+
+def test_what_cannot_be_prepared_is_left_to_the_command(
+    shared: Generators, environment: dict[str, str], tmp_path: Path
+) -> None:
+    argv = generator(tmp_path / "a", "")
+    (tmp_path / "a/arguments.json").write_text("{")
+    shared.prepare(argv, environment)
+    shared.run(argv, environment)
