@@ -219,13 +219,13 @@ class HttpStore:
             raise StoreFault(f"{self.name}: {_reason(error)}") from None
 
     def _send_with_retry(self, call: _Call) -> BaseHTTPResponse:
-        """Send a request; retry once if the server has closed a pooled connection."""
+        """Send a request; retry once if the server has closed a pooled connection, not after a timeout."""
         from urllib3.exceptions import ProtocolError  # noqa: PLC0415  (as above)
 
         try:
             return self._send(call)
-        except ProtocolError:
-            if call.deadline.remaining() <= 0:  # abandoned
+        except ProtocolError as error:
+            if call.deadline.remaining() <= 0 or _timed_out(error):
                 raise
             return self._send(call)
 
@@ -253,6 +253,11 @@ def _length(response: BaseHTTPResponse) -> int | None:
     )
 
 
+def _timed_out(error: HTTPError) -> bool:
+    """Return True if the server did not take the request in time, which urllib3 reports as aborted."""
+    return any(isinstance(cause, TimeoutError) for cause in error.args)
+
+
 def _reason(error: HTTPError) -> str:
     """Return a short reason for a failed request; urllib3's messages contain Python object names."""
     from urllib3 import exceptions  # noqa: PLC0415  (as above)
@@ -267,7 +272,7 @@ def _reason(error: HTTPError) -> str:
         case exceptions.SSLError(args=(Exception() as cause, *_)):
             return f"TLS error: {getattr(cause, 'verify_message', '') or cause}"
         case exceptions.ProtocolError():
-            return "the server closed the connection"
+            return "timed out" if _timed_out(error) else "the server closed the connection"
         case _:
             return f"request failed ({type(error).__name__})"
 
