@@ -1,4 +1,4 @@
-"""Queries packages in the sourced prefixes."""
+"""Queries packages in the sourced prefixes and in the enclosing workspace, which need not be sourced."""
 
 from __future__ import annotations
 
@@ -8,48 +8,66 @@ from typing import TYPE_CHECKING
 
 from forge.base import ament_index
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
-from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean, is_package_name
+from forge.environment.install_state import recorded_underlays
+from forge.environment.prefixes import package_prefixes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
 
-def sourced_packages(variables: Mapping[str, str]) -> dict[str, Path]:
+def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
+    """Return the sourced prefixes, then those of the enclosing workspace and of its underlays.
+
+    `install` is the install folder of that workspace, None without one.
+    """
+    found = (*package_prefixes(install), *underlay_prefixes(install)) if install else ()
+    return tuple(dict.fromkeys([*ament_index.prefixes(variables), *found]))
+
+
+def underlay_prefixes(install: Path) -> Iterator[Path]:
+    """Yield the prefixes of the underlays that the last build of a workspace recorded, highest first."""
+    for root in reversed(recorded_underlays(install)):
+        yield from package_prefixes(root)
+
+
+def known_packages(variables: Mapping[str, str], install: Path | None) -> dict[str, Path]:
     """Return every installed package with its prefix, by name; the first prefix wins.
 
-    Raises EnvironmentFault if no prefix is sourced.
+    Raises EnvironmentFault if nothing is sourced and there is no enclosing workspace.
     """
-    _require_prefixes(variables)
-    return dict(sorted(ament_index.resources("packages", ament_index.prefixes(variables)).items()))
+    _require_prefixes(variables, install)
+    return dict(sorted(ament_index.resources("packages", known_prefixes(variables, install)).items()))
 
 
-def find_package(name: str, variables: Mapping[str, str]) -> Path:
+def find_package(name: str, variables: Mapping[str, str], install: Path | None) -> Path:
     """Return the prefix of an installed package.
 
-    Raises EnvironmentFault if no prefix is sourced, ForgeError if none contains the package.
+    Raises EnvironmentFault if there are no prefixes, ForgeError if none contains the package.
     """
-    if not variables.get("AMENT_PREFIX_PATH"):
-        _refuse_unbuilt(name, variables)
-    _require_prefixes(variables)
-    where = ament_index.prefixes(variables)
+    _require_prefixes(variables, install)
+    where = known_prefixes(variables, install)
     prefix = ament_index.prefix_of(name, where) if is_package_name(name) else None
-    if prefix is None:
-        hint = _unsourced(name, variables) or did_you_mean(name, ament_index.resources("packages", where))
+    if prefix is not None:
+        return prefix
+    hint = did_you_mean(name, ament_index.resources("packages", where))
+    if install is None or variables.get("AMENT_PREFIX_PATH") or not is_package_name(name):
         raise ForgeError(Problem(f"package '{name}' not found", hint=hint))
-    return prefix
+    if (install / name / "lib").is_dir():
+        hint = "call ament_package() at the end of its CMakeLists.txt, which registers the package"
+    hint = hint or f"build it: forge build --packages-select {name}"
+    shown = install.relative_to(Path.cwd()) if install.parent == Path.cwd() else install
+    raise ForgeError(Problem(f"package '{name}' is not installed in '{shown}'", hint=hint))
 
 
-def workspace_of(name: str, variables: Mapping[str, str]) -> Path | None:
-    """Return the install folder of the enclosing workspace if only that contains package `name`."""
-    if not is_package_name(name) or ament_index.prefix_of(name, ament_index.prefixes(variables)):
-        return None
-    setup = _setup_near(Path.cwd(), variables)
-    if setup is None:
-        return None
-    install = setup.parent.absolute()
-    built = (install / LAYOUT_MARKER).is_file()
-    return install if built and ament_index.prefix_of(name, (install, install / name)) else None
+def is_unsourced(name: str, variables: Mapping[str, str], install: Path | None) -> bool:
+    """Tell whether only the enclosing workspace or its underlays contain package `name`."""
+    return (
+        install is not None
+        and is_package_name(name)
+        and not ament_index.prefix_of(name, ament_index.prefixes(variables))
+        and ament_index.prefix_of(name, known_prefixes(variables, install)) is not None
+    )
 
 
 def executables(package: str, prefix: Path) -> tuple[Path, ...]:
@@ -64,46 +82,7 @@ def executables(package: str, prefix: Path) -> tuple[Path, ...]:
     return tuple(sorted(path for path in found if path.is_file()))
 
 
-def _require_prefixes(variables: Mapping[str, str]) -> None:
-    if not variables.get("AMENT_PREFIX_PATH"):
-        setup = _setup_near(Path.cwd(), variables)
-        hint = f"source {setup or 'the setup.bash of an install folder'} first"
+def _require_prefixes(variables: Mapping[str, str], install: Path | None) -> None:
+    if install is None and not variables.get("AMENT_PREFIX_PATH"):
+        hint = "change to a workspace that was built, or source the setup script of an installation"
         raise EnvironmentFault(Problem("no package can be found: 'AMENT_PREFIX_PATH' is not set", hint=hint))
-
-
-def _refuse_unbuilt(name: str, variables: Mapping[str, str]) -> None:
-    """Raise ForgeError if the enclosing workspace was built without the package."""
-    setup = _setup_near(Path.cwd(), variables)
-    if setup is None or not is_package_name(name):
-        return
-    install = setup.parent
-    prefixes = (install, *(path for path in sorted(install.iterdir()) if path.is_dir()))
-    if ament_index.prefix_of(name, prefixes) is not None:
-        return
-    hint = did_you_mean(name, ament_index.resources("packages", prefixes))
-    if (install / name / "lib").is_dir():
-        hint = "call ament_package() at the end of its CMakeLists.txt, which registers the package"
-    hint = hint or f"build it: forge build --packages-select {name}"
-    raise ForgeError(Problem(f"package '{name}' is not installed in '{install}'", hint=hint))
-
-
-def _unsourced(name: str, variables: Mapping[str, str]) -> str | None:
-    """Return a hint if the enclosing workspace contains the package but is not sourced."""
-    setup = _setup_near(Path.cwd(), variables)
-    if setup is None or not is_package_name(name):
-        return None
-    install = setup.parent
-    if ament_index.prefix_of(name, (install, install / name)) is None:
-        return None
-    return f"it is in '{install}': source {setup}"
-
-
-def _setup_near(folder: Path, variables: Mapping[str, str]) -> Path | None:
-    """Return the setup script of the enclosing workspace, with the shortest path."""
-    login_shell = variables.get("SHELL", "").rpartition("/")[2]
-    shell = login_shell if login_shell in {"zsh", "fish"} else "bash"
-    for root in (folder, *folder.parents):
-        setup = root / "install" / f"setup.{shell}"
-        if setup.is_file():
-            return setup.relative_to(folder) if root == folder else setup
-    return None

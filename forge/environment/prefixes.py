@@ -91,6 +91,13 @@ def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
     )
 
 
+def package_prefixes(root: Path) -> tuple[Path, ...]:
+    """Return the folders with packages of an install tree: one for each package, or the root itself."""
+    if _layout(root) != "isolated":
+        return (root,) if root.is_dir() else ()
+    return tuple(sorted(path for path in root.iterdir() if is_word(path.name) and path.is_dir()))
+
+
 def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:
     """Return the existing folders in path variables without duplicates."""
     entries = [entry for name in names for entry in variables.get(name, "").split(os.pathsep)]

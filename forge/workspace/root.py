@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-_ROOT_MARKERS = ("forge.toml", "install/.colcon_install_layout", "build/.built_by")
+_INSTALL_MARKER = "install/.colcon_install_layout"
+_ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
 
 _ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base", "--output")
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
@@ -41,6 +42,12 @@ def find_root(start: Path, home: Path) -> Path:
         *marked,
     )
     return next(iter(candidates), start)
+
+
+def find_install(start: Path, home: Path) -> Path | None:
+    """Return the install folder of the workspace around the absolute folder `start` if it was built."""
+    root = find_root(start, home)
+    return root / "install" if (root / _INSTALL_MARKER).is_file() else None
 
 
 def rebase_paths(arguments: Sequence[str], origin: Path, root: Path) -> list[str]:

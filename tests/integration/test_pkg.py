@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from typing import TYPE_CHECKING
 
@@ -208,25 +209,44 @@ def test_what_is_not_there_is_one_message(
 
 
 @pytest.mark.parametrize("verb", ["list", "executables"])
-def test_without_a_sourced_prefix_the_next_step_is_named(verb: str, forge: Forge, tree: Tree) -> None:
-    root = tree({"ws/install/setup.bash": "", "ws/install/setup.zsh": "", "ws/src/notes": ""})
-    unset = "error: no package can be found: 'AMENT_PREFIX_PATH' is not set\nhint: source "
-    assert forge("pkg", verb, cwd=root).err == f"{unset}the setup.bash of an install folder first\n"
-    in_bash = forge("pkg", verb, cwd=root / "ws", env={"SHELL": "/bin/bash"})
-    assert (in_bash.code, in_bash.err) == (2, f"{unset}install/setup.bash first\n")
-    in_zsh = forge("pkg", verb, cwd=root / "ws/src", env={"SHELL": "/bin/zsh"})
-    assert in_zsh.err == f"{unset}{root}/ws/install/setup.zsh first\n"
-
-
-def test_a_package_that_is_built_but_not_sourced_has_its_own_message(forge: Forge, tree: Tree) -> None:
-    files = {"install/setup.bash": "", f"install/walker/{INDEX}/walker": "", f"other/{INDEX}/arm": ""}
-    root = tree(files)
-    env = {"AMENT_PREFIX_PATH": str(root / "other"), "SHELL": "/bin/sh"}
-    ran = forge("pkg", "prefix", "walker", cwd=root, env=env)
-    assert (
-        ran.err == "error: package 'walker' not found\nhint: it is in 'install': source install/setup.bash\n"
+def test_without_prefix_and_workspace_the_next_step_is_named(verb: str, forge: Forge, tree: Tree) -> None:
+    ran = forge("pkg", verb, cwd=tree({"ws/src/notes": ""}))
+    assert ran.code == 2
+    assert ran.err == (
+        "error: no package can be found: 'AMENT_PREFIX_PATH' is not set\n"
+        "hint: change to a workspace that was built, or source the setup script of an installation\n"
     )
-    assert "it is in" not in forge("pkg", "prefix", "crawler", cwd=root, env=env).err
+
+
+@pytest.mark.parametrize("layout", ["isolated", "merged"])
+def test_the_workspace_around_need_not_be_sourced(layout: str, forge: Forge, tree: Tree) -> None:
+    """Sourced prefixes come first, then the workspace, then the underlays that it was built on."""
+    folder = "" if layout == "merged" else "walker/"
+    root = tree(
+        {
+            "ws/install/.colcon_install_layout": f"{layout}\n",
+            f"ws/install/{folder}{INDEX}/walker": "",
+            f"ws/install/{folder}lib/walker/walk": "#!/bin/sh\n",
+            f"ws/install/{folder}share/walker/package.xml": MANIFEST,
+            "ws/src/notes": "",
+            f"under/{INDEX}/arm": "",
+            f"under/{INDEX}/walker": "",
+            "under/lib/arm/wave": "#!/bin/sh\n",
+            f"sourced/{INDEX}/leg": "",
+        }
+    )
+    state = {"python": "python3", "underlays": [str(root / "under"), str(root / "gone")]}
+    (root / "ws/install/.forge.json").write_text(json.dumps(state))
+    cwd, env = root / "ws/src", {"AMENT_PREFIX_PATH": str(root / "sourced")}
+    assert forge("pkg", "list", cwd=cwd, env=env).out == "arm\nleg\nwalker\n"
+    assert forge("pkg", "executables", cwd=cwd).out == "arm wave\nwalker walk\n"
+    assert forge("pkg", "prefix", "walker", cwd=cwd).out == f"{root}/ws/install/{folder}".rstrip("/") + "\n"
+    assert forge("pkg", "xml", "walker", "-t", "version", cwd=cwd, env=env).out == "1.2.3\n"
+    env = {"AMENT_PREFIX_PATH": str(root / "under")}
+    assert forge("pkg", "prefix", "walker", cwd=cwd, env=env).out == f"{root}/under\n"
+    assert forge("pkg", "prefix", "wlaker", cwd=root / "ws").err == (
+        "error: package 'wlaker' is not installed in 'install'\nhint: did you mean 'walker'?\n"
+    )
 
 
 def test_pkg_wants_a_verb(forge: Forge) -> None:

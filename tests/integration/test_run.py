@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -218,7 +219,8 @@ def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> Non
 
 
 def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:
-    root = tree({"install/setup.bash": "", f"install/walker/{MARK}": "", "install/half/lib/half/x": ""})
+    files = {"install/.colcon_install_layout": "isolated\n", "install/half/lib/half/x": ""}
+    root = tree({**files, f"install/walker/{MARK}": ""})
     told = {
         name: forge("run", name, "say", cwd=root, env={"AMENT_PREFIX_PATH": None}).err
         for name in ("wlaker", "half", "zzz")
@@ -229,3 +231,15 @@ def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: T
     )
     assert "call ament_package() at the end of its CMakeLists.txt" in told["half"]
     assert "hint: build it: forge build --packages-select zzz" in told["zzz"]
+
+
+def test_a_program_of_an_underlay_needs_no_sourcing_either(forge: Forge, tree: Tree) -> None:
+    """It runs in the environment that the workspace would give it."""
+    script = '#!/bin/sh\necho "$AMENT_PREFIX_PATH:$1"\n'
+    marker = {"install/.colcon_install_layout": "merged\n", "src/notes": ""}
+    root = tree({**marker, f"under/{MARK}": "", "under/lib/walker/say": script})
+    (root / "under/local_setup.sh").write_text(f'export AMENT_PREFIX_PATH="{root}/under"\n')
+    state = json.dumps({"python": "python3", "underlays": [str(root / "under")]})
+    (root / "install/.forge.json").write_text(state)
+    ran = forge("run", "walker", "say", "a", cwd=root / "src", env={"AMENT_PREFIX_PATH": None})
+    assert (ran.code, ran.out, ran.err) == (0, f"{root}/under:a\n", "")

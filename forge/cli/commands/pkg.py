@@ -14,7 +14,7 @@ from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.base.files import write_if_changed
 from forge.base.names import did_you_mean, is_email
 from forge.base.xml import parse_xml
-from forge.environment.installed import executables, find_package, sourced_packages
+from forge.environment.installed import executables, find_package, known_packages
 from forge.workspace.creation import (
     BUILD_TYPES,
     LICENSES,
@@ -25,6 +25,7 @@ from forge.workspace.creation import (
     render_package,
 )
 from forge.workspace.model import Person
+from forge.workspace.root import find_install
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -233,28 +234,32 @@ def _warn(message: str, hint: str | None = None) -> None:
     print(Problem(message, hint=hint).render("warning"), file=sys.stderr)
 
 
+def _install() -> Path | None:
+    return find_install(Path.cwd(), Path.home())
+
+
 def _list(_options: argparse.Namespace) -> None:
-    for name in sourced_packages(os.environ):
+    for name in known_packages(os.environ, _install()):
         print(name)
 
 
 def _executables(options: argparse.Namespace) -> None:
     if options.package is None:
-        packages = sourced_packages(os.environ)
+        packages = known_packages(os.environ, _install())
     else:
-        packages = {options.package: find_package(options.package, os.environ)}
+        packages = {options.package: find_package(options.package, os.environ, _install())}
     for name, prefix in packages.items():
         for path in executables(name, prefix):
             print(path if options.full_path else f"{name} {path.name}")
 
 
 def _prefix(options: argparse.Namespace) -> None:
-    prefix = find_package(options.package, os.environ)
+    prefix = find_package(options.package, os.environ, _install())
     print(prefix / "share" / options.package if options.share else prefix)
 
 
 def _xml(options: argparse.Namespace) -> None:
-    path = find_package(options.package, os.environ) / "share" / options.package / "package.xml"
+    path = find_package(options.package, os.environ, _install()) / "share" / options.package / "package.xml"
     try:
         content = path.read_bytes()
     except OSError:

@@ -9,15 +9,16 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
-from forge.environment.installed import executables, find_package, workspace_of
+from forge.environment.installed import executables, find_package, is_unsourced
+from forge.workspace.root import find_install
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
     from types import FrameType
 
 
@@ -41,18 +42,19 @@ def run(options: argparse.Namespace) -> int:
         hint = "list them with 'forge pkg executables'"
         raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
     package, name, *arguments = words
-    variables = _environment(package)
-    path = _choose(package, name, find_package(package, variables))
+    install = find_install(Path.cwd(), Path.home())
+    prefix = find_package(package, os.environ, install)
+    variables = _environment(package, install)
+    path = _choose(package, name, prefix)
     code = _wait_for((*_words(options.prefix), str(path), *arguments), variables)
     if code:
         print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
     return code
 
 
-def _environment(package: str) -> Mapping[str, str]:
+def _environment(package: str, install: Path | None) -> Mapping[str, str]:
     """Return the environment, with the enclosing workspace sourced if only that contains the package."""
-    install = workspace_of(package, os.environ)
-    if install is None:
+    if install is None or not is_unsourced(package, os.environ, install):
         return os.environ
     from forge.environment.sourcing import sourced_environment  # noqa: PLC0415  (not needed if sourced)
 

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from typing import TYPE_CHECKING
 
-from forge.base.ament_index import prefix_of, prefixes
+from forge.base.ament_index import prefix_of
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import did_you_mean
-from forge.interfaces.read.sources import EMBEDDED, Library, names_in
+from forge.cli.commands.interface.inputs import known_library
+from forge.interfaces.read.sources import EMBEDDED, names_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from forge.interfaces.model import TypeName
+    from forge.interfaces.read.sources import Library
 
     Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (no public name)
 
@@ -70,12 +71,8 @@ def _filled(text: str) -> str:
     return text
 
 
-def _library() -> Library:
-    return Library(prefixes=prefixes(os.environ))
-
-
 def _list(options: argparse.Namespace) -> int:
-    names = sorted(_library().names())
+    names = sorted(known_library().names())
     for kind, heading in _HEADINGS.items():
         if not options.kinds or kind in options.kinds:
             print(heading)
@@ -86,7 +83,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _package(options: argparse.Namespace) -> int:
-    library = _library()
+    library = known_library()
     folder = library.folder(options.package)
     if not folder:
         _check_package(options.package, library)
@@ -100,7 +97,7 @@ def _package(options: argparse.Namespace) -> int:
 def _packages(options: argparse.Namespace) -> int:
     # With several kinds, `ros2 interface packages` uses the first one in this order.
     kind = next((kind for kind in _HEADINGS if kind in (options.kinds or ())), None)
-    for package, folder in _library().packages().items():
+    for package, folder in known_library().packages().items():
         names = list(names_in(package, folder))
         if any(name.kind == kind for name in names) if kind else names:
             print(package)
@@ -110,7 +107,7 @@ def _packages(options: argparse.Namespace) -> int:
 def _show(options: argparse.Namespace) -> int:
     from forge.interfaces.show import Comments, parse_type_name, show  # noqa: PLC0415  (not needed by the lists)
 
-    library = _library()
+    library = known_library()
     name = parse_type_name(sys.stdin.readline().strip() if options.type == "-" else options.type)
     path = _definition(name, library)
     if path.suffix == ".idl":
@@ -128,7 +125,7 @@ def _proto(options: argparse.Namespace) -> int:
     from forge.interfaces.resolve.resolution import nested_messages  # noqa: PLC0415
     from forge.interfaces.show import parse_type_name  # noqa: PLC0415
 
-    library = _library()
+    library = known_library()
     name = parse_type_name(options.type)
     path = _definition(name, library)
     parsed = library.find(name)

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 from forge.base.errors import ForgeError, InterfaceError, Problem
 from forge.base.names import did_you_mean
-from forge.cli.commands.interface.inputs import add_includes, add_inputs, catalog_of, library_of
+from forge.cli.commands.interface.inputs import (
+    add_includes,
+    add_inputs,
+    catalog_of,
+    includes_of,
+    known_library,
+)
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
 from forge.interfaces.resolve.dependencies import require
@@ -49,7 +55,7 @@ def register(verbs: Verbs) -> None:
 
 
 def _hash(options: argparse.Namespace) -> int:
-    library = library_of(options)
+    library = known_library(includes_of(options))
     if not (options.package or options.files or options.what):
         hint = "name types, or a folder of definitions with --package"
         raise ForgeError(Problem("missing names of types", hint=hint))
@@ -76,7 +82,7 @@ def _folder(options: argparse.Namespace) -> str | None:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    library = library_of(options)
+    library = known_library(includes_of(options))
     name = parse_type_name(options.type)
     parsed = library.find(name) or _missing(name, library)
     nested_messages(parsed, library)

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
 from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
+from forge.environment.installed import known_prefixes
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_source
 from forge.interfaces.resolve.resolution import resolve
+from forge.workspace.root import find_install
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -57,10 +59,23 @@ def add_includes(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def includes_of(options: argparse.Namespace) -> dict[str, Path]:
+    """Return the folders of definitions by package."""
+    return {package: Path(folder) for package, folder in options.includes}
+
+
 def library_of(options: argparse.Namespace, recorded: Mapping[str, Path] | None = None) -> Library:
-    """Return the searchable definitions; `recorded` folders of earlier runs are used unless overridden."""
-    includes = {package: Path(folder) for package, folder in options.includes}
-    return Library(includes={**(recorded or {}), **includes}, prefixes=prefixes(os.environ))
+    """Return the searchable definitions; `recorded` folders of earlier runs are used unless overridden.
+
+    Builds generate code with it: only what is included or sourced counts, as for other compilers.
+    """
+    return Library(includes={**(recorded or {}), **includes_of(options)}, prefixes=prefixes(os.environ))
+
+
+def known_library(includes: Mapping[str, Path] | None = None) -> Library:
+    """Return the definitions that can be asked about: in addition those of the enclosing workspace."""
+    install = find_install(Path.cwd(), Path.home())
+    return Library(includes=includes or {}, prefixes=known_prefixes(os.environ, install))
 
 
 def catalog_of(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:

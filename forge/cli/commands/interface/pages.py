@@ -10,6 +10,7 @@ from forge.base.ament_index import prefixes
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
+from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
@@ -20,7 +21,7 @@ from forge.interfaces.site.generator import PackageInfo, site
 from forge.interfaces.writing import write_site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.root import find_root
+from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
     import argparse
@@ -44,7 +45,9 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     raise_if_any(_misnomers(folders), InterfaceError)
     out = options.output or Path(os.path.relpath(root / default))
     raise_if_any(_buried([root / each.path for each in found.packages.values()], out))
-    library = Library(includes=folders, prefixes=prefixes(os.environ))
+    install = find_install(root, Path.home())
+    underlays = underlay_prefixes(install) if install else ()
+    library = Library(includes=folders, prefixes=(*prefixes(os.environ), *underlays))
     whole = _wanted(options, folders, library)
     catalogs = _catalogs(whole, library)
     abouts = {

@@ -97,6 +97,23 @@ def test_show_looks_at_sourced_prefixes_and_reads_a_name_from_a_line(forge: Forg
     assert ran.out == "# top\n\nInner inner # in\n\tstd_msgs/String text\n\t\tstring data\n"
 
 
+def test_interfaces_of_the_workspace_around_need_not_be_sourced(forge: Forge, tree: Tree) -> None:
+    """But code is generated only from what is included or sourced, as in a build."""
+    files = {f"install/mine/{path}": text for path, text in PREFIX.items()}
+    root = tree(
+        {**files, "install/.colcon_install_layout": "isolated\n", "src/new/msg/A.msg": "mine/Inner i\n"}
+    )
+    for verb in (("show",), ("proto",), ("hash",), ("schema",)):
+        ran = forge("interface", *verb, "mine/msg/Top", cwd=root / "src")
+        assert (ran.code, ran.err) == (0, ""), verb
+    assert "mine/msg/Top\n" in forge("interface", "package", "mine", cwd=root / "src").out
+    assert "mine\n" in forge("interface", "packages", cwd=root).out
+    assert "    mine/srv/Ask\n" in forge("interface", "list", cwd=root).out
+    new = ("--package", "new", str(root / "src/new"))
+    assert forge("interface", "hash", *new, cwd=root).code == 0
+    assert "mine" in forge("interface", "generate", *new, "--output", "out", cwd=root).err
+
+
 def test_show_prints_an_interface_that_is_only_idl_as_it_is(forge: Forge, tree: Tree) -> None:
     ran = forge("interface", "show", "mine/msg/Only", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
     assert ran.out == PREFIX["share/mine/msg/Only.idl"]
