@@ -76,6 +76,19 @@ def templates_folder() -> Path:
     return packed if packed.is_dir() else PACKAGE.parent / "templates"
 
 
+def docs_url(page: str) -> str:
+    """Return the URL of a page below docs/, `page` with its anchor if any.
+
+    The wheel contains the pages, so that they match the installed version and can be read without a network.
+    """
+    packed = PACKAGE / "_docs"
+    return f"{(packed if packed.is_dir() else PACKAGE.parent / 'docs').as_uri()}/{page}"
+
+
+NO_CODE = ("embedded", "_docs")
+"""Folders of the package whose files do not change what forge does: source packages and documentation."""
+
+
 def own_folders() -> list[Path]:
     """Return the folders with forge's modules and templates."""
     templates = templates_folder()

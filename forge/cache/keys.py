@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge import __version__
 from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE, own_folders
+from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import contents_of, digest_of, source_files
 from forge.cache.relocation import PLAIN, SPACED
 from forge.toolchain.programs import program_of
@@ -62,7 +62,7 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
 
     `table` is used for these files only, and saved.
     """
-    own = [path for folder in own_folders() for path in source_files(str(folder), "embedded")]
+    own = [path for folder in own_folders() for path in source_files(str(folder), NO_CODE)]
     data = contents_of(own, table)
     own_digests = [f"{os.path.relpath(path, PACKAGE.parent)} {data[path]}" for path in own]
     programs = {name: os.path.realpath(program_of(identity)) for name, identity in tools}

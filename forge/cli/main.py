@@ -146,14 +146,16 @@ class Parser(argparse.ArgumentParser):
         return argparse.Namespace(**values), rest
 
     def format_help(self) -> str:
-        """Return the help; shorten the usage line of commands with many options."""
+        """Return the help with examples at the end; shorten the usage line of commands with many options."""
+        from forge.cli.examples import examples  # noqa: PLC0415  (only needed for help)
+
         positionals = [action for action in self._actions if not action.option_strings or action.required]
         if self.usage is None and len(self._actions) - len(positionals) > _MANY:
             formatter = self._get_formatter()
             formatter.add_usage(None, positionals, [], prefix="")
             words = formatter.format_help().strip().removeprefix(self.prog)
             self.usage = f"{self.prog} [OPTION ...]{words}"
-        return super().format_help()
+        return super().format_help() + examples(self.prog.partition(" ")[2])
 
     def _gathered(self, options: argparse.Namespace, rest: list[str]) -> tuple[argparse.Namespace, list[str]]:
         """Assign positional arguments that follow an option to the variadic positional argument.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
-from forge.base.layout import PACKAGE, own_folders
+from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
 from forge.build.planning import GlobalInputs
@@ -224,5 +224,5 @@ def forge_stamp() -> str:
 
     The stats also detect changes of a development checkout.
     """
-    files = [path for folder in own_folders() for path in source_files(str(folder), "embedded")]
+    files = [path for folder in own_folders() for path in source_files(str(folder), NO_CODE)]
     return f"{__version__} {stamp_files(files)}"

@@ -183,10 +183,10 @@ def digest_strings(*strings: str) -> str:
     return _digest("\0".join(strings).encode(errors="surrogateescape"))
 
 
-def source_files(root: str, excluded: str | None = None) -> Iterator[str]:
+def source_files(root: str, excluded: Collection[str] = ()) -> Iterator[str]:
     """Yield the paths of the files that count as sources, sorted folder by folder.
 
-    Folders named `excluded` are skipped.
+    Folders with one of the names `excluded` are skipped.
     """
     return (path for path, _, _ in _walk(root, (root,), excluded) if not path.endswith("/"))
 
@@ -255,7 +255,7 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
 def _walk(
     folder: str,
     ancestors: tuple[str, ...],
-    excluded: str | None = None,
+    excluded: Collection[str] = (),
     itself: os.stat_result | None = None,
 ) -> Iterator[tuple[str, os.stat_result, bool]]:
     """Yield each file and folder below `folder` with its stat, and True if a link to a folder led there.
@@ -273,7 +273,7 @@ def _walk(
         name = entry.name
         is_folder = entry.is_dir(follow_symlinks=False)
         counts = is_source_folder if is_folder else is_source
-        if (is_folder and name == excluded) or not counts(name, names.__contains__):
+        if (is_folder and name in excluded) or not counts(name, names.__contains__):
             continue
         try:
             status = entry.stat(follow_symlinks=False)

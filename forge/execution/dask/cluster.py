@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.layout import CLUSTER_DIR, PACKAGE
+from forge.base.layout import CLUSTER_DIR, NO_CODE, PACKAGE
 from forge.build.inputs.fingerprints import source_files
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ def _contains(probe: str, content: str) -> bool:
 def _own_digest() -> str:
     """Return a short digest of forge's own source files."""
     digest = hashlib.sha256()
-    for path in source_files(str(PACKAGE), "embedded"):
+    for path in source_files(str(PACKAGE), NO_CODE):
         if path.endswith(".py"):
             digest.update(os.path.relpath(path, PACKAGE).encode() + Path(path).read_bytes())
     return digest.hexdigest()[:8]
