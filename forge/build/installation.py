@@ -47,7 +47,7 @@ def install_package(
         _write_implicit(package, prefix, symlink=layout.symlink)
     share = prefix / "share" / package.name
     hooks = package_hooks(package.name, package.build_type, files, python.site_packages)
-    _remove_stale_hooks(share / "hook", {f"{name}.dsv" for name in hooks})
+    _remove_stale_hooks(share / "hook", {f"{name}.dsv" for name in hooks}, layout.build_dir(package.name))
     for name, line in hooks.items():
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]))
     sources = [f"share/{package.name}/hook/{name}.dsv" for name in hooks]
@@ -155,15 +155,16 @@ def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
         replace_file(manifest, read_file(package.manifest.path))
 
 
-def _remove_stale_hooks(folder: Path, names: set[str]) -> None:
-    """Remove hooks of earlier builds that are no longer needed."""
-    if folder.is_dir():
-        for entry in folder.iterdir():
-            if entry.name not in names and entry.suffix in {
-                ".dsv",
-                *(f".{shell}" for shell in SHELLS),
-            }:
-                entry.unlink()
+def _remove_stale_hooks(folder: Path, names: set[str], build: Path) -> None:
+    """Remove hooks of earlier builds that are no longer needed, except those that the package installs."""
+    suffixes = {".dsv", *(f".{shell}" for shell in SHELLS)}
+    stale = {
+        str(entry)
+        for entry in (folder.iterdir() if folder.is_dir() else ())
+        if entry.name not in names and entry.suffix in suffixes
+    }
+    for path in stale.difference(listed_files(build)) if stale else ():
+        os.unlink(path)  # noqa: PTH108  (a string, as in install manifests)
 
 
 def _entry_script(underlay: Path, shell: str) -> Path:

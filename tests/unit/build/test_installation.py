@@ -186,6 +186,23 @@ def test_hooks_that_nothing_calls_for_go(tmp_path: Path) -> None:
     assert files_below(layout.prefix("library") / "share/library/hook") == {"path.dsv"}
 
 
+def test_hooks_that_the_package_installs_itself_stay(tmp_path: Path) -> None:
+    """They are in the package's install manifest; only those listed in colcon.pkg take effect."""
+    layout = make_install(tmp_path, [LIBRARY])
+    prefix = layout.prefix("library")
+    hook = prefix / "share/library/hook/own.dsv"
+    hook.write_text("set;LIBRARY_HOME;share\n")
+    build = layout.build_dir("library")
+    build.mkdir(parents=True, exist_ok=True)
+    (build / "install_manifest.txt").write_text(f"{prefix}/lib/liblibrary.so\n{hook}\n")
+    install_package(replace(package("library"), hooks=("share/library/hook/own.dsv",)), layout, (), PYTHON)
+    assert hook.is_file()
+    assert "source;share/library/hook/own.dsv" in (prefix / "share/library/package.dsv").read_text()
+    (build / "install_manifest.txt").unlink()
+    install_package(package("library"), layout, (), PYTHON)
+    assert not hook.exists()
+
+
 def test_in_a_merged_tree_a_package_has_the_hooks_of_its_own_files(tmp_path: Path) -> None:
     """What others installed into the shared prefix is theirs."""
     plain = Made("plain", files={"include/plain.h": ""})
