@@ -31,6 +31,11 @@ PLOT = (64, 14, 500, 320)
 LEGEND = 520
 COLORS = 8
 
+TIMES_TOP = 34
+TIMES_LABELS = 330
+TIMES_NUMBERS = 90
+PANEL_GAP = 16
+
 
 @dataclass(frozen=True, slots=True)
 class Bar:
@@ -97,6 +102,48 @@ class Lines:
     ys: tuple[Tick, ...]
     plot: tuple[int, int, int, int]
     legend: int
+
+
+@dataclass(frozen=True, slots=True)
+class Time:
+    """One tool at one task: a bar from zero; the longest of a task fills the chart."""
+
+    task: str
+    """The task, only beside its first bar."""
+    tool: str
+    y: int
+    width: float
+    number: str
+    number_x: float
+    kind: str
+    """'forge' or 'other'."""
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """A chart of times, task by task."""
+
+    title: str
+    width: int
+    height: int
+    labels: int
+    bars: tuple[Time, ...]
+
+
+def times(title: str, tasks: Sequence[tuple[str, Sequence[tuple[str, float, str]]]]) -> Times | None:
+    """Return the chart of tasks, each with tools, their times and these as text; None without tasks."""
+    drawn: list[Time] = []
+    y = TIMES_TOP
+    for words, tools in tasks:
+        longest = max(value for _, value, _ in tools)
+        for number, (tool, value, text) in enumerate(tools):
+            width = round(max((WIDTH - TIMES_NUMBERS - TIMES_LABELS) * value / longest, 1), 1)
+            kind = "forge" if tool == SUBJECT else "other"
+            end = round(TIMES_LABELS + width + 6, 1)
+            drawn.append(Time("" if number else words, tool, y, width, text, end, kind))
+            y += ROW
+        y += PANEL_GAP
+    return Times(title, WIDTH, y - PANEL_GAP + 4, TIMES_LABELS, tuple(drawn)) if drawn else None
 
 
 def bars(title: str, cases: Iterable[Case]) -> Bars | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 
 from forge.base.files import write_if_changed
-from tests.bench import charts
+from tests.bench import charts, overview
 from tests.bench.figures import SUBJECT, Results, from_json
 from tests.bench.growth import growths
 from tests.bench.profiles import WORDS
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from tests.bench.figures import Case, Result, Spread
     from tests.bench.growth import Growth
+    from tests.bench.overview import Task
     from tests.bench.targets import Verdict
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -56,6 +57,8 @@ def files(results: Results) -> dict[str, str]:
         "machine": [*results.machine.items(), *results.peers.items()],
         "targets": [_target(verdict) for verdict in verdicts(TARGETS, results)],
         "summary": _summary(verdicts(TARGETS, results)),
+        "overview_charts": [(overview.CHARTS[name][0], path) for name, path in _overview_paths(found)],
+        "overview": [_overview_row(*row) for row in overview.table(results)],
         "growth_chart": next((path for path in found if path.endswith("growth.svg")), None),
         "growth": [_growth(name, growth) for name, growth in _growths(results, every_variant=True)],
         "profile_words": WORDS,
@@ -65,7 +68,44 @@ def files(results: Results) -> dict[str, str]:
     return {PAGE: _render("benchmarks.md.j2", **names), **found}
 
 
+def _overview_paths(found: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    for name in overview.CHARTS:
+        path = f"{IMAGES}/{name}.svg"
+        if path in found:
+            yield name, path
+
+
+def _overview_row(title: str, task: Task, case: Case, other: str) -> dict[str, str]:
+    times = case.ratios(other).middle
+    return {
+        "task": f"{title}: {task.words}" if title else task.words,
+        "forge": shown(case.series[SUBJECT].median, case.unit),
+        "other": f"{shown(case.series[other].median, case.unit)} ({other})",
+        "times": charts.ratio(times),
+        "scenario": task.scenario,
+    }
+
+
+def _overview_charts(results: Results) -> Iterator[tuple[str, str]]:
+    for name, (title, _) in overview.CHARTS.items():
+        drawn = charts.times(
+            title,
+            [
+                (task.words, [_timed(case, tool) for tool in (SUBJECT, *task.others) if tool in case.series])
+                for task, case in overview.tasks(name, results)
+            ],
+        )
+        if drawn:
+            yield f"{IMAGES}/{name}.svg", _render("times.svg.j2", chart=drawn)
+
+
+def _timed(case: Case, tool: str) -> tuple[str, float, str]:
+    middle = case.series[tool].median
+    return tool, middle, shown(middle, case.unit)
+
+
 def _charts(results: Results) -> Iterator[tuple[str, str]]:
+    yield from _overview_charts(results)
     for name, result in results.scenarios.items():
         chart = charts.bars(f"{SCENARIOS[name].title}: time beside forge's", _largest(result.cases))
         if chart:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.bench import charts
+from tests.bench import charts, overview
 from tests.bench.figures import Case, Result, Results, Series, Spread, as_json, from_json, spread
 from tests.bench.growth import growths
 from tests.bench.page import DOCS, FIGURES, IMAGES, PAGE, files, main, read, shown
@@ -107,6 +107,38 @@ def test_charts_are_pictures_that_say_what_they_show() -> None:
         picture = ET.fromstring(found[name])  # noqa: S314  (made a moment ago)
         assert picture.find("{http://www.w3.org/2000/svg}title") is not None
         assert "prefers-color-scheme: dark" in found[name]
+
+
+def test_the_page_opens_with_what_users_do_and_ends_with_the_targets() -> None:
+    """Three charts and a table, made from the same figures as the rest; see tests/bench/overview.py."""
+    text = files(read(DOCS / FIGURES))[PAGE]
+    opening, _, rest = text.partition("## How it is measured")
+    assert opening.count("\n![") == len(overview.CHARTS) == 3
+    rows = sum(len(tasks) for _, tasks in overview.CHARTS.values())
+    assert opening.count("\n| ") > rows
+    assert rest.rindex("\n## ") == rest.index("\n## Targets\n")
+
+
+def test_a_task_that_was_not_measured_is_left_out() -> None:
+    found = files(results(Case("ament_cmake, embedded", {"forge": FORGE, "colcon": COLCON}, 100)))
+    assert (
+        "| Building 100 packages: nothing changed | 200 ms | 1.60 s (colcon) | 8.0 | [no-op](#no-op) |"
+        in (found[PAGE])
+    )
+    assert "one line changed" not in found[PAGE]
+    assert f"{IMAGES}/overview-builds.svg" in found
+    assert f"{IMAGES}/overview-interfaces.svg" not in found
+
+
+def test_the_longest_time_of_a_task_fills_the_chart() -> None:
+    chart = charts.times(
+        "x", [("a", [("forge", 5, "5 s"), ("colcon", 10, "10 s")]), ("b", [("forge", 1, "")])]
+    )
+    assert chart
+    forge, colcon, alone = chart.bars
+    assert forge.width * 2 == colcon.width == alone.width
+    assert [bar.task for bar in chart.bars] == ["a", "", "b"]
+    assert [bar.kind for bar in chart.bars] == ["forge", "other", "forge"]
 
 
 def test_bars_begin_at_the_time_of_forge() -> None:
