@@ -1,6 +1,6 @@
 """Generates shell completion scripts for bash, zsh and fish.
 
-The scripts contain options and fixed words; package names are queried when completing.
+The scripts contain options and fixed words; names, such as those of packages, are queried when completing.
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
 SHELLS = ("bash", "zsh", "fish")
 
-PACKAGES, INSTALLED, WORDS, FOLDERS, FILES, ANYTHING = (
-    *("packages", "installed", "words"),
+PACKAGES, INSTALLED, INTERFACES, INTERFACE_PACKAGES = (
+    *("packages", "installed"),
+    *("interfaces", "interface_packages"),
+)
+MIXINS, PROFILES, WORDS, FOLDERS, FILES, ANYTHING = (
+    *("mixins", "profiles", "words"),
     *("folders", "files", "anything"),
 )
 """Kinds of values: queried names, fixed words, and paths that shells complete themselves."""
@@ -25,7 +29,10 @@ PACKAGES, INSTALLED, WORDS, FOLDERS, FILES, ANYTHING = (
 
 @frozen
 class Expected:
-    """The value of an option or positional argument: its kind, whether it repeats, and fixed words."""
+    """The value of an option or positional argument: its kind, whether it repeats, and words.
+
+    These are the values themselves, or what completion_words.py needs besides the kind.
+    """
 
     kind: str
     several: bool = False
@@ -148,8 +155,8 @@ def _fish_flag(flag: str) -> str:
 
 def _fish_expected(expected: Expected) -> str:
     match expected.kind:
-        case "packages" | "installed":
-            return f"-x -a '(__forge_list_names {expected.kind})'"
+        case "packages" | "installed" | "interfaces" | "interface_packages" | "mixins" | "profiles":
+            return f"-x -a '(__forge_list_names {' '.join((expected.kind, *expected.words))})'"
         case "words":
             return f"-x -a {_fish_quoted(' '.join(expected.words))}"
         case "folders":

@@ -1,7 +1,8 @@
-"""Print names for shell completion: `python -S -E completion_words.py packages|installed|executables [P]`.
+"""Print names for shell completion: `python -S -E completion_words.py KIND [NAME]`.
 
-The completion scripts run this program for each completion, so it imports as little as possible. Names of a
-workspace's packages are cached with the modification times of their manifests.
+The completion scripts run this program for each completion, so it imports as little as possible, and most
+modules only for the kinds that need them. Names of a workspace's packages are cached with the modification
+times of their manifests.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ if __name__ == "__main__":
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.workspace.root import find_root
+from forge.workspace.root import find_install, find_root
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -27,20 +28,29 @@ _KINDS = ("package.xml", "CMakeLists.txt", "pyproject.toml", "setup.py")
 _NAME = re.compile(
     rb"<name>\s*([^<\s]+)\s*</name>|^\s*project\s*\(\s*\"?([\w-]+)", re.MULTILINE | re.IGNORECASE
 )
-_TYPED = re.compile(r"\w[\w.+-]*")
-_INDEX = "share/ament_index/resource_index/packages"
+_TYPED = re.compile(r"\w[\w.+/-]*")
+_INDEX = "share/ament_index/resource_index"
+_INTERFACES = ("msg", "srv", "action")
 
 
 def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
     """Print the requested names, one per line."""
+    names: Iterator[str]
     match list(words):
         case ["packages", *_]:
-            root = find_root(Path.cwd(), Path.home())
-            names = package_names(root, _cache(variables))
+            names = package_names(find_root(Path.cwd(), Path.home()), _cache(variables))
         case ["installed", *_]:
-            names = (name for prefix in _prefixes(variables) for name in _files(f"{prefix}/{_INDEX}"))
+            names = (name for prefix in _prefixes(variables) for name in _indexed(prefix, "packages"))
         case ["executables", package, *_]:
             names = (name for prefix in _prefixes(variables) for name in _programs(f"{prefix}/lib/{package}"))
+        case ["interface_packages", *_]:
+            names = (folder.rpartition("/")[2] for folder in _interface_folders(variables))
+        case ["interfaces", *_]:
+            names = (name for folder in _interface_folders(variables) for name in _interfaces(folder))
+        case ["mixins", verb, *_]:
+            names = _mixins(verb, variables)
+        case ["profiles", *_]:
+            names = _profiles(find_root(Path.cwd(), Path.home()))
         case _:
             names = iter(())
     # A shell inserts the names unquoted.
@@ -123,8 +133,59 @@ def _save(store: Path, found: Mapping[tuple[str, int], str]) -> None:
         pass
 
 
-def _prefixes(variables: Mapping[str, str]) -> list[str]:
-    return [prefix for prefix in variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
+    """Return the prefixes whose packages commands find."""
+    from forge.environment.installed import known_prefixes  # noqa: PLC0415  (not for all kinds)
+
+    return known_prefixes(variables, find_install(Path.cwd(), Path.home()))
+
+
+def _interface_folders(variables: Mapping[str, str]) -> Iterator[str]:
+    """Yield the folders with definitions of all packages: installed ones and those that forge embeds."""
+    for prefix in _prefixes(variables):
+        yield from (f"{prefix}/share/{name}" for name in _indexed(prefix, "rosidl_interfaces"))
+    embedded = os.path.abspath(f"{__file__}/../../embedded")  # noqa: PTH100
+    for name in _files(embedded):
+        if any(_files(f"{embedded}/{name}/{kind}") for kind in _INTERFACES):
+            yield f"{embedded}/{name}"
+
+
+def _interfaces(folder: str) -> Iterator[str]:
+    """Yield the full names of the interfaces in a folder, without requests and responses of services."""
+    package = folder.rpartition("/")[2]
+    for kind in _INTERFACES:
+        for file in _files(f"{folder}/{kind}"):
+            name, _, ending = file.rpartition(".")
+            if ending in {kind, "idl"} and "_" not in name:
+                yield f"{package}/{kind}/{name}"
+
+
+def _mixins(verb: str, variables: Mapping[str, str]) -> Iterator[str]:
+    _add_site_packages()
+    from forge.base.env_vars import home  # noqa: PLC0415
+    from forge.cli.mixins import read_mixins  # noqa: PLC0415
+
+    return (name for command, name in read_mixins(home(variables)) if command == verb)
+
+
+def _profiles(root: Path) -> Iterator[str]:
+    _add_site_packages()
+    from forge.workspace.forge_toml import FORGE_TOML, read_forge_toml, table_of  # noqa: PLC0415
+
+    return iter(table_of(read_forge_toml(root), "profiles", root / FORGE_TOML))
+
+
+def _add_site_packages() -> None:
+    """Make the parsers of YAML and TOML available, without which this program starts faster."""
+    if sys.flags.no_site:
+        import site  # noqa: PLC0415
+
+        site.main()
+
+
+def _indexed(prefix: Path, kind: str) -> list[str]:
+    """Return the names of a kind in the ament index of a prefix."""
+    return _files(f"{prefix}/{_INDEX}/{kind}")
 
 
 def _files(folder: str) -> list[str]:

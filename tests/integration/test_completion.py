@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import pty
+import re
+import select
 import shlex
 import subprocess
 import sys
@@ -19,23 +22,21 @@ from tests.packages import manifest_text
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree
 
+INDEX = "share/ament_index/resource_index"
 PROGRAM = Path(cli.__file__).with_name("completion_words.py")
 
-BASH = """source ./script
-COMP_WORDS=({words}) COMP_CWORD={last}
-_forge
-printf '%s\\n' "${{COMPREPLY[@]}}"
+BASH = (
+    "source ./script\n",
+    "COMP_WORDS=({words}) COMP_CWORD={last}\n_forge\nprintf '%s\\n' \"${{COMPREPLY[@]}}\"\n",
+)
+ZSH_STUBS = """compdef() { : }
+compset() { : }
+compadd() { shift; printf '%s\\n' "$@" }
+_files() { print files }
 """
-ZSH = """compdef() {{ : }}
-compadd() {{ shift; printf '%s\\n' "$@" }}
-_files() {{ print files }}
-source ./script
-words=({words}) CURRENT={count}
-_forge
-"""
-FISH = """source ./script
-complete -C {line} | string split -f1 \\t
-"""
+ZSH = (f"{ZSH_STUBS}source ./script\n", "words=({words}) CURRENT={count}\n_forge\n")
+FISH = ("source ./script\n", "complete -C {line} | string split -f1 \\t\n")
+"""What each shell has to read first, and for every question."""
 
 
 @pytest.fixture
@@ -50,62 +51,93 @@ def workspace(tree: Tree) -> Path:
             "src/plain/CMakeLists.txt": "# nothing\nProject( plain_cmake CXX)\n",
             "src/python/setup.py": "from setuptools import setup\n",
             ".git/x/package.xml": "<name>hidden</name>",
+            "forge.toml": "[profiles.robot.build]\n[profiles.simulation.build]\n",
+            "home/.colcon/mixin/mine.mixin": "build:\n  release-fast: {}\ntest:\n  relaxed: {}\n",
+            "install/.colcon_install_layout": "isolated\n",
+            f"install/alpha/{INDEX}/packages/alpha": "",
+            f"install/alpha/{INDEX}/rosidl_interfaces/alpha": "",
+            "install/alpha/share/alpha/msg/Height.msg": "float32 metres\n",
+            "install/alpha/share/alpha/srv/Raise.srv": "---\n",
+            "install/alpha/share/alpha/srv/Raise_Request.msg": "",
+            "install/alpha/lib/alpha/climb": "#!/bin/sh\n",
         }
     )
 
 
-def offered(forge: Forge, folder: Path, shell: str, *words: str) -> list[str]:
-    """Return what a shell offers for the last of the words."""
+def offered(forge: Forge, folder: Path, shell: str, *lines: tuple[str, ...]) -> list[list[str]]:
+    """Return what a shell offers for the last word of each line, without the part up to '='."""
     (folder / "script").write_text(forge("completion", shell).out)
-    words = ("forge", *words)
-    quoted = " ".join(map(shlex.quote, words))
-    text = {"bash": BASH, "zsh": ZSH, "fish": FISH}[shell].format(
-        words=quoted, last=len(words) - 1, count=len(words), line=shlex.quote(" ".join(words))
-    )
+    text, question = {"bash": BASH, "zsh": ZSH, "fish": FISH}[shell]
+    for line in lines:
+        words = ["forge", *line]
+        if shell == "bash":
+            words = [part for word in words for part in re.split("(=)", word) if part or word == ""]
+        quoted = shlex.join(words)
+        text += question.format(
+            words=quoted, last=len(words) - 1, count=len(words), line=shlex.quote(" ".join(words))
+        )
+        text += "echo END\n"
     options = {"bash": ["--norc"], "zsh": ["-f"], "fish": ["--no-config"]}[shell]
-    variables = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache")}
+    variables = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "HOME": str(folder / "home")}
     done = subprocess.run(
         [shell, *options, "-c", text], cwd=folder, env=variables, capture_output=True, text=True, check=False
     )
     assert done.stderr == ""
-    return [line for line in done.stdout.splitlines() if line and line.startswith(words[-1])]
+    answers = [answer.split("\n") for answer in done.stdout.split("END\n")]
+    values = ([word.rpartition("=")[2] for word in answer if word] for answer in answers)
+    begins = (line[-1].rpartition("=")[2] for line in lines)
+    return [
+        sorted(word for word in words if word.startswith(begin))
+        for begin, words in zip(begins, values, strict=False)
+    ]
 
 
 NAMES = ["alpha", "beta", "plain_cmake", "python"]
 
 
-@pytest.mark.parametrize(
+EVERY_SHELL = pytest.mark.parametrize(
     "shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in ("bash", "zsh", "fish")]
 )
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (("comp",), ["completion"]),
-        (("build", "--symlink-i"), ["--symlink-install"]),
-        (("build", "--packages-select", ""), NAMES),
-        (("build", "--packages-select", "alpha", "be"), ["beta"]),
-        (("build", "--packages-select", "alpha", "--executor", ""), ["dask", "parallel", "sequential"]),
-        (("--log-base", "build", "test-r"), ["test-result"]),
-        (("clean", "st"), ["stale"]),
-        (("clean", "packages", "alpha", "p"), ["plain_cmake", "python"]),
-        (("clean", "workspace", "--base-select", ""), ["build", "install", "log"]),
-        (("pkg", "cr"), ["create"]),
-        (("pkg", "create", "--build-t"), ["--build-type"]),
-        (("test", "--event-handlers", "console_s"), ["console_start_end-", "console_stderr-"]),
-    ],
-)
-def test_the_words_that_fit_are_offered(
-    forge: Forge, workspace: Path, shell: str, words: tuple[str, ...], expected: list[str]
-) -> None:
-    found = offered(forge, workspace, shell, *words)
-    if not words[-1]:
-        found = [word for word in found if not word.startswith("-")]
-    assert sorted(found) == sorted(expected)
+OFFERS: dict[tuple[str, ...], list[str]] = {
+    ("comp",): ["completion"],
+    ("build", "--symlink-i"): ["--symlink-install"],
+    ("build", "--packages-select", ""): NAMES,
+    ("build", "--packages-select", "alpha", "be"): ["beta"],
+    ("build", "--packages-select", "alpha", "--executor", ""): ["dask", "parallel", "sequential"],
+    ("--log-base", "build", "test-r"): ["test-result"],
+    ("clean", "st"): ["stale"],
+    ("clean", "packages", "alpha", "p"): ["plain_cmake", "python"],
+    ("clean", "workspace", "--base-select", ""): ["build", "install", "log"],
+    ("pkg", "cr"): ["create"],
+    ("pkg", "create", "--build-t"): ["--build-type"],
+    ("pkg", "create", "--build-type", "ament_c"): ["ament_cmake"],
+    ("test", "--event-handlers", "console_s"): ["console_start_end-", "console_stderr-"],
+    ("interface", "show", "alpha/"): ["alpha/msg/Height", "alpha/srv/Raise"],
+    ("interface", "hash", "std_srvs/srv/E"): ["std_srvs/srv/Empty"],
+    ("interface", "package", "al"): ["alpha"],
+    ("pkg", "xml", "al"): ["alpha"],
+    ("run", "alpha", "cl"): ["climb"],
+    ("build", "--mixin", "debug", "rele"): ["release", "release-fast"],
+    ("test", "--mixin", "re"): ["relaxed"],
+    ("build", "--profile", ""): ["robot", "simulation"],
+    ("build", "--profile=ro"): ["robot"],
+    ("build", "--profile="): ["robot", "simulation"],
+    ("build", "--cmake-args", "-DX=1", "-DCMAKE_BUILD_TYPE=M"): ["MinSizeRel"],
+    ("build", "--cmake-args", "-DX", "--mixin-"): ["--mixin-files"],
+}
 
 
-@pytest.mark.parametrize(
-    "shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in ("bash", "zsh", "fish")]
-)
+@EVERY_SHELL
+def test_the_words_that_fit_are_offered(forge: Forge, workspace: Path, shell: str) -> None:
+    found = offered(forge, workspace, shell, *OFFERS)
+    plain = [
+        answer if words[-1] else [word for word in answer if not word.startswith("-")]
+        for words, answer in zip(OFFERS, found, strict=True)
+    ]
+    assert dict(zip(OFFERS, plain, strict=True)) == OFFERS
+
+
+@EVERY_SHELL
 def test_what_is_installed_is_offered_to_run(
     forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch, shell: str
 ) -> None:
@@ -117,15 +149,68 @@ def test_what_is_installed_is_offered_to_run(
         }
     )
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(root / "i"))
-    assert offered(forge, root, shell, "run", "wal") == ["walker"]
-    assert offered(forge, root, shell, "run", "walker", "wa") == ["walk"]
-    assert offered(forge, root, shell, "pkg", "prefix", "wa") == ["walker"]
+    lines = (("run", "wal"), ("run", "walker", "wa"), ("pkg", "prefix", "wa"))
+    assert offered(forge, root, shell, *lines) == [["walker"], ["walk"], ["walker"]]
+
+
+ZSH_BEGIN = "autoload -Uz compinit; compinit -D -u; zstyle ':completion:*' insert-tab false\n"
+STARTED = {"bash": (["bash", "--norc", "-i"], ""), "zsh": (["zsh", "-f", "-i"], ZSH_BEGIN)}
+
+
+@pytest.mark.parametrize("first", ["alias", "script"])
+@pytest.mark.parametrize("shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in STARTED])
+def test_an_alias_is_completed_in_a_terminal(forge: Forge, workspace: Path, shell: str, first: str) -> None:
+    """`alias colcon=forge` may be defined before or after the script is read."""
+    (workspace / "script").write_text(forge("completion", shell).out)
+    argv, begin = STARTED[shell]
+    lines = ["source ./script", "alias colcon=forge"]
+    setup = "\n".join(lines if first == "script" else reversed(lines))
+    typed = "colcon build --mixin release-\tx --profile=sim\ty\n"
+    text = f"{begin}{setup}\nforge() {{ printf '<%s>' \"$@\"; }}\n{typed}"
+    seen = in_terminal(argv, workspace, text, until="<y>")
+    assert "<build><--mixin><release-fast><x><--profile=simulation><y>" in seen
+
+
+@pytest.mark.needs("fish")
+def test_an_alias_is_completed_in_fish(forge: Forge, workspace: Path) -> None:
+    text = forge("completion", "fish").out
+    (workspace / "script").write_text(f"{text}\nalias colcon=forge\ncomplete -C 'colcon buil'\n")
+    argv = ["fish", "--no-config", "script"]
+    done = subprocess.run(argv, cwd=workspace, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["build", "build", "the", "packages", "of", "a", "workspace"]
+
+
+@pytest.mark.needs("bash")
+def test_the_completion_of_a_real_colcon_is_kept(forge: Forge, workspace: Path) -> None:
+    """Only an alias is completed as forge."""
+    (workspace / "script").write_text(forge("completion", "bash").out)
+    argv = ["bash", "--norc", "-c", "complete -W own colcon; source ./script; complete -p colcon"]
+    done = subprocess.run(argv, cwd=workspace, capture_output=True, text=True, check=True)
+    assert done.stdout == "complete -W 'own' colcon\n"
+
+
+def in_terminal(argv: list[str], folder: Path, text: str, until: str) -> str:
+    """Type a text into a shell and return what its terminal shows up to some words, within ten seconds."""
+    ours, theirs = pty.openpty()
+    variables = {**os.environ, "TERM": "dumb", "HOME": str(folder / "home"), "PS1": "> "}
+    seen, end = b"", time.monotonic() + 10
+    with subprocess.Popen(
+        argv, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=variables
+    ) as shell:
+        os.write(ours, text.encode())
+        while until.encode() not in seen and time.monotonic() < end:
+            if select.select([ours], [], [], 0.1)[0]:
+                seen += os.read(ours, 65536)
+        shell.kill()
+    os.close(ours)
+    os.close(theirs)
+    return seen.decode(errors="replace")
 
 
 @pytest.mark.needs("bash")
 def test_folders_are_the_shells_to_find(forge: Forge, workspace: Path) -> None:
-    assert offered(forge, workspace, "bash", "build", "--build-base", "sr") == ["src"]
-    assert offered(forge, workspace, "bash", "-C", "sr") == ["src"]
+    lines = (("build", "--build-base", "sr"), ("-C", "sr"), ("build", "--install-base=sr"))
+    assert offered(forge, workspace, "bash", *lines) == [["src"], ["src"], ["src"]]
 
 
 def test_names_are_those_of_today(workspace: Path, tmp_path: Path) -> None:
@@ -202,3 +287,21 @@ def test_an_answer_takes_less_than_a_tenth_of_a_second(tree: Tree) -> None:
         used = after.children_user + after.children_system - before.children_user - before.children_system
         seconds.append(min(used, time.monotonic() - started))
     assert min(seconds) < 0.1
+
+
+def test_names_of_the_workspace_around_and_of_forge(
+    workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(workspace / "src")
+    variables = {"COLCON_HOME": str(workspace / "home/.colcon")}
+    asked = {}
+    for kind in ("installed", "interfaces", "interface_packages", "mixins", "profiles"):
+        assert main([kind, "build"], variables) == 0
+        asked[kind] = capsys.readouterr().out.split()
+    assert asked["installed"] == ["alpha"]
+    assert {"alpha/msg/Height", "alpha/srv/Raise", "std_msgs/msg/String"} <= set(asked["interfaces"])
+    assert not any("_Request" in name for name in asked["interfaces"])
+    assert {"alpha", "std_msgs"} <= set(asked["interface_packages"])
+    assert "ament_cmake" not in asked["interface_packages"]
+    assert {"debug", "release-fast"} <= set(asked["mixins"])
+    assert asked["profiles"] == ["robot", "simulation"]

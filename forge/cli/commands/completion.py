@@ -15,7 +15,11 @@ from forge.cli.completing import (
     FILES,
     FOLDERS,
     INSTALLED,
+    INTERFACE_PACKAGES,
+    INTERFACES,
+    MIXINS,
     PACKAGES,
+    PROFILES,
     SHELLS,
     WORDS,
     CompletionContext,
@@ -30,7 +34,16 @@ if TYPE_CHECKING:
 
     from forge.cli.main import Parser
 
-_METAVARS = {"PKG": PACKAGES, "DIR": FOLDERS, "PATH": FILES, "FILE": FILES, "SOURCE_DIR": FOLDERS}
+_METAVARS = {
+    "PKG": PACKAGES,
+    "DIR": FOLDERS,
+    "PATH": FILES,
+    "FILE": FILES,
+    "SOURCE_DIR": FOLDERS,
+    "TYPE": INTERFACES,
+    "TYPE|SOURCE_DIR": INTERFACES,
+}
+_CMAKE_BUILD_TYPES = ("Debug", "Release", "RelWithDebInfo", "MinSizeRel")
 
 
 def register(parser: Parser) -> None:
@@ -64,7 +77,7 @@ def _contexts() -> Iterator[CompletionContext]:
 def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> CompletionContext:
     actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]  # noqa: SLF001  (no public name)
     verbs = _verbs(parser)
-    options = tuple(_option(action) for action in actions if action.option_strings)
+    options = tuple(_option(action, path) for action in actions if action.option_strings)
     positionals = [action for action in actions if not action.option_strings and action is not verbs]
     words = tuple((a.dest, a.help or "") for a in verbs._choices_actions) if verbs else ()  # noqa: SLF001
     first = _first_words(parser)
@@ -87,18 +100,26 @@ def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expect
         return Expected(INSTALLED)
     if path[:1] == ("pkg",) and actions and actions[0].dest == "package":
         return Expected(INSTALLED)
-    return _expected(actions[0]) if actions else None
+    if path in {("interface", "package"), ("interface", "docs")}:
+        return Expected(INTERFACE_PACKAGES)
+    return _expected(actions[0], path) if actions else None
 
 
-def _option(action: argparse.Action) -> CompletionOption:
+def _option(action: argparse.Action, path: tuple[str, ...]) -> CompletionOption:
     summary = re.sub(r"%%", "%", action.help or "")
     return CompletionOption(
-        tuple(action.option_strings), summary, None if action.nargs == 0 else _expected(action)
+        tuple(action.option_strings), summary, None if action.nargs == 0 else _expected(action, path)
     )
 
 
-def _expected(action: argparse.Action) -> Expected:
+def _expected(action: argparse.Action, path: tuple[str, ...]) -> Expected:
     several = action.nargs in {"*", "+"}
+    if action.dest == "mixin":
+        return Expected(MIXINS, several, path[:1])
+    if action.dest == "profile":
+        return Expected(PROFILES, several)
+    if action.dest == "cmake_args":
+        return Expected(WORDS, several, tuple(f"-DCMAKE_BUILD_TYPE={word}" for word in _CMAKE_BUILD_TYPES))
     if action.dest == "event_handlers":
         opposite = (f"{name}{'-' if on else '+'}" for name, on in HANDLERS.items())
         return Expected(WORDS, several, tuple(opposite))
