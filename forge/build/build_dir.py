@@ -24,7 +24,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, UNITS_FAILED_FILE
 from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, read_json, written_since
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
-from forge.build.inputs.native_graph import read_by_cmake, read_native_graph
+from forge.build.inputs.native_graph import cmake_edge, read_native_graph
 from forge.build.reuse import (
     Decision,
     Reuse,
@@ -230,12 +230,12 @@ def _begin_empty(build: Path, decision: Decision) -> None:
 
 
 def _touch_build_ninja(build: Path) -> None:
-    """Make build.ninja as new as all files that CMake read: forge decides whether CMake runs."""
-    rules = build / "build.ninja"
-    newest = max(map(_modified, read_by_cmake(build)), default=0)
-    with contextlib.suppress(FileNotFoundError):
-        if newest > rules.stat().st_mtime_ns:
-            os.utime(rules, ns=(newest, newest))
+    """Make what CMake generates as new as all files that it read: forge decides whether CMake runs."""
+    edge = cmake_edge(build)
+    newest = max(map(_modified, edge.inputs), default=0)
+    for path in edge.outputs:
+        if 0 < _modified(path) < newest:
+            os.utime(path, ns=(newest, newest))
 
 
 def _modified(path: str) -> int:

@@ -136,11 +136,12 @@ def read_native_graph(folder: Path, build: Path | None = None) -> NativeGraph:
     return NativeGraph()
 
 
-def read_by_cmake(build: Path) -> tuple[str, ...]:
-    """Return the files for which build.ninja reruns CMake; faster than reading the whole graph."""
+def cmake_edge(build: Path) -> Edge:
+    """Return the edge of build.ninja that reruns CMake, or an empty one, without reading the whole graph."""
     rules = _text(build / "build.ninja").replace("$\n", "")
-    start = rules.find("\nbuild build.ninja: RERUN_CMAKE") + 1
-    return _edge(build, rules[start:].partition("\n")[0][6:], "").inputs if start else ()
+    # CMake 4.4 adds cmake_install.cmake to the outputs.
+    found = re.search(r"^build (build\.ninja(?: .*)?: RERUN_CMAKE .*)", rules, re.MULTILINE)
+    return _edge(build, found[1], "") if found else Edge("", (), (), "")
 
 
 def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:

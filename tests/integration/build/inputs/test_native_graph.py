@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.build.inputs.native_graph import read_by_cmake, read_native_graph
+from forge.build.inputs.native_graph import cmake_edge, read_native_graph
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -167,9 +167,9 @@ def test_what_cmake_read_is_known(graph: NativeGraph, source: Path) -> None:
 
 def test_what_cmake_read_is_found_without_reading_the_whole_graph(graph: NativeGraph, build: Path) -> None:
     if graph.tool == "ninja":
-        assert read_by_cmake(build) == graph.read_by_cmake
+        assert cmake_edge(build).inputs == graph.read_by_cmake
     else:
-        assert read_by_cmake(build) == ()
+        assert cmake_edge(build).inputs == ()
 
 
 def test_a_folder_that_was_moved_is_read_as_where_it_was(build: Path, graph: NativeGraph) -> None:
