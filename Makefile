@@ -4,11 +4,12 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test quick newest-cmake oldest-cmake fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
+.PHONY: help demo test bare quick newest-cmake oldest-cmake fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
 	@echo "make test    run the whole test suite"
+	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
 	@echo "make quick   run the unit tests, which start no programs, in less than a minute"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
@@ -28,6 +29,9 @@ demo: .venv-demo/.ready
 
 test: .venv/.ready
 	$(PYTEST)
+
+bare:
+	$(PYTHON) -m tests.bare_machine $(MAKE) demo test
 
 quick: .venv/.ready
 	$(PYTEST) --numprocesses 2 --dist loadfile --hypothesis-profile quick tests/unit

@@ -70,6 +70,7 @@ REMEDIES = {
     "make": "apt-get install make",
     "ninja": "pip install ninja",
     "openssl": "apt-get install openssl",
+    "pgrep": "apt-get install procps",
     "pkg-config": "apt-get install pkg-config",
     "rosdep": "make peers",
     "sccache": "apt-get install sccache",
@@ -196,8 +197,11 @@ def browser(chromium: Browser) -> Iterator[Browser]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add --accept."""
+    """Add --accept and --left-out-to."""
     parser.addoption("--accept", action="store_true", help="write what goldens are to expect from now on")
+    parser.addoption(
+        "--left-out-to", metavar="FILE", help="write the tests left out there, for 'pytest @FILE'"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -250,8 +254,12 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Where FORGE_TEST_NOTHING_LEFT_OUT is set, fail if anything was left out."""
+    """Write down what was left out; where FORGE_TEST_NOTHING_LEFT_OUT is set, fail if anything was."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    file = session.config.getoption("--left-out-to")
+    if reporter and file:
+        lines = (f"{report.nodeid}\n" for report in reporter.stats.get("skipped", []))
+        Path(file).write_text("".join(dict.fromkeys(lines)), encoding="utf-8")
     if reporter and os.environ.get("FORGE_TEST_NOTHING_LEFT_OUT") == "1" and any(_left_out(reporter)):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -65,13 +66,39 @@ def test_that_computes():
 """
 
 
-def run_suite(folder: Path, **env: str) -> subprocess.CompletedProcess[str]:
-    """Run the suite above with a copy of the real conftest."""
+TOOLS = """
+import pathlib, subprocess
+import pytest
+
+@pytest.fixture(scope="module")
+def server():
+    return pathlib.Path("/usr/sbin/nginx").read_bytes()
+
+def test_without_its_marker():
+    subprocess.run(["git", "--version"], check=True)
+
+def test_with_a_fixture_that_uses_a_tool_by_its_path(server):
+    pass
+
+@pytest.mark.needs("git")
+def test_with_its_marker():
+    subprocess.run(["git", "--version"], check=True)
+
+def test_with_what_every_machine_has():
+    for tool in ("python3", "make", "g++"):
+        subprocess.run([tool, "--version"], check=True)
+"""
+
+
+def run_suite(
+    folder: Path, *, suite: str = SUITE, before: tuple[str, ...] = (), after: tuple[str, ...] = (), **env: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a suite with a copy of the real conftest; `before` are words before the Python, `after` options."""
     root = Path(__file__).parents[1]
     shutil.copy(root / "tests/conftest.py", folder)
-    (folder / "test_suite.py").write_text(SUITE, encoding="utf-8")
+    (folder / "test_suite.py").write_text(suite, encoding="utf-8")
     (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n  needs(tool): x\n", encoding="utf-8")
-    argv = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
+    argv = [*before, sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *after]
     return subprocess.run(
         argv,
         cwd=folder,
@@ -121,6 +148,21 @@ def test_what_is_left_out_is_named_with_its_remedy(tmp_path: Path) -> None:
 
 def test_on_request_nothing_may_be_left_out(tmp_path: Path) -> None:
     assert run_suite(tmp_path, FORGE_TEST_NOTHING_LEFT_OUT="1").returncode == 1
+
+
+def test_what_was_left_out_can_be_run_alone(tmp_path: Path) -> None:
+    run_suite(tmp_path, after=("--left-out-to", "left_out.txt"))
+    left_out = (tmp_path / "left_out.txt").read_text(encoding="utf-8")
+    assert left_out == "test_suite.py::test_with_a_tool\ntest_suite.py::test_with_a_reason\n"
+    assert "\n2 skipped in" in run_suite(tmp_path, after=("@left_out.txt",)).stdout
+
+
+def test_on_a_bare_machine_a_test_without_its_marker_fails(tmp_path: Path) -> None:
+    bare = (sys.executable, "-m", "tests.bare_machine")
+    ran = run_suite(tmp_path, suite=TOOLS, before=bare)
+    failed = re.findall(r"^(?:FAILED|ERROR) test_suite.py::(\w+)", ran.stdout, re.MULTILINE)
+    assert set(failed) == {"test_without_its_marker", "test_with_a_fixture_that_uses_a_tool_by_its_path"}
+    assert "1 failed, 1 passed, 1 skipped, 1 error in" in ran.stdout
 
 
 def test_a_unit_test_starts_no_program_and_uses_no_network(tmp_path: Path) -> None:

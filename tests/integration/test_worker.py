@@ -74,6 +74,7 @@ def until(question: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.needs("pgrep")
 def test_what_a_caller_wanted_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt ends the callers; what they asked for must not go on behind their backs."""
     (tmp_path / "dawdling.py").write_text(DAWDLING)

@@ -60,6 +60,14 @@ def test_the_rest_is_estimated_at_the_pace_until_now() -> None:
     assert after(running, (10, Fresh("d"))).left(10.0) == (18 - 15) * 10 / 15
 
 
+def test_a_damaged_record_of_durations_gives_no_estimate() -> None:
+    """The pace of a package that is said to take 2.2e-308 seconds is infinite."""
+    begun = Progress(0.0, expectations("ab", {"a": 2.2e-308, "b": 1.0}), 2)
+    after_a = after(begun, (0, Started("a")), (5, Finished("a", 0, 5.0)))
+    assert after_a.left(10.0) is None
+    assert [line for _, line in lines(after_a, 10.0, 8)] == ["[1/2]  10.0s"]
+
+
 def test_without_experience_there_is_no_estimate() -> None:
     assert after(Progress(0.0, expectations("ab", {}), 2), (9, Finished("a", 0, 9.0))).left(10.0) is None
 
