@@ -165,7 +165,7 @@ EXAMPLES: Mapping[str, Examples] = {
     ),
     "pkg create": Examples(
         ("forge pkg create my_robot --node-name drive", "C++, with a program"),
-        ("forge pkg create my_tools --build-type ament_python --license MIT", "Python, with a license"),
+        ("forge pkg create my_msgs --interfaces Pose.msg GetMap.srv", "messages and services"),
         f"{_PAGE}#forge-pkg",
     ),
     "pkg list": Examples(

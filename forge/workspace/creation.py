@@ -12,7 +12,7 @@ from forge.base.names import is_email, is_package_name
 from forge.base.templating import render
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from forge.workspace.model import Person
 
@@ -31,10 +31,14 @@ LICENSES = {
 """License templates by SPDX identifier, as known to ament."""
 
 VERSION = "0.0.0"
+EXAMPLE_INTERFACES = ("Example.msg", "Example.srv", "Example.action")
 
 _SCHEMA = "http://download.ros.org/schema/package_format{}.xsd"
 _TARGET = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_]*")
+_INTERFACE = re.compile(r"[A-Z][A-Za-z0-9]*")
+_INTERFACE_PACKAGE = re.compile(r"(?!.*__)(?!.*_$)[a-z][a-z0-9_]*")
+_INTERFACE_TEMPLATES = {"msg": "message.msg.j2", "srv": "service.srv.j2", "action": "action.action.j2"}
 _UNWRITABLE = re.compile("[^\t\n\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _CMAKE_TARGETS = """
     all clean edit_cache help install package package_source preinstall rebuild_cache test uninstall
@@ -67,10 +71,13 @@ class NewPackage:
     dependencies: tuple[str, ...] = ()
     node: str | None = None
     library: str | None = None
+    interfaces: tuple[str, ...] = ()
+    """File names of interface definitions, such as 'Pose.msg'."""
 
     def __post_init__(self) -> None:
         """Validate the properties."""
-        raise_if_any((*_name_problems(self), *_target_problems(self), *_text_problems(self)))
+        problems = (*_name_problems(self), *_target_problems(self), *_interface_problems(self))
+        raise_if_any((*problems, *_text_problems(self)))
 
 
 @frozen
@@ -83,11 +90,14 @@ class GeneratedFile:
 
 def render_package(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:
     """Return the folders and files of the package, each folder before its files."""
+    items: Iterable[GeneratedFile]
     match blueprint.build_type:
         case "ament_python":
             items = _python_items(blueprint)
         case "cmake":
             items = (*_cpp_folders(blueprint), *_cmake_items(blueprint), *_cpp_items(blueprint))
+        case _ if blueprint.interfaces:
+            items = _interface_items(blueprint)
         case _:
             items = (*_cpp_folders(blueprint), _ament_item(blueprint), *_cpp_items(blueprint))
     return (GeneratedFile("package.xml", _manifest(blueprint)), *items, *_license_items(blueprint))
@@ -134,6 +144,25 @@ def _target_problems(blueprint: NewPackage) -> Iterator[Problem]:
         yield Problem(f"node and library cannot both be named '{blueprint.node}'")
 
 
+def _interface_problems(blueprint: NewPackage) -> Iterator[Problem]:
+    if not blueprint.interfaces:
+        return
+    for name in blueprint.interfaces:
+        stem, _, kind = name.partition(".")
+        if kind not in _INTERFACE_TEMPLATES or not _INTERFACE.fullmatch(stem):
+            hint = "use letters and digits, start with a capital letter, and end with .msg, .srv or .action"
+            yield Problem(f"invalid interface file '{name}'", hint=hint)
+    if not _INTERFACE_PACKAGE.fullmatch(blueprint.name):
+        hint = "use lower case letters, digits and single '_', and start with a letter"
+        yield Problem(f"interfaces cannot be in a package named '{blueprint.name}'", hint=hint)
+    if blueprint.build_type != "ament_cmake" or blueprint.format < 3:  # noqa: PLR2004  (REP 149)
+        message = "--interfaces requires the build type ament_cmake and package format 3"
+        yield Problem(message, hint="put other programs into a package of their own")
+    if blueprint.node or blueprint.library:
+        message = "--interfaces cannot be combined with --node-name and --library-name"
+        yield Problem(message, hint="put them into another package, which depends on this one")
+
+
 def _text_problems(blueprint: NewPackage) -> Iterator[Problem]:
     person = blueprint.maintainer
     if not is_email(person.email or ""):
@@ -152,11 +181,15 @@ def _text_problems(blueprint: NewPackage) -> Iterator[Problem]:
 
 def _manifest(blueprint: NewPackage) -> str:
     """Return package.xml with dependencies grouped by type."""
-    groups = (
+    groups: tuple[tuple[tuple[str, str], ...], ...] = (
         tuple(("buildtool_depend", name) for name in _build_tools(blueprint)),
-        tuple(("depend", name) for name in blueprint.dependencies),
-        tuple(("test_depend", name) for name in _test_tools(blueprint.build_type)),
+        tuple(("depend", name) for name in _dependencies(blueprint)),
     )
+    if blueprint.interfaces:
+        groups += ((("exec_depend", "rosidl_default_runtime"),),)
+        groups += ((("member_of_group", "rosidl_interface_packages"),),)
+    else:
+        groups += (tuple(("test_depend", name) for name in _test_tools(blueprint.build_type)),)
     return render(
         "pkg/package.xml.j2",
         schema=_SCHEMA.format(blueprint.format),
@@ -175,7 +208,16 @@ def _manifest(blueprint: NewPackage) -> str:
 def _build_tools(blueprint: NewPackage) -> tuple[str, ...]:
     if blueprint.build_type != "ament_cmake":
         return ()
+    if blueprint.interfaces:
+        return ("ament_cmake", "rosidl_default_generators")
     return ("ament_cmake_ros",) if blueprint.library else ("ament_cmake",)
+
+
+def _dependencies(blueprint: NewPackage) -> tuple[str, ...]:
+    """Return the dependencies; for actions also action_msgs, which rosidl requires in the manifest."""
+    if any(name.endswith(".action") for name in blueprint.interfaces):
+        return tuple(dict.fromkeys((*blueprint.dependencies, "action_msgs")))
+    return blueprint.dependencies
 
 
 def _test_tools(build_type: str) -> tuple[str, ...]:
@@ -201,6 +243,26 @@ def _ament_item(blueprint: NewPackage) -> GeneratedFile:
     found = tuple(name for name in blueprint.dependencies if name not in tools)
     names = {**_names(blueprint), "tools": tools, "dependencies": found}
     return GeneratedFile("CMakeLists.txt", render("pkg/ament_cmake/CMakeLists.txt.j2", **names))
+
+
+def _interface_items(blueprint: NewPackage) -> Iterator[GeneratedFile]:
+    """Yield the folders and definitions of each kind, and CMakeLists.txt."""
+    paths = []
+    for kind, template in _INTERFACE_TEMPLATES.items():
+        files = [name for name in blueprint.interfaces if name.endswith(f".{kind}")]
+        if files:
+            yield GeneratedFile(kind)
+        for file in files:
+            paths.append(f"{kind}/{file}")
+            name = file.removesuffix(f".{kind}")
+            yield GeneratedFile(paths[-1], render(f"pkg/interfaces/{template}", name=name))
+    tools = _build_tools(blueprint)
+    names = {
+        "name": blueprint.name,
+        "dependencies": tuple(name for name in blueprint.dependencies if name not in tools),
+        "interfaces": paths,
+    }
+    yield GeneratedFile("CMakeLists.txt", render("pkg/interfaces/CMakeLists.txt.j2", **names))
 
 
 def _cmake_items(blueprint: NewPackage) -> tuple[GeneratedFile, ...]:

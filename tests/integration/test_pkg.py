@@ -115,6 +115,17 @@ def test_create_warns_of_an_unusual_name_and_a_missing_licence(forge: Forge, tmp
     ]
 
 
+def test_a_created_package_of_interfaces_has_one_of_each_kind(forge: Forge, tmp_path: Path) -> None:
+    ran = forge("pkg", "create", "walker_msgs", "--interfaces", cwd=tmp_path)
+    assert ran.code == 0
+    assert "interfaces: ['Example.msg', 'Example.srv', 'Example.action']\n" in ran.out
+    assert "creating folders of interfaces\ncreating folder ./walker_msgs/msg\n" in ran.out
+    words = ("--package", "walker_msgs", "--output", "out", "--lang", "cpp", "walker_msgs")
+    assert forge("interface", "generate", *words, cwd=tmp_path).code == 0
+    for kind in ("msg", "srv", "action"):
+        assert (tmp_path / f"out/cpp/walker_msgs/{kind}/example.hpp").is_file()
+
+
 @pytest.mark.parametrize("argv", [("walker", "--license", "?"), ("--license", "?")])
 def test_a_question_mark_lists_the_licences(argv: tuple[str, ...], forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", *argv, cwd=tmp_path)

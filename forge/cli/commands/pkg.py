@@ -17,6 +17,7 @@ from forge.base.xml import parse_xml
 from forge.environment.installed import executables, find_package, known_packages
 from forge.workspace.creation import (
     BUILD_TYPES,
+    EXAMPLE_INTERFACES,
     LICENSES,
     VERSION,
     GeneratedFile,
@@ -112,6 +113,13 @@ def _register_create(parser: argparse.ArgumentParser) -> None:
     add("--maintainer-name", metavar="NAME", help="name of the maintainer (default: your login name)")
     add("--node-name", metavar="NAME", help="create an executable with this name")
     add("--library-name", metavar="NAME", help="create a library with this name")
+    add(
+        "--interfaces",
+        metavar="FILE",
+        nargs="*",
+        help="create a package of interfaces with these files, such as 'Pose.msg GetMap.srv' (default: one "
+        "example of each kind)",
+    )
     parser.set_defaults(verb=_create)
 
 
@@ -164,6 +172,7 @@ def _blueprint(options: argparse.Namespace) -> NewPackage:
         tuple(dict.fromkeys(options.dependencies)),
         node,
         library,
+        () if options.interfaces is None else tuple(dict.fromkeys(options.interfaces)) or EXAMPLE_INTERFACES,
     )
 
 
@@ -200,11 +209,14 @@ def _announce(blueprint: NewPackage, destination: Path) -> None:
         print("node_name:", blueprint.node)
     if blueprint.library:
         print("library_name:", blueprint.library)
+    if blueprint.interfaces:
+        print("interfaces:", list(blueprint.interfaces))
 
 
 def _write(blueprint: NewPackage, root: str, items: Iterable[GeneratedFile]) -> None:
     """Create the folders and files below `root`, and print each one like `ros2 pkg create`."""
     headline = "source folder" if blueprint.build_type == "ament_python" else "source and include folder"
+    headline = "folders of interfaces" if blueprint.interfaces else headline
     print("creating folder", root)
     Path(root).mkdir(parents=True)
     for item in items:

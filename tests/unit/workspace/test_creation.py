@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import html
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +30,13 @@ CASES = {
     "ament_cmake-library": NewPackage(
         "walker", ADA, dependencies=("std_msgs",), node="walk", library="gait_planner", license="Apache-2.0"
     ),
+    "interfaces": NewPackage(
+        "walker_msgs",
+        ADA,
+        dependencies=("geometry_msgs",),
+        interfaces=("Walk.action", "Gait.msg", "Step.msg"),
+    ),
+    "interfaces-alone": NewPackage("walker_msgs", ADA, interfaces=("Gait.msg", "SetGait.srv")),
     "cmake": NewPackage("walker", ADA, "cmake", format=2),
     "cmake-library": NewPackage(
         "walker", ADA, "cmake", dependencies=("eigen",), node="walk", library="gait", license="MIT"
@@ -174,6 +182,26 @@ def test_a_node_in_cpp_is_named_like_a_file(node: str, fits: bool) -> None:  # n
     else:
         with pytest.raises(ForgeError, match="invalid --node-name"):
             NewPackage("walker", ADA, node=node)
+
+
+@pytest.mark.parametrize(
+    ("properties", "message"),
+    [
+        ({"interfaces": ("pose.msg",)}, "invalid interface file 'pose.msg'"),
+        ({"interfaces": ("../Pose.msg",)}, "invalid interface file '../Pose.msg'"),
+        ({"interfaces": ("Pose.idl",)}, "invalid interface file 'Pose.idl'"),
+        ({"name": "my-msgs"}, "interfaces cannot be in a package named 'my-msgs'"),
+        ({"build_type": "ament_python"}, "requires the build type ament_cmake"),
+        ({"format": 2}, "requires the build type ament_cmake and package format 3"),
+        ({"node": "walk"}, "cannot be combined with --node-name"),
+    ],
+)
+def test_a_package_of_interfaces_that_rosidl_would_refuse_is_not_created(
+    properties: dict[str, object], message: str
+) -> None:
+    values = {"name": "walker_msgs", "maintainer": ADA, "interfaces": ("Pose.msg",), **properties}
+    with pytest.raises(ForgeError, match=re.escape(message)):
+        NewPackage(**values)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("node", ["walk-far", "class"])
