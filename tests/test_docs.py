@@ -20,7 +20,12 @@ TRANSLATIONS = {
 }
 DOCUMENTS = sorted({ROOT / "README.md", *TRANSLATIONS, *(ROOT / "docs").rglob("*.md")})
 TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, and goes on from where it ends
-RUN = [path for path in DOCUMENTS if path != TUTORIAL and path not in TRANSLATIONS]
+NEEDS = {ROOT / "docs/how-to/coverage.md": ("gcovr", "gcov")}
+RUN = [
+    pytest.param(path, marks=pytest.mark.needs(*NEEDS.get(path, ())), id=path.relative_to(ROOT).as_posix())
+    for path in DOCUMENTS
+    if path != TUTORIAL and path not in TRANSLATIONS
+]
 
 READ = frozenset({"text", "cmake", "toml", "yaml", "xml", "python", "cpp", "c", "json"})
 """Languages of blocks that may be there to be read only; commands are in 'console' or 'bash' blocks."""
@@ -51,7 +56,7 @@ def test_every_link_to_a_file_leads_there(document: Path) -> None:
 
 
 @pytest.mark.needs("bash", "cmake", "make", "g++")
-@pytest.mark.parametrize("document", RUN, ids=_name)
+@pytest.mark.parametrize("document", RUN)
 def test_the_reader_can_type_it(document: Path, tmp_path: Path) -> None:
     if not any(map(commands, blocks(document.read_text(encoding="utf-8")))):
         return

@@ -66,3 +66,11 @@ def _text(content: bytes | str, path: Path) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise WorkspaceError(Problem("the text is not UTF-8", Location(path, line))) from None
+
+
+def yaml_text(value: dict[str, str]) -> str:
+    """Return a mapping as YAML."""
+    import yaml  # noqa: PLC0415  (as above)
+
+    text: str = yaml.safe_dump(value, default_flow_style=False)
+    return text

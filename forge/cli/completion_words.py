@@ -162,10 +162,9 @@ def _interfaces(folder: str) -> Iterator[str]:
 
 def _mixins(verb: str, variables: Mapping[str, str]) -> Iterator[str]:
     _add_site_packages()
-    from forge.base.env_vars import home  # noqa: PLC0415
-    from forge.cli.mixins import read_mixins  # noqa: PLC0415
+    from forge.cli.mixins import mixin_folders, read_mixins  # noqa: PLC0415
 
-    return (name for command, name in read_mixins(home(variables)) if command == verb)
+    return (name for command, name in read_mixins(mixin_folders(variables)) if command == verb)
 
 
 def _profiles(root: Path) -> Iterator[str]:

@@ -145,10 +145,10 @@ def _mixed(
     variables: Mapping[str, str],
 ) -> dict[str, Any]:
     """Return the values that mixins set: lists precede those of the command line, others yield to it."""
-    from forge.cli.mixins import combined, read_mixins  # noqa: PLC0415  (only needed with --mixin)
+    from forge.cli.mixins import combined, mixin_folders, read_mixins  # noqa: PLC0415  (only needed with --mixin)
 
     names = wanted["mixin"]
-    options = combined(names, verb, read_mixins(home(variables), wanted.get("mixin_files") or ()))
+    options = combined(names, verb, read_mixins(mixin_folders(variables), wanted.get("mixin_files") or ()))
     values = _checked(OptionFile(Path("mixin " + ", ".join(names)), options), known, verb)
     for dest, value in list(values.items()):
         if dest in given:

@@ -94,12 +94,27 @@ EXAMPLES: Mapping[str, Examples] = {
         f"{_PAGE}#forge-extensions",
     ),
     "mixin": Examples(
-        ("forge mixin list", "the names of all mixins"),
-        ("forge mixin show build", "the options that each of them sets"),
+        ("forge mixin show build", "all mixins of 'forge build' and their options"),
+        ("forge mixin update", "fetch the mixins of all repositories"),
+        "reference/configuration.md#mixins",
+    ),
+    "mixin add": Examples(
+        ("forge mixin add team https://example.org/mixins/index.yaml", "from a server"),
+        ("forge mixin add mine ~/mixins/index.yaml", "from a folder"),
+        "reference/configuration.md#mixins",
+    ),
+    "mixin update": Examples(
+        ("forge mixin update", "all repositories"),
+        ("forge mixin update team", "one of them"),
+        "reference/configuration.md#mixins",
+    ),
+    "mixin remove": Examples(
+        ("forge mixin remove team", "its mixins can no longer be used"),
+        ("forge mixin remove mine", "of a repository in a folder, that folder remains"),
         "reference/configuration.md#mixins",
     ),
     "mixin list": Examples(
-        ("forge mixin list", "all mixins"),
+        ("forge mixin list", "all repositories, files and mixins"),
         ("forge mixin list --mixin-files ci.mixin", "also those of a file"),
         "reference/configuration.md#mixins",
     ),

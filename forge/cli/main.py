@@ -36,7 +36,7 @@ COMMANDS = {
     "doctor": "diagnose problems of the machine, the shell and the workspace",
     "deps": "list missing system dependencies of the workspace",
     "extensions": "list supported build types, event handlers, executors and shells",
-    "mixin": "list and show mixins (named sets of options)",
+    "mixin": "list, show and fetch mixins (named sets of options)",
     "interface": "compile, list and show .msg, .srv and .action files",
     "pkg": "create packages and query installed ones",
     "run": "run an executable of an installed package",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.base.env_vars import home, setting
 from forge.base.errors import Location, Problem, SelectionError, WorkspaceError
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
@@ -16,14 +18,44 @@ from forge.base.names import did_you_mean
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-_OURS: dict[str, dict[str, Any]] = {
-    "ccache": {"compiler-launcher": "ccache"},
-    "compile-commands": {"cmake-args": ["-DCMAKE_EXPORT_COMPILE_COMMANDS=ON"]},
-    "debug": {"cmake-args": ["-DCMAKE_BUILD_TYPE=Debug"]},
-    "ninja": {"cmake-args": ["-GNinja"]},
-    "rel-with-deb-info": {"cmake-args": ["-DCMAKE_BUILD_TYPE=RelWithDebInfo"]},
-    "release": {"cmake-args": ["-DCMAKE_BUILD_TYPE=Release"]},
+MIXIN_FOLDER = "mixin"
+"""The folder of the user's mixins in their settings."""
+
+
+def _flags(flags: str) -> dict[str, Any]:
+    return {"cmake-args": [f"-DCMAKE_C_FLAGS={flags}", f"-DCMAKE_CXX_FLAGS={flags}"]}
+
+
+_LTO = ("-DCMAKE_INTERPROCEDURAL_OPTIMIZATION=ON", "-DCMAKE_POLICY_DEFAULT_CMP0069=NEW")
+"""The policy is for projects that require a CMake before 3.9, which would ignore the variable."""
+
+_BUILT_IN: dict[str, dict[str, dict[str, Any]]] = {
+    "build": {
+        "asan": _flags("-fsanitize=address -g -fno-omit-frame-pointer"),
+        "asan-gcc": _flags("-fsanitize=address"),
+        "ccache": {"compiler-launcher": "ccache"},
+        "compile-commands": {"cmake-args": ["-DCMAKE_EXPORT_COMPILE_COMMANDS=ON"]},
+        "coverage": {"mixin": ["coverage-gcc", "debug"]},
+        "coverage-gcc": _flags("--coverage"),
+        "coverage-pytest": {"ament-cmake-args": ["-DAMENT_CMAKE_PYTEST_WITH_COVERAGE=ON"]},
+        "debug": {"cmake-args": ["-DCMAKE_BUILD_TYPE=Debug"]},
+        "lto": {"cmake-args": [*_LTO]},
+        "min-size-rel": {"cmake-args": ["-DCMAKE_BUILD_TYPE=MinSizeRel"]},
+        "ninja": {"cmake-args": ["-GNinja"]},
+        "rel-with-deb-info": {"cmake-args": ["-DCMAKE_BUILD_TYPE=RelWithDebInfo"]},
+        "release": {"cmake-args": ["-DCMAKE_BUILD_TYPE=Release"]},
+        "tsan": _flags("-fsanitize=thread -O2 -g -fno-omit-frame-pointer"),
+        "ubsan": _flags("-fsanitize=undefined -g -fno-omit-frame-pointer"),
+    },
+    "test": {
+        "coverage-pytest": {"pytest-args": ["--cov-report=term"], "pytest-with-coverage": True},
+    },
 }
+"""Mixins by command. Those that colcon-mixin-repository has too have its names and the same effect."""
+
+_COMPILER_FLAGS = re.compile(
+    r"-D(CMAKE_(?:C|CXX|EXE_LINKER|MODULE_LINKER|SHARED_LINKER)_FLAGS)(?::STRING)?=(.*)", re.DOTALL
+)
 
 
 @frozen
@@ -40,14 +72,20 @@ Mixins = dict[tuple[str, str], Mixin]
 """Mixins by command and name."""
 
 
-def read_mixins(home: Path, files: Iterable[str] = ()) -> Mixins:
-    """Return the built-in mixins, those of *.mixin files below `home`/mixin, and those of `files`.
+def mixin_folders(variables: Mapping[str, str]) -> tuple[Path, ...]:
+    """Return the folders below which mixin files are found: that of the user, then $COLCON_MIXIN_PATH."""
+    more = setting("MIXIN_PATH", variables) or ""
+    return (home(variables) / MIXIN_FOLDER, *(Path(folder) for folder in more.split(os.pathsep) if folder))
+
+
+def read_mixins(folders: Iterable[Path], files: Iterable[str] = ()) -> Mixins:
+    """Return the built-in mixins, those of *.mixin files below `folders`, and those of `files`.
 
     A later mixin replaces an earlier one of the same name. Raises WorkspaceError for malformed files,
     SelectionError for missing files.
     """
-    found = [Mixin("build", name, options) for name, options in _OURS.items()]
-    for path in (*_user_files(home / "mixin"), *map(Path, files)):
+    found = [Mixin(verb, name, options) for verb, own in _BUILT_IN.items() for name, options in own.items()]
+    for path in (*(path for folder in folders for path in mixin_files(folder)), *map(Path, files)):
         found += _read(path)
     return {(mixin.verb, mixin.name): mixin for mixin in found}
 
@@ -55,8 +93,9 @@ def read_mixins(home: Path, files: Iterable[str] = ()) -> Mixins:
 def combined(names: Iterable[str], verb: str, mixins: Mixins) -> dict[str, Any]:
     """Return the combined options of mixins: lists are concatenated, of other values the last one wins.
 
-    Included mixins come before the mixin that includes them. Raises SelectionError for unknown mixins and for
-    mixins that include each other.
+    Compiler flags of several mixins are joined, so that sanitizers can be combined. Included mixins come
+    before the mixin that includes them. Raises SelectionError for unknown mixins and for mixins that include
+    each other.
     """
     mixture = _Mixture(verb, mixins)
     for name in names:
@@ -80,7 +119,7 @@ class _Mixture:
         mixin = self.mixins.get((self.verb, name))
         if mixin is None:
             known = [other for of, other in self.mixins if of == self.verb]
-            hint = did_you_mean(name, known) or "'forge mixin list' lists all mixins"
+            hint = did_you_mean(name, known) or "'forge mixin show' shows all mixins"
             raise SelectionError(Problem(f"unknown mixin '{name}' for 'forge {self.verb}'", hint=hint))
         for other in mixin.options.get("mixin", ()):
             self.add(other, (*above, name))
@@ -88,10 +127,37 @@ class _Mixture:
             if key != "mixin":
                 old = self.options.get(key)
                 joined = isinstance(old, list) and isinstance(value, list)
-                self.options[key] = old + value if joined else value
+                self.options[key] = _with_joined_flags(old + value) if joined else value
 
 
-def _user_files(folder: Path) -> Iterator[Path]:
+def _with_joined_flags(words: list[Any]) -> list[Any]:
+    """Return the arguments with one -DCMAKE_CXX_FLAGS=..., and so on, that has the flags of all of them.
+
+    CMake would use only the last one.
+    """
+    joined: list[Any] = []
+    places: dict[str, int] = {}
+    for word in words:
+        match = _COMPILER_FLAGS.fullmatch(word) if isinstance(word, str) else None
+        if match is None:
+            joined.append(word)
+            continue
+        name, flags = match[1], _without_quotes(match[2])
+        if name in places:
+            joined[places[name]] += f" {flags}"
+        else:
+            places[name] = len(joined)
+            joined.append(f"-D{name}={flags}")
+    return joined
+
+
+def _without_quotes(value: str) -> str:
+    """Return the value without the single quotes around it, which CMake would remove."""
+    return value[1:-1] if len(value) > 1 and value[0] == value[-1] == "'" else value
+
+
+def mixin_files(folder: Path) -> Iterator[Path]:
+    """Yield the *.mixin files below a folder, sorted; hidden folders are skipped."""
     for parent, names, files in os.walk(folder, followlinks=True):
         names[:] = sorted(name for name in names if not name.startswith("."))
         yield from (Path(parent) / file for file in sorted(files) if file.endswith(".mixin"))
@@ -99,9 +165,15 @@ def _user_files(folder: Path) -> Iterator[Path]:
 
 def _read(path: Path) -> Iterator[Mixin]:
     try:
-        content = read_yaml(read_file(path), path)
+        content = read_file(path)
     except OSError as error:
         raise SelectionError(Problem(f"cannot read mixin file: {error.strerror}", Location(path))) from None
+    return parse_mixins(content, path)
+
+
+def parse_mixins(text: bytes, path: Path) -> Iterator[Mixin]:
+    """Yield the mixins of a file; raises WorkspaceError if it is malformed."""
+    content = read_yaml(text, path)
     for verb, mixins in content.items():
         if not isinstance(mixins, dict) or not all(isinstance(value, dict) for value in mixins.values()):
             hint = "the format is 'COMMAND:', below it 'NAME:', below that 'option: value'"

@@ -121,7 +121,7 @@ def _add_sets(parser: Parser) -> None:
         "--mixin",
         nargs="*",
         metavar="NAME",
-        help="use the options of these mixins; 'forge mixin list' lists them",
+        help="use the options of these mixins; 'forge mixin show' shows them",
     )
     group.add_argument("--mixin-files", nargs="*", metavar="FILE", help="additional mixin files")
 

@@ -26,12 +26,13 @@ from forge.cache.model import RESTORED
 from forge.toolchain.cmake_warnings import UnusedVariables
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
     from forge.output.failure_hints import FirstError
+    from forge.testing.outcomes import Counts
     from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
     from forge.workspace.model import Package
 
@@ -118,6 +119,8 @@ class ConsoleReporter:
         """The workspace's interpreter, for hints."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
         """The summaries of compiler launchers."""
+        self.test_counts: Counts | None = None
+        """The numbers of tests, if the packages were tested."""
         self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
@@ -193,6 +196,11 @@ class ConsoleReporter:
             case StepStarted():
                 pass
 
+    def show_coverage(self, lines: Iterable[str]) -> None:
+        """Print the coverage of the tests, as part of the summary."""
+        if self._on["summary"]:
+            self._out("\n" + "\n".join(lines))
+
     def summarise(self, seconds: float) -> None:
         """Print the summary; embedded packages are counted separately."""
         if not self._on["summary"]:
@@ -200,6 +208,8 @@ class ConsoleReporter:
         tally = self.tally
         unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
         self._out(f"\nSummary: {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
+        if self.test_counts is not None:
+            self._out(f"  {self.test_counts}")
         brought = len(tally.embedded)
         if brought:
             self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} finished")

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan, Step
     from forge.output.charts.sampling import Usage
     from forge.output.console import ConsoleReporter
+    from forge.testing.coverage import CoveredLines
     from forge.testing.failures import Failure
     from forge.workspace.model import Package
 
@@ -104,6 +105,11 @@ class JsonEvents:
                 repeat=failure.repeat,
             )
 
+    def report_coverage(self, coverage: Iterable[CoveredLines]) -> None:
+        """Write a line for each package whose coverage was measured."""
+        for one in coverage:
+            self._emit("Coverage", one.package, lines=one.lines, covered=one.covered, report=str(one.pages))
+
     def report_usage(self, usage: Usage) -> None:
         """Write the use of processors and memory during the run."""
         samples = [[round(time - self._begun, 3), round(busy, 2), used] for time, busy, used in usage.samples]
@@ -119,7 +125,10 @@ class JsonEvents:
             code = EXIT_INTERRUPTED
         elif code is None:
             code = report.exit_code
-        self._emit("Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally))
+        tests = {"tests": asdict(report.test_counts)} if report.test_counts is not None else {}
+        self._emit(
+            "Summary", None, code=code, seconds=round(seconds, 3), log=log, **asdict(report.tally), **tests
+        )
 
     def _print_output(self, name: str, lines: bytes, *, stderr: bool) -> None:
         """Print the output of a program if requested; log files contain it separately."""

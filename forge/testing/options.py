@@ -44,6 +44,11 @@ class TestOptions:
     return_code_on_test_failure: bool = option(
         "exit with code 1 if a test failed (default: exit with code 0, like colcon)", default=False
     )
+    coverage: bool = option(
+        "measure which lines the tests execute, with gcovr and coverage.py; build C and C++ packages with "
+        "--mixin coverage",
+        default=False,
+    )
     executor: str = option(
         "test packages in parallel, or sequentially in topological order (default: parallel)",
         default_factory=lambda: default_executor(EXECUTORS),

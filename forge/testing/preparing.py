@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
-_AROUND_PYTEST = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures")
+_TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat", "pytest_rerunfailures", "coverage")
 
 
 def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, ...]:
@@ -140,13 +140,13 @@ def prepare_context(
     types = {loaded.packages[name].build_type for name in names}
     ctest = find_ctest(os.environ) if types & CMAKE_TYPES else None
     interpreter = find_interpreter(options.python or recorded_python(layout.install), os.environ)
-    missing = missing_modules(interpreter, _AROUND_PYTEST) if types - CMAKE_TYPES else ()
+    missing = missing_modules(interpreter, _TEST_MODULES) if types - CMAKE_TYPES else ()
     return TestContext(
         root=loaded.workspace.root,
         layout=layout,
         python=interpreter.path,
         ctest=ctest,
-        modules=frozenset(_AROUND_PYTEST) - frozenset(missing),
+        modules=frozenset(_TEST_MODULES) - frozenset(missing),
         options=options,
     )
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.base.templating import render
 from forge.build.tasks import TEST_FAILURES, Step, StepCondition, StepKind
+from forge.testing.coverage import DATA_FILE, OMITTED
 from forge.testing.options import TestOptions
 
 if TYPE_CHECKING:
@@ -131,20 +132,23 @@ def pytest_recipe(package: Package, context: TestContext, look: PackageTests) ->
     build = context.layout.build_dir(package.name)
     junit = context.results_of(package.name) / "pytest.xml"
     options, modules = context.options, context.modules
-    covered = (options.pytest_with_coverage or "pytest-cov" in look.wants) and "pytest_cov" in modules
+    plugin = "pytest_cov" in modules
+    covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in look.wants)
     repeats = options.retest_until_fail and "pytest_repeat" in modules
     reruns = options.retest_until_pass and "pytest_rerunfailures" in modules
     argv = (
-        *(str(context.python), "-m", "pytest", "--tb=short"),
+        *_python(package, context),
+        *("-m", "pytest", "--tb=short"),
         f"--junit-xml={junit}",
         f"--junit-prefix={package.name}",
         *("-o", f"cache_dir={build / '.pytest_cache'}"),
         *(_coverage(context.source(package), build) if covered else ()),
+        *(("--no-cov",) if options.coverage and plugin else ()),
         *((f"--count={options.retest_until_fail + 1}",) if repeats else ()),
         *((f"--reruns={options.retest_until_pass}",) if reruns else ()),
         *options.pytest_args,
     )
-    env = (("COVERAGE_FILE", str(build / ".coverage")),) if covered else ()
+    env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
     step = Step(StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
     further = 0 if repeats or reruns else options.retest_until_fail or options.retest_until_pass
     return TestRecipe(
@@ -156,14 +160,16 @@ def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> 
     """Return the unittest run through forge's runner, which writes a JUnit file."""
     junit = context.results_of(package.name) / "unittest.xml"
     argv = (
-        str(context.python),
+        *_python(package, context),
         str(UNITTESTS),
         str(junit),
         package.name,
         "-v",
         *context.options.unittest_args,
     )
-    step = Step(StepKind.UNITTEST, argv, context.source(package), meanings=_OF_PYTHON)
+    data = str(context.layout.build_dir(package.name) / DATA_FILE)
+    env = (("COVERAGE_FILE", data),) if context.options.coverage else ()
+    step = Step(StepKind.UNITTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
     further = (_again(step, context),) * (
         context.options.retest_until_fail or context.options.retest_until_pass
     )
@@ -187,6 +193,14 @@ def _again(step: Step, context: TestContext) -> Step:
     until_fail = context.options.retest_until_fail
     condition = StepCondition.TESTS_PASSED if until_fail else StepCondition.TESTS_FAILED
     return replace(step, condition=condition)
+
+
+def _python(package: Package, context: TestContext) -> tuple[str, ...]:
+    """Return the command that runs Python, below coverage.py if coverage is measured."""
+    if not context.options.coverage:
+        return (str(context.python),)
+    measured = (f"--source={context.source(package)}", f"--omit={','.join(OMITTED)}")
+    return (str(context.python), "-m", "coverage", "run", "--branch", *measured)
 
 
 def _coverage(source: Path, build: Path) -> tuple[str, ...]:

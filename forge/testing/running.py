@@ -18,7 +18,7 @@ from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.testing.collecting import collect
 from forge.testing.failures import Failure, first_lines, last_lines
-from forge.testing.outcomes import find_junit
+from forge.testing.outcomes import Counts, counted_once, find_junit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -71,6 +71,29 @@ def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) ->
             return
     if task.build_dir.is_dir():
         replace_file(task.build_dir / RESULT, f"{result}\n".encode())
+
+
+def counts_of(task: Task, context: TestContext) -> Counts:
+    """Return the numbers of tests in the last run of a package."""
+    if not task.steps:
+        return Counts()
+    results = collect(context.results_of(task.name)).outcomes
+    kind = task.steps[-1].kind
+    if kind is not StepKind.CTEST:
+        own = str(context.results_of(task.name) / f"{kind.value}.xml")
+        return sum((outcome.counts for outcome in results if outcome.path == own), Counts())
+    junits = [outcome for outcome in results if not outcome.by_name]
+    if context.options.test_result_base is not None:
+        results = collect(task.build_dir).outcomes
+        junits += [outcome for outcome in results if not outcome.by_name]
+    run = [outcome for outcome in results if outcome.by_name]
+    names = {name for outcome in run for name, _ in outcome.by_name}
+    if context.options.ctest_args:
+        # Results of other tests are from earlier runs.
+        junits = [junit for junit in junits if junit.test in names]
+    # The files of one package may be in two folders.
+    outcomes = counted_once([replace(outcome, home="") for outcome in (*run, *junits)])
+    return sum((outcome.counts for outcome in outcomes), Counts())
 
 
 def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:

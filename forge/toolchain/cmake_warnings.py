@@ -18,6 +18,7 @@ _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _WANTING = frozenset({"-D", "-C", "-G", "-T", "-A", "-P", "-U", "--toolchain", "--preset"})
 """Options of CMake whose value is a separate argument."""
 
+_POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
 _DEFINITION = re.compile(r"-D([^:=]+)")
 _COMPLAINT = re.compile(
     rb"CMake Warning(?: \(unused-cli\))?:\r?\n"
@@ -70,4 +71,6 @@ class UnusedVariables:
     @property
     def names(self) -> tuple[str, ...]:
         """The variables that no package used, sorted; empty before a package was configured."""
-        return tuple(sorted(self._shared - self._used)) if self._asked else ()
+        unused = self._shared - self._used if self._asked else ()
+        # The default of a policy concerns only projects that do not set the policy.
+        return tuple(sorted(name for name in unused if not name.startswith(_POLICY_DEFAULT)))

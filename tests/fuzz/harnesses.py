@@ -223,7 +223,7 @@ def mixin(data: bytes) -> None:
     """Read a *.mixin file, and all its mixins together."""
     root = place("mixins", "a.mixin", data)
     with contextlib.suppress(ForgeError):
-        mixins = read_mixins(root / "home", (str(root / "a.mixin"),))
+        mixins = read_mixins((), (str(root / "a.mixin"),))
         for verb, name in mixins:
             with contextlib.suppress(ForgeError):
                 combined([name], verb, mixins)

@@ -137,17 +137,34 @@ def test_mixin_files_add_to_the_users(forge: Forge, root: Path) -> None:
 
 
 def test_mixins_can_be_listed_and_shown(forge: Forge, root: Path) -> None:
-    listing = forge("mixin", "list", cwd=root).out
-    assert "build\tdebug\t(forge)\n" in listing
+    (root / "home/mixin").mkdir()
+    (root / "home/mixin/my.mixin").write_text(
+        "test: {fast: {executor: parallel}}\nbuild: {mold: {jobs: 2}}\n"
+    )
+    env = {"COLCON_HOME": str(root / "home")}
+    listing = forge("mixin", "list", cwd=root, env=env).out
+    assert listing.startswith(
+        "mixin files not associated with a repository\n"
+        f"- {root}/home/mixin/my.mixin\n    build: mold\n    test: fast\nbuilt into forge\n    build: asan, "
+    )
     shown = forge("mixin", "show", "build", "release", cwd=root).out
     assert shown == "build:\n- release\n  cmake-args: ['-DCMAKE_BUILD_TYPE=Release']\n"
-    assert forge("mixin", "show", cwd=root).out.count("- ") == listing.count("\n")
+    assert "test:\n- coverage-pytest\n" in forge("mixin", "show", cwd=root).out
     ran = forge("mixin", "show", "build", "releas", cwd=root)
     assert (ran.code, ran.err) == (
         2,
         "error: unknown mixin 'releas' for 'build'\nhint: did you mean 'release'?\n",
     )
     assert forge("mixin", "show", "tset", cwd=root).code == 2
+
+
+def test_the_variable_names_more_folders_of_mixins(forge: Forge, root: Path) -> None:
+    for name in ("one", "two"):
+        (root / name / "deep").mkdir(parents=True)
+        (root / name / "deep/x.mixin").write_text(f"list: {{{name}: {{packages-select: [b]}}}}")
+    folders = f"{root}/one:{root}/two:"
+    assert listed(forge, root, "--mixin", "two", COLCON_MIXIN_PATH=folders) == "b"
+    assert "unknown mixin 'two'" in listed(forge, root, "--mixin", "two")
 
 
 def test_options_of_single_packages_come_from_four_places(forge: Forge, root: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
@@ -74,6 +75,7 @@ def test_all_kinds_of_packages_are_tested(forge: Forge, workspace: Path) -> None
     ran = forge("test", cwd=workspace)
     assert ran.code == 0, ran.err
     assert "Summary: 6 packages finished" in ran.out
+    assert "  9 tests, 0 errors, 3 failures, 1 skipped\n" in ran.out
     assert "  3 packages had test failures: c_bad p_test u_test\n" in ran.out
     finished = {line.split()[0]: line for line in lines(ran, "Finished <<<")}
     assert finished["c_bad"].endswith("s]\t[ with test failures ]")
@@ -122,6 +124,7 @@ def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> No
     words = ("--ctest-args", "-R", "good", "--pytest-args", "-k", "good", "--unittest-args")
     ran = forge("test", *only, *words, "-k", "good", cwd=workspace)
     assert "test failures" not in ran.out
+    assert "  3 tests, 0 errors, 0 failures, 0 skipped\n" in ran.out
     assert forge("test-result", cwd=workspace).out == "Summary: 3 tests, 0 errors, 0 failures, 0 skipped\n"
 
 
@@ -131,6 +134,24 @@ def test_coverage_where_the_plugin_is(forge: Forge, workspace: Path) -> None:
     plugin = importlib.util.find_spec("pytest_cov") is not None
     assert (workspace / "build/p_test/coverage.xml").is_file() is plugin
     assert ("there is no coverage" in ran.err) is not plugin
+
+
+def test_coverage_is_part_of_the_summary(forge: Forge, workspace: Path) -> None:
+    ran = forge("test", "--packages-select", "u_test", "c_good", "--coverage", cwd=workspace / "src")
+    assert ran.code == 0
+    assert (
+        "not built for coverage: 'c_good'\nhint: forge build --mixin coverage --packages-select c_good"
+        in ran.err
+    )
+    report = "../build/u_test/coverage.html/index.html"
+    assert f"\nCoverage: 100.0% of 1 lines\n  u_test  100.0% of 1 lines: {report}\n" in ran.out
+    assert (workspace / "src" / report).is_file()
+    told = forge("test", "--packages-select", "u_test", "--coverage", "--json", cwd=workspace).out
+    events = [json.loads(line) for line in told.splitlines()]
+    assert [(e["package"], e["lines"], e["covered"]) for e in events if e["event"] == "Coverage"] == [
+        ("u_test", 1, 1)
+    ]
+    assert events[-1]["tests"] == {"tests": 2, "errors": 0, "failures": 1, "skipped": 0}
 
 
 def test_a_run_that_dies_leaves_a_result_and_is_repeated_whole(forge: Forge, workspace: Path) -> None:

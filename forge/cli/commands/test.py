@@ -13,15 +13,17 @@ from forge.base.errors import WarningReporter, WorkspaceError
 from forge.build.events import Finished
 from forge.build.markers import create_output_folders
 from forge.cli import package_options
-from forge.cli.options import FolderOptions, add_options, read_options
+from forge.cli.options import FolderOptions, add_options, displayed, read_options
 from forge.cli.preparation import build_variables
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
 from forge.execution.options import SEQUENTIAL, JobOptions
 from forge.execution.scheduler import Scheduler
 from forge.output.handlers import ReportOptions
+from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
 from forge.testing.failures import table
 from forge.testing.options import TestOptions
+from forge.testing.outcomes import Counts
 from forge.testing.preparing import (
     absent_problems,
     changed_since_build,
@@ -32,17 +34,18 @@ from forge.testing.preparing import (
     prepare_context,
     tested_names,
 )
-from forge.testing.running import TestSetup, failures_of, write_result_file
+from forge.testing.running import TestSetup, counts_of, failures_of, write_result_file
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from forge.base.errors import Problem
     from forge.build.tasks import BuildPlan
     from forge.cli.main import Parser
     from forge.cli.session import Session
+    from forge.testing.coverage import CoveredLines
     from forge.testing.recipes import TestContext
 
 
@@ -82,6 +85,7 @@ def run(namespace: argparse.Namespace) -> int:
         closing(open_test_job_pool(jobs, variables)) as job_pool,
         open_session("test", plan, loaded.packages, layout.logs, reports, began=began) as session,
     ):
+        coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
         session.json_events.announce()
         _fail_unbuilt(absent, session)
         try:
@@ -92,6 +96,10 @@ def run(namespace: argparse.Namespace) -> int:
                 lambda task: task,
                 lambda event: write_result_file(event, plan.tasks[event.task], session.report.failed_tests),
             )
+            if options.coverage:
+                covered, problems = write_reports(coverage, job_pool.jobs, variables)
+                warn(problems)
+                _report_coverage(covered, session, namespace.origin)
         finally:
             code = _report_results(plan, context, session, json=reports.json)
     return code
@@ -112,9 +120,17 @@ def _scheduler(plan: BuildPlan, options: TestOptions, packages: int, jobs: int) 
     return Scheduler(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
 
 
+def _report_coverage(covered: Sequence[CoveredLines], session: Session, origin: str) -> None:
+    paths = (displayed(os.path.relpath(one.pages), origin) for one in covered)
+    session.report.show_coverage(coverage_lines(covered, paths))
+    session.json_events.report_coverage(covered)
+
+
 def _report_results(plan: BuildPlan, context: TestContext, session: Session, *, json: bool) -> int:
     """Print the summary and a table of the failed tests; return the exit code."""
     report, seconds = session.report, session.seconds
+    ended = {*report.tally.finished, *report.tally.failed} & plan.tasks.keys()
+    report.test_counts = sum((counts_of(plan.tasks[name], context) for name in ended), Counts())
     report.summarise(seconds)
     failures = [
         failure for name in sorted(report.failed_tests) for failure in failures_of(plan.tasks[name], context)

@@ -19,6 +19,7 @@ from forge.testing.recipes import (
     missing_result,
     pytest_recipe,
     python_recipe,
+    unittest_recipe,
 )
 from tests.packages import package
 
@@ -148,3 +149,21 @@ def test_a_result_stands_before_there_is_one() -> None:
     recipe = python_recipe(PY, with_options(test_result_base=Path("/r")), PackageTests())
     assert recipe.files == ((Path("/r/p/unittest.xml"), missing_result(PY, "unittest")),)
     assert 'errors="1"' in recipe.files[0][1]
+
+
+def test_coverage_runs_pytest_and_unittest_below_coverage_py() -> None:
+    words = only(pytest_recipe(PY, with_options(coverage=True), PackageTests()).steps)
+    assert words[:4] == ("/usr/bin/python3", "-m", "coverage", "run")
+    assert f"--source=/ws/{PY.path}" in words
+    assert words[words.index("--omit=setup.py,test/*,tests/*") + 1 :][:2] == ("-m", "pytest")
+    step = unittest_recipe(PY, with_options(coverage=True), PackageTests()).steps[0]
+    assert step.argv[1:4] == ("-m", "coverage", "run")
+    assert step.env == (("COVERAGE_FILE", "/ws/build/p/.coverage"),)
+
+
+def test_coverage_takes_the_place_of_pytest_cov() -> None:
+    """Both would trace the same lines."""
+    context = with_options(coverage=True, modules=frozenset({"pytest", "pytest_cov", "coverage"}))
+    words = only(pytest_recipe(PY, context, PackageTests(wants=frozenset({"pytest-cov"}))).steps)
+    assert "--no-cov" in words
+    assert not any(word.startswith("--cov") for word in words)

@@ -29,6 +29,12 @@ def test_used_variables_are_not_reported() -> None:
     assert list(unused.names) == ["TYPO"]
 
 
+def test_the_default_of_a_policy_may_be_unused() -> None:
+    unused = UnusedVariables(frozenset({"A", "CMAKE_POLICY_DEFAULT_CMP0069"}))
+    assert unused.take(complaint("A", "CMAKE_POLICY_DEFAULT_CMP0069")) == b""
+    assert list(unused.names) == ["A"]
+
+
 def test_variables_of_one_package_stay_its_own_matter() -> None:
     unused = UnusedVariables(frozenset({"A"}))
     assert unused.take(complaint("A", "OWN")) == complaint("OWN")

@@ -1,0 +1,169 @@
+"""The coverage of tests: reports of gcovr and coverage.py, and what is missing for them."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from forge.base.errors import EnvironmentFault, WarningReporter
+from forge.base.layout import Layout
+from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.testing.coverage import CoveredLines, coverage_lines, plan_coverage, write_reports
+from forge.testing.recipes import TestContext
+from tests.packages import package
+
+HALF = """int half(int number)
+{
+  if (number < 0) {
+    return 0;
+  }
+  return number / 2;
+}
+"""
+MAIN = "int half(int); int main(void) { return half(4) - 2; }\n"
+
+
+def task(root: Path, name: str, build_type: str, *, tests: bool = True) -> Task:
+    """Return the tests of a package, as they are planned."""
+    build = root / "build" / name
+    build.mkdir(parents=True, exist_ok=True)
+    steps = (Step(StepKind.CTEST, ("true",), build),) if tests else ()
+    return Task(name, package(name, build_type=build_type), root, build, (), steps, "it is selected")
+
+
+def context(root: Path) -> TestContext:
+    layout = Layout(root / "build", root / "install", None)
+    modules = frozenset({"coverage"})
+    return TestContext(root, layout, python=Path(sys.executable), modules=modules)
+
+
+def source(root: Path, name: str) -> Path:
+    folder = root / package(name).path
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@pytest.mark.needs("gcc", "gcov", "gcovr")
+def test_executed_lines_of_c_are_counted_and_those_of_earlier_runs_are_not(tmp_path: Path) -> None:
+    one = task(tmp_path, "half", "cmake")
+    folder = source(tmp_path, "half")
+    (folder / "half.c").write_text(HALF)
+    (folder / "test").mkdir()
+    (folder / "test/main.c").write_text(MAIN)
+    command = ["gcc", "--coverage", str(folder / "half.c"), str(folder / "test/main.c"), "-o", "program"]
+    subprocess.run(command, cwd=one.build_dir, check=True)
+    subprocess.run(["./program"], cwd=one.build_dir, check=True)
+    assert list(one.build_dir.glob("*.gcda"))
+    (one.build_dir / "CMakeCache.txt").write_text("CMAKE_C_COMPILER:FILEPATH=/usr/bin/gcc\n")
+
+    plan = BuildPlan({"half": one})
+    reports = plan_coverage(plan, context(tmp_path), os.environ, WarningReporter())
+    assert not list(one.build_dir.glob("*.gcda"))
+    subprocess.run(["./program"], cwd=one.build_dir, check=True)
+    found, problems = write_reports(reports, 1, os.environ)
+    assert problems == []
+    pages = one.build_dir / "coverage.html/index.html"
+    assert found == [CoveredLines("half", 4, 3, pages)]
+    assert pages.is_file()
+
+
+def test_data_files_of_several_processes_are_combined(tmp_path: Path) -> None:
+    one = task(tmp_path, "half", "python")
+    folder = source(tmp_path, "half")
+    (folder / "half.py").write_text(
+        "def half(number):\n    if number < 0:\n        return 0\n    return number / 2\n"
+    )
+    (folder / "run.py").write_text("import half\nhalf.half(4)\n")
+    (folder / ".coveragerc").write_text("[run]\nparallel = true\n[report]\nfail_under = 100\n")
+    reports = plan_coverage(BuildPlan({"half": one}), context(tmp_path), os.environ, WarningReporter())
+    env = {**os.environ, "COVERAGE_FILE": str(one.build_dir / ".coverage")}
+    argv = [sys.executable, "-m", "coverage", "run", f"--source={folder}", "run.py"]
+    subprocess.run(argv, cwd=folder, env=env, check=True)
+    assert len(list(one.build_dir.glob(".coverage.*"))) == 1
+    found, problems = write_reports(reports, 1, os.environ)
+    assert problems == []
+    assert [(covered.lines, covered.covered) for covered in found] == [(6, 5)]
+
+
+def test_a_report_that_fails_says_why(tmp_path: Path) -> None:
+    one = task(tmp_path, "half", "python")
+    source(tmp_path, "half")
+    reports = plan_coverage(BuildPlan({"half": one}), context(tmp_path), os.environ, WarningReporter())
+    found, problems = write_reports(reports, 1, os.environ)
+    assert found == []
+    (problem,) = problems
+    assert problem.message == "cannot measure the coverage of 'half': No data to report."
+
+
+def test_what_is_not_built_for_coverage_is_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tasks = {
+        "a": task(tmp_path, "a", "cmake"),
+        "b": task(tmp_path, "b", "ament_cmake"),
+        "c": task(tmp_path, "c", "cmake", tests=False),
+    }
+    assert plan_coverage(BuildPlan(tasks), context(tmp_path), {}, WarningReporter()) == ()
+    assert capsys.readouterr().err == (
+        "warning: not built for coverage: 'a', 'b'\n"
+        "hint: forge build --mixin coverage --packages-select a b\n"
+    )
+
+
+def test_missing_programs_are_named_with_the_command_that_installs_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks = {"a": task(tmp_path, "a", "cmake"), "p": task(tmp_path, "p", "ament_python")}
+    (tmp_path / "build/a/a.gcno").touch()
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
+    without = TestContext(tmp_path, context(tmp_path).layout, python=Path("/usr/bin/python3"))
+    with pytest.raises(EnvironmentFault) as caught:
+        plan_coverage(BuildPlan(tasks), without, {"PATH": ""}, WarningReporter())
+    gcovr, coverage = caught.value.problems
+    assert gcovr.message.startswith("gcovr, ")
+    assert "uv tool install gcovr" in str(gcovr.hint)
+    assert coverage.message.startswith("'/usr/bin/python3' has no coverage.py")
+    assert str(coverage.hint).startswith("/usr/bin/python3 -m pip install coverage")
+
+
+@pytest.mark.parametrize(
+    ("compiler", "gcov"),
+    [
+        ("/usr/bin/g++-12", "gcov-12"),
+        ("/usr/bin/aarch64-linux-gnu-g++", "aarch64-linux-gnu-gcov"),
+        ("/usr/bin/clang++-14", "llvm-cov-14 gcov"),
+        ("/usr/bin/g++-11", None),
+        ("/usr/bin/c++", None),
+    ],
+)
+def test_gcov_is_that_of_the_compiler(tmp_path: Path, compiler: str, gcov: str | None) -> None:
+    bin_ = tmp_path / "bin"
+    bin_.mkdir()
+    for name in ("gcovr", "gcov-12", "aarch64-linux-gnu-gcov", "llvm-cov-14"):
+        (bin_ / name).write_text("#!/bin/sh\n")
+        (bin_ / name).chmod(0o755)
+    one = task(tmp_path, "a", "cmake")
+    (one.build_dir / "a.gcno").touch()
+    (one.build_dir / "CMakeCache.txt").write_text(f"CMAKE_CXX_COMPILER:STRING={compiler}\n")
+    (report,) = plan_coverage(
+        BuildPlan({"a": one}), context(tmp_path), {"PATH": str(bin_)}, WarningReporter()
+    )
+    (command,) = report.commands
+    assert command[0] == str(bin_ / "gcovr")
+    named = [command[at + 1] for at, word in enumerate(command) if word == "--gcov-executable"]
+    assert named == ([gcov] if gcov else [])
+
+
+def test_the_summary_has_a_line_for_all_packages_and_one_for_each() -> None:
+    found = [CoveredLines("a", 3, 2, Path("x")), CoveredLines("longer", 0, 0, Path("y"))]
+    assert list(coverage_lines(found, ["x", "y"])) == [
+        "Coverage: 66.6% of 3 lines",
+        "  a        66.6% of 3 lines: x",
+        "  longer       - of 0 lines: y",
+    ]
+    assert re.match("Coverage: - of 0 lines", next(coverage_lines([], [])))
