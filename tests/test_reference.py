@@ -32,7 +32,15 @@ PARSERS = dict(reference.all_parsers())
 LONGEST_HELP = 200
 
 ENTAILED = {
-    *("AMENT_PREFIX_PATH", "PYTHONPATH", "PATH", "HOME", "XDG_CACHE_HOME", "TERM"),  # as everybody reads them
+    *(
+        "AMENT_PREFIX_PATH",
+        "PYTHONPATH",
+        "PATH",
+        "HOME",
+        "XDG_CACHE_HOME",
+        "TERM",
+        "ZDOTDIR",
+    ),  # as everybody reads them
     *("CONDA_PREFIX", "PYTHONHOME"),  # of which forge doctor warns
     *("FORGE_WORKER", "FORGE_BUILD_FOLDER", "FORGE_TEMPLATES"),  # between forge and what it starts
 }

@@ -18,7 +18,7 @@ if __name__ == "__main__":
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.workspace.root import find_install, find_root
+from forge.workspace.root import find_install, find_root, is_root
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,6 +37,10 @@ def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
     """Print the requested names, one per line."""
     names: Iterator[str]
     match list(words):
+        case ["root", *_]:
+            root = find_root(Path.cwd(), Path.home())
+            sys.stdout.write(f"{root}\n" if is_root(root) else "")
+            return 0
         case ["packages", *_]:
             names = package_names(find_root(Path.cwd(), Path.home()), _cache(variables))
         case ["installed", *_]:

@@ -32,6 +32,8 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
         hint = did_you_mean(word, commands)
         if word in _ROS2:
             hint = f"'ros2 {word}' is part of a ROS installation: source that first"
+        if word == "cd":
+            hint = "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
         return f"unknown command '{word}'", hint
     if unknown:
         return message, _instead(unknown[1].partition("=")[0], frozenset(options))

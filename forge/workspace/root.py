@@ -50,6 +50,11 @@ def find_install(start: Path, home: Path) -> Path | None:
     return root / "install" if (root / _INSTALL_MARKER).is_file() else None
 
 
+def is_root(folder: Path) -> bool:
+    """Tell whether a folder is the root of a workspace."""
+    return _has_marker(folder) or _has_sources(folder)
+
+
 def rebase_paths(arguments: Sequence[str], origin: Path, root: Path) -> list[str]:
     """Return a command line typed in `origin` with its paths changed to be relative to `root`."""
     rewritten: list[str] = []

@@ -18,6 +18,7 @@ import pytest
 from forge.cli import main as cli
 from forge.cli.completion_words import main, package_names
 from tests.packages import manifest_text
+from tests.snippets import ROOT
 
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree
@@ -305,3 +306,49 @@ def test_names_of_the_workspace_around_and_of_forge(
     assert "ament_cmake" not in asked["interface_packages"]
     assert {"debug", "release-fast"} <= set(asked["mixins"])
     assert asked["profiles"] == ["robot", "simulation"]
+
+
+CHANGES = """cd {root}/src/group
+forge_cd beta && pwd
+forge_cd && pwd
+cd {other}
+forge_cd alpha && pwd
+forge_cd gamma || echo no gamma
+"""
+
+
+@pytest.mark.parametrize(
+    "shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in ("bash", "zsh", "fish")]
+)
+def test_forge_cd_changes_to_packages_and_the_root(
+    forge: Forge, workspace: Path, tmp_path_factory: pytest.TempPathFactory, shell: str
+) -> None:
+    other = tmp_path_factory.mktemp("elsewhere")
+    script = forge("completion", shell).out
+    # zsh completes only in a terminal.
+    text = ("compdef() { :; }\n" if shell == "zsh" else "") + script
+    text += CHANGES.format(root=shlex.quote(str(workspace)), other=shlex.quote(str(other)))
+    options = {"bash": ["--norc"], "zsh": ["-f"], "fish": ["--no-config"]}[shell]
+    bin_ = other / "bin"
+    bin_.mkdir()
+    program = bin_ / "forge"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m forge "$@"\n')
+    program.chmod(0o755)
+    variables = {**os.environ, "PATH": f"{bin_}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [shell, *options, "-c", text], env=variables, capture_output=True, text=True, check=False
+    )
+    folders = (workspace / "src/group/folder", workspace, workspace / "src/alpha")
+    assert done.stdout.splitlines() == [*map(str, folders), "no gamma"]
+    assert "no package named 'gamma'" in done.stderr
+
+
+def test_outside_of_a_workspace_there_is_no_root(
+    workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(workspace / "src/group")
+    assert main(["root"], {}) == 0
+    assert capsys.readouterr().out == f"{workspace}\n"
+    monkeypatch.chdir("/")
+    assert main(["root"], {}) == 0
+    assert capsys.readouterr().out == ""

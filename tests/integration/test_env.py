@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import pty
+import re
+import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -122,6 +126,57 @@ def test_a_shell_needs_no_sourcing(layout: Layout) -> None:
     done = shell(layout, "--", "sh", "-c", 'echo "$0 $PYTHONPATH"; exit 7', "--install-base")
     assert (done.returncode, done.stderr) == (7, "")
     assert done.stdout.startswith(f"--install-base {layout.prefix('walker')}/{SITE}:")
+
+
+PROMPTS = {
+    "bash": (".bashrc", "PS1='mine> '\n"),
+    "zsh": (".zshrc", "PROMPT='mine> '\n"),
+    "fish": (".config/fish/config.fish", "function fish_prompt; echo -n 'mine> '; end\n"),
+    "dash": (".profile", ""),
+}
+
+
+def typed(layout: Layout, home: Path, program: str, **variables: str) -> str:
+    """Return what a terminal shows when `forge shell` starts this shell and 'exit' is typed."""
+    ours, theirs = pty.openpty()
+    env = {"PATH": os.environ["PATH"], "PYTHONPATH": str(Path(__file__).parents[2]), "HOME": str(home)}
+    env |= {"SHELL": str(shutil.which(program)), "TERM": "dumb", "PS1": "mine> ", **variables}
+    argv = ["setsid", "--ctty", "--wait", sys.executable, "-m", "forge", "shell"]
+    cwd = layout.install.parent
+    with subprocess.Popen(argv, cwd=cwd, env=env, stdin=theirs, stdout=theirs, stderr=theirs):
+        os.close(theirs)
+        os.write(ours, b"exit\n")
+        shown = b""
+        with suppress(OSError):  # the end of a terminal
+            while chunk := os.read(ours, 4096):
+                shown += chunk
+    os.close(ours)
+    return shown.decode()
+
+
+@pytest.mark.parametrize(
+    "program", [pytest.param(program, marks=pytest.mark.needs(program)) for program in PROMPTS]
+)
+def test_the_prompt_of_a_shell_names_the_workspace(layout: Layout, tmp_path: Path, program: str) -> None:
+    """In front of the user's own, unless they do not want it."""
+    file, text = PROMPTS[program]
+    (tmp_path / "home" / file).parent.mkdir(parents=True)
+    (tmp_path / "home" / file).write_text(text)
+    name = re.sub(r"[^\w.+-]", "_", layout.install.parent.name)
+    assert f"({name}) mine> " in typed(layout, tmp_path / "home", program)
+    if program == "bash":
+        shown = typed(layout, tmp_path / "home", program, FORGE_DISABLE_PROMPT="1")
+        assert "mine> " in shown
+        assert f"({name})" not in shown
+
+
+@pytest.mark.needs("zsh")
+def test_zsh_reads_the_files_of_the_users_own_folder(layout: Layout, tmp_path: Path) -> None:
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home/.zshenv").write_text(f"ZDOTDIR={tmp_path}/other\n")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/.zshrc").write_text('PROMPT="$ZDOTDIR> "\n')
+    assert f") {tmp_path}/other> " in typed(layout, tmp_path / "home", "zsh")
 
 
 def test_a_command_that_is_not_there_is_a_message(layout: Layout) -> None:

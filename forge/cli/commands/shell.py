@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
+from forge.base.layout import templates_folder
 from forge.environment.sourcing import sourced_environment
 
 if TYPE_CHECKING:
@@ -35,8 +38,8 @@ def run(options: argparse.Namespace) -> int:
     """
     words = options.words[1:] if options.words[:1] == ["--"] else options.words
     install = Path(options.install_base).absolute()
-    variables = sourced_environment(install, os.environ)
-    argv = words or [os.environ.get("SHELL") or "/bin/sh"]
+    variables = dict(sourced_environment(install, os.environ))
+    argv = words or _shell_with_prompt(os.environ.get("SHELL") or "/bin/sh", variables)
     if not words and sys.stderr.isatty():
         print(f"started a shell with '{install}' sourced; type 'exit' to leave it", file=sys.stderr)
     os.chdir(options.origin)
@@ -46,3 +49,26 @@ def run(options: argparse.Namespace) -> int:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise EnvironmentFault(Problem(f"cannot run '{argv[0]}': {reason}")) from None
+
+
+def _shell_with_prompt(shell: str, variables: dict[str, str]) -> list[str]:
+    """Return the command of an interactive shell; add variables so that its prompt names the workspace."""
+    # Prompts expand some characters.
+    name = re.sub(r"[^\w.+-]", "_", Path.cwd().name)
+    variables["FORGE_SHELL"] = name
+    if variables.get("FORGE_DISABLE_PROMPT"):
+        return [shell]
+    files = templates_folder() / "shell"
+    match Path(shell).name:
+        case "bash":
+            return [shell, "--rcfile", str(files / "bashrc")]
+        case "fish":
+            return [shell, "--init-command", f"source {shlex.quote(str(files / 'prompt.fish'))}"]
+        case "zsh":
+            variables["FORGE_ZDOTDIR"] = variables.get("ZDOTDIR") or variables.get("HOME", "")
+            variables["ZDOTDIR"] = str(files / "zsh")
+        case "sh" | "ash" | "dash" | "ksh" | "mksh":
+            variables["PS1"] = f"({name}) {variables.get('PS1') or '$ '}"
+        case _:
+            pass
+    return [shell]

@@ -1,0 +1,4 @@
+ZDOTDIR=$FORGE_ZDOTDIR
+unset FORGE_ZDOTDIR
+[[ ! -f $ZDOTDIR/.zshrc ]] || . "$ZDOTDIR/.zshrc"
+PROMPT="($FORGE_SHELL) $PROMPT"
