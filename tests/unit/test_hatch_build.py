@@ -1,0 +1,33 @@
+"""The README on a package index has no link that leads nowhere."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from hatch_build import absolute
+from tests.snippets import ROOT
+
+SITE = "https://example.org/forge/"
+
+
+@pytest.mark.parametrize(
+    ("text", "with_site", "without"),
+    [
+        ("see [a page](docs/a.md#b).", "see [a page](https://example.org/forge/docs/a.md#b).", "see a page."),
+        ("![a chart](docs/a.svg)\n", "![a chart](https://example.org/forge/docs/a.svg)\n", "\n"),
+        ("[ROS](https://docs.ros.org), [below](#x)",) * 3,
+    ],
+)
+def test_a_link_to_a_file_becomes_absolute_or_words(text: str, with_site: str, without: str) -> None:
+    assert absolute(text, SITE) == with_site
+    assert absolute(text, "") == without
+
+
+@pytest.mark.parametrize("site", [SITE, ""])
+def test_the_readme_has_only_links_that_work_elsewhere(site: str) -> None:
+    text = absolute((ROOT / "README.md").read_text(encoding="utf-8"), site)
+    targets = re.findall(r"\]\(([^)]+)\)", text)
+    assert targets
+    assert [target for target in targets if not target.startswith(("https://", "#"))] == []
