@@ -24,7 +24,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 ROOT = Path(__file__).parents[1]
-PROGRAMS = ("/usr/local/sbin", "/usr/local/bin", "/usr/sbin", "/usr/bin", "/sbin", "/bin")
+PYTHON = Path(sys.executable).resolve()
+FOLDERS = (
+    str(PYTHON.parent),
+    *("/usr/local/sbin", "/usr/local/bin", "/usr/sbin", "/usr/bin", "/sbin", "/bin"),
+)
+"""Where programs are; other programs than those of the bare machine are missing there."""
 OPTIONAL = (
     "/opt/ros",
     "/usr/include/fastcdr",
@@ -59,7 +64,7 @@ def main(argv: Sequence[str]) -> NoReturn:
     if options.inside:
         _mount(frozenset(options.kept))
         command = [*options.command]
-        os.environ["PATH"] = os.pathsep.join(PROGRAMS)
+        os.environ["PATH"] = os.pathsep.join(dict.fromkeys(FOLDERS))
     else:
         command = [*_unshare(), sys.executable, "-m", "tests.bare_machine", _INSIDE, *argv]
     os.execvp(command[0], command)  # noqa: S606  (no shell is wanted between)
@@ -101,18 +106,14 @@ def _mount(kept: frozenset[str]) -> None:
 
 
 def _copies(room: Path, shown: frozenset[str]) -> Mapping[str, Path]:
-    """Copy the folders for programs, with this Python; the others of a merged /usr are links."""
-    python = Path(sys.executable).resolve()
+    """Copy the folders for programs; those that are links, in a merged /usr, lead to the copies."""
     copies = {}
-    for folder in PROGRAMS:
+    for folder in FOLDERS:
         if Path(folder).is_dir() and not Path(folder).is_symlink():
             copies[folder] = Path(tempfile.mkdtemp(dir=room))
             copies[folder].chmod(0o755)
-            for path in _shown(Path(folder), shown | {python.name}):
+            for path in _shown(Path(folder), shown | {"python3", PYTHON.name}):
                 shutil.copy2(path, copies[folder] / path.name, follow_symlinks=False)
-    if str(python.parent) not in copies:
-        for name in {"python3", python.name}:
-            (copies["/usr/local/bin"] / name).symlink_to(python)
     return copies
 
 

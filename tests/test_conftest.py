@@ -87,6 +87,10 @@ def test_with_its_marker():
 def test_with_what_every_machine_has():
     for tool in ("python3", "make", "g++"):
         subprocess.run([tool, "--version"], check=True)
+
+def test_with_a_virtual_environment(tmp_path):
+    subprocess.run(["python3", "-m", "venv", "--without-pip", tmp_path], check=True)
+    subprocess.run([tmp_path / "bin/python3", "-c", "import subprocess"], check=True)
 """
 
 
@@ -162,7 +166,7 @@ def test_on_a_bare_machine_a_test_without_its_marker_fails(tmp_path: Path) -> No
     ran = run_suite(tmp_path, suite=TOOLS, before=bare)
     failed = re.findall(r"^(?:FAILED|ERROR) test_suite.py::(\w+)", ran.stdout, re.MULTILINE)
     assert set(failed) == {"test_without_its_marker", "test_with_a_fixture_that_uses_a_tool_by_its_path"}
-    assert "1 failed, 1 passed, 1 skipped, 1 error in" in ran.stdout
+    assert "1 failed, 2 passed, 1 skipped, 1 error in" in ran.stdout
 
 
 def test_a_unit_test_starts_no_program_and_uses_no_network(tmp_path: Path) -> None:
