@@ -85,7 +85,7 @@ EXAMPLES: Mapping[str, Examples] = {
     ),
     "deps": Examples(
         ("forge deps", "missing dependencies, as commands that install them"),
-        ("forge deps --os ubuntu:jammy", "what another system would need"),
+        ("forge deps --install --rosdistro humble", "install them, ROS packages of Humble included"),
         "how-to/when-it-does-not-build.md#install-missing-dependencies",
     ),
     "extensions": Examples(

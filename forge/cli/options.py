@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -91,6 +92,12 @@ def argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:
             raise argparse.ArgumentTypeError(str(error)) from None
 
     return convert
+
+
+def confirmed(question: str) -> bool:
+    """Ask for confirmation; the end of input counts as no."""
+    print(question, end="", flush=True)  # noqa: T201  (asked on the terminal)
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
 @frozen

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import pickle
 import subprocess
+import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.doctor.system_deps.system import os_release, system_of
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
@@ -26,6 +32,24 @@ python3-foo-pip:
 nothing:
   ubuntu: []
 """
+
+
+@pytest.fixture(
+    autouse=True,
+    params=[
+        "own",
+        pytest.param(
+            "rosdep",
+            marks=pytest.mark.skipif(find_spec("rosdep2") is None, reason="needs rosdep: pip install rosdep"),
+        ),
+    ],
+)
+def resolver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Run each test without the rosdep library, and with it."""
+    name: str = request.param
+    if name == "own":
+        monkeypatch.setitem(sys.modules, "rosdep2", None)
+    return name
 
 
 @pytest.fixture
@@ -66,10 +90,11 @@ def test_lines_to_paste_name_the_packages_that_need_each_key(forge: Forge, root:
     assert lines[1] == "# python3-foo-pip (pip: foo), needed by a"
     assert lines[2] == "sudo apt-get install libfoo-dev"
     assert lines[3].endswith(" -m pip install foo")
-    assert lines[4:] == [
-        "# nav2_msgs, needed by a: ROS package; source an installation that contains it",
-        "# odd-one is unknown, needed by b",
-    ]
+    assert lines[4] == (
+        "# nav2_msgs, needed by a: ROS package; source an installation that contains it, "
+        "or choose a distribution with --rosdistro"
+    )
+    assert lines[5:] == ["# odd-one is unknown, needed by b"]
 
 
 def test_names_are_those_of_the_system(forge: Forge, root: Path) -> None:
@@ -154,8 +179,6 @@ def test_what_this_machine_has_is_left_out(forge: Forge, tree: Tree) -> None:
             "src/a/package.xml": manifest_text("a", "<depend>k</depend>"),
         }
     )
-    from forge.doctor.system_deps.system import os_release, system_of  # noqa: PLC0415
-
     text = (root / "keys.yaml").read_text().replace("any", system_of(os_release()).name)
     (root / "keys.yaml").write_text(text)
     out = forge("deps", "--rosdep-file", "keys.yaml", cwd=root).out
@@ -197,3 +220,159 @@ def test_what_is_printed_can_be_given_to_a_shell_whatever_names_are(forge: Forge
     harmless = "sudo() { :; }\n"
     subprocess.run(["sh", "-c", harmless + out], cwd=root, check=True)
     assert not (root / "made").exists()
+
+
+def test_ros_packages_are_named_as_those_of_the_distribution(forge: Forge, root: Path) -> None:
+    """Without data of the distribution their names follow from the rule for them."""
+    named = "# nav2_msgs (apt: ros-jazzy-nav2-msgs), needed by a\n"
+    assert named in deps(forge, root, "--rosdistro", "jazzy").out
+    assert (
+        "sudo apt-get install libfoo-dev ros-jazzy-nav2-msgs\n"
+        in deps(forge, root, "--rosdistro", "jazzy").out
+    )
+    assert "sudo dnf install foo-devel ros-jazzy-nav2-msgs\n" in (
+        deps(forge, root, "--rosdistro", "jazzy", system="openEuler:24.03").out
+    )
+    arch = deps(forge, root, "--rosdistro", "jazzy", system="arch").out
+    assert "# nav2_msgs, needed by a: ROS package; source an installation that contains it\n" in arch
+    env = {"ROS_DISTRO": "humble", "ROS_HOME": str(root / "none"), "ROSDEP_SOURCE_PATH": str(root / "none")}
+    argv = ("deps", "--os", "ubuntu:jammy")
+    assert " ros-humble-nav2-msgs\n" in forge(*argv, cwd=root, env=env).out
+    assert " ros-jazzy-nav2-msgs\n" in forge(*argv, "--rosdistro", "jazzy", cwd=root, env=env).out
+
+
+def test_the_distribution_decides_conditions(forge: Forge, tree: Tree) -> None:
+    condition = '<depend condition="$ROS_DISTRO == humble">old_msgs</depend>'
+    root = tree({"keys.yaml": "{}", "src/a/package.xml": manifest_text("a", condition)})
+    assert "ros-humble-old-msgs" in deps(forge, root, "--rosdistro", "humble").out
+    assert deps(forge, root, "--rosdistro", "jazzy").out == "# nothing is missing\n"
+
+
+def test_data_of_the_distribution_says_what_was_released(forge: Forge, root: Path) -> None:
+    """As `rosdep update` stores it: for each distribution the systems that it is built for."""
+    cache = root / "home/rosdep/sources.cache"
+    cache.mkdir(parents=True)
+    url = "https://example.org/humble/distribution.yaml"
+    (cache / "index").write_text(f"yaml {url} humble\n", encoding="utf-8")
+    released = {"ubuntu": {"jammy": {"apt": {"packages": ["ros-humble-nav2-msgs"]}}}, "_is_ros": True}
+    stored = cache / f"{hashlib.sha1(url.encode()).hexdigest()}.pickle"  # noqa: S324
+    stored.write_bytes(pickle.dumps({"nav2_msgs": released}, 2))
+    env = {"ROS_HOME": str(root / "home"), "ROSDEP_SOURCE_PATH": str(root / "none"), "ROS_DISTRO": "humble"}
+    jammy = forge("deps", "--os", "ubuntu:jammy", cwd=root, env=env)
+    assert "sudo apt-get install ros-humble-nav2-msgs\n" in jammy.out
+    noble = forge("deps", "--os", "ubuntu:noble", cwd=root, env=env)
+    assert (
+        "# nav2_msgs, needed by a: not released for humble on ubuntu:noble; source an installation that "
+        "contains it, or add its source code to the workspace\n"
+    ) in noble.out
+    assert " ros-jazzy-nav2-msgs\n" in (
+        forge("deps", "--os", "ubuntu:jammy", "--rosdistro", "jazzy", cwd=root, env=env).out
+    )
+
+
+def test_data_that_rosdep_cannot_read(forge: Forge, root: Path, resolver: str) -> None:
+    cache = root / "home/rosdep/sources.cache"
+    cache.mkdir(parents=True)
+    (cache / "index").write_text("yaml https://example.org/x.yaml\n", encoding="utf-8")
+    name = hashlib.sha1(b"https://example.org/x.yaml").hexdigest()  # noqa: S324
+    (cache / f"{name}.pickle").write_bytes(b"torn")
+    env = {"ROS_HOME": str(root / "home"), "ROSDEP_SOURCE_PATH": str(root / "none")}
+    ran = forge("deps", "--rosdep-file", "keys.yaml", "--os", "ubuntu:jammy", cwd=root, env=env)
+    if resolver == "own":
+        assert (ran.code, ran.err) == (0, "")
+    else:
+        assert ran.code == 2
+        assert ran.err.startswith("error: rosdep cannot read its data: ")
+        assert ran.err.endswith("\nhint: run 'rosdep update'\n")
+
+
+@pytest.fixture
+def installable(tree: Tree) -> Path:
+    """Return a workspace that needs a package of this system, and programs that only log their arguments."""
+    log = '#!/bin/sh\necho "${0##*/} $*" >> "$LOG"\nexit ${FAIL-0}\n'
+    programs = ("apt-get", "dnf", "pacman", "zypper", "apk", "emerge")
+    return tree(
+        {
+            "bin/sudo": '#!/bin/sh\nexec "$@"\n',
+            **{f"bin/{program}": log for program in programs},
+            "keys.yaml": json.dumps({"k": {system_of(os_release()).name: ["surely-not-installed"]}}),
+            "src/a/package.xml": manifest_text("a", "<depend>k</depend>"),
+        }
+    )
+
+
+def install(forge: Forge, root: Path, *argv: str, **env: str) -> Ran:
+    """Run it with the programs of the workspace, and without this machine's rosdep data."""
+    variables = {
+        "PATH": f"{root}/bin:/usr/bin:/bin",
+        "LOG": str(root / "log"),
+        "ROS_HOME": str(root / "none"),
+        "ROSDEP_SOURCE_PATH": str(root / "none"),
+        **env,
+    }
+    return forge("deps", "--install", "--rosdep-file", "keys.yaml", *argv, cwd=root, env=variables)
+
+
+@pytest.mark.parametrize("answer", ["y\n", "no\n", ""])
+def test_installing_shows_the_commands_and_asks(
+    forge: Forge, installable: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(answer))
+    runs = answer == "y\n"
+    ran = install(forge, installable)
+    assert (ran.code, ran.err) == (0, "")
+    lines = ran.out.splitlines()
+    assert lines[0].startswith("# k (")
+    assert lines[1].endswith(" surely-not-installed")
+    assert lines[2] == "Run this command? [y/N] " + ("" if runs else "nothing was installed")
+    assert (installable / "log").exists() is runs
+    if runs:
+        logged = (installable / "log").read_text()
+        assert lines[1].removeprefix("sudo ") == logged.strip()
+
+
+def test_with_yes_nobody_asks(forge: Forge, installable: Path) -> None:
+    ran = install(forge, installable, "-y")
+    assert ran.code == 0
+    assert "[y/N]" not in ran.out
+    logged = (installable / "log").read_text()
+    assert logged.startswith(("apt-get install -y ", "dnf install -y ", "zypper install -y ")) or (
+        system_of(os_release()).manager not in {"apt", "dnf", "zypper"}
+    )
+
+
+def test_a_command_that_fails_ends_it(forge: Forge, installable: Path) -> None:
+    ran = install(forge, installable, "-y", FAIL="100")
+    assert ran.code == 2
+    assert "surely-not-installed' failed with exit code 100\n" in ran.err
+    (installable / "bin/sudo").unlink()
+    for program in ("apt-get", "dnf", "pacman", "zypper", "apk", "emerge"):
+        (installable / "bin" / program).unlink()
+    ran = install(forge, installable, "-y", PATH=str(installable / "bin"))
+    assert ran.code == 2
+    assert ran.err.startswith("error: cannot run '")
+
+
+def test_nothing_is_installed_while_a_package_is_unknown(forge: Forge, installable: Path) -> None:
+    (installable / "src/a/package.xml").write_text(
+        manifest_text("a", "<depend>k</depend>", "<depend>odd-one</depend>", "<depend>odd_msgs</depend>")
+    )
+    ran = install(forge, installable, "-y")
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == (
+        "error: no package is known for 'odd-one', needed by a\n"
+        "error: no package is known for 'odd_msgs', needed by a\n"
+        "hint: nothing was installed; name packages in a '--rosdep-file', "
+        "or ignore with '--skip-keys odd-one odd_msgs'\n"
+    )
+    assert not (installable / "log").exists()
+    assert install(forge, installable, "-y", "--skip-keys", "odd-one", "odd_msgs").code == 0
+    assert (installable / "log").exists()
+    nothing = install(forge, installable, "--skip-keys", "odd-one", "odd_msgs", "k")
+    assert (nothing.code, nothing.out) == (0, "# nothing is missing\n")
+
+
+@pytest.mark.parametrize("option", [("--os", "ubuntu:jammy"), ("--json",)])
+def test_installing_is_for_this_machine(forge: Forge, root: Path, option: tuple[str, ...]) -> None:
+    ran = forge("deps", "--install", *option, cwd=root)
+    assert (ran.code, ran.err) == (2, f"error: '--install' and '{option[0]}' exclude each other\n")

@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             return 0
         for litter in litters:
             print(f"- {_shown(litter, options)}")
-        if not (options.yes or _confirmed(f"Remove these {len(litters)} items? [y/N] ")):
+        if not (options.yes or shared.confirmed(f"Remove these {len(litters)} items? [y/N] ")):
             print("nothing was removed")
             return 0
         for name in names:
@@ -161,12 +161,6 @@ def _displayed(path: Path, options: argparse.Namespace) -> str:
     return shared.displayed(
         os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, options.origin
     )
-
-
-def _confirmed(question: str) -> bool:
-    """Ask for confirmation; the end of input counts as no."""
-    print(question, end="", flush=True)
-    return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
 def _report_rest(paths: Iterable[Path], options: argparse.Namespace) -> None:

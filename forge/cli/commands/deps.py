@@ -1,8 +1,10 @@
-"""`forge deps`: list dependencies of the workspace that are missing on this system."""
+"""`forge deps`: list dependencies of the workspace that are missing on this system, and install them."""
 
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,9 +17,13 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.names import did_you_mean
+from forge.cli import options as shared
 from forge.cli import package_options
-from forge.doctor.system_deps.outstanding import USUAL_KINDS, command_lines, needs_of
-from forge.doctor.system_deps.rosdep import covers, known_databases, read_databases
+from forge.doctor.system_deps.installing import install_commands, run_commands
+from forge.doctor.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
+from forge.doctor.system_deps.package_names import find_package_names
+from forge.doctor.system_deps.report import named, ros_remedy, satisfied, unnamed
+from forge.doctor.system_deps.rosdep import read_databases
 from forge.doctor.system_deps.system import installed_names, os_release, system_of
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.toolchain.interpreter import find_interpreter
@@ -28,11 +34,11 @@ from forge.workspace.resolve import provided_names
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from forge.cli.main import Parser
     from forge.doctor.system_deps.outstanding import DependencyStatus
-    from forge.doctor.system_deps.rosdep import Database
+    from forge.doctor.system_deps.package_names import PackageNames
     from forge.doctor.system_deps.system import System
     from forge.workspace.load import LoadedWorkspace
 
@@ -40,6 +46,19 @@ if TYPE_CHECKING:
 def register(parser: Parser) -> None:
     """Add the options of `forge deps`."""
     package_options.add(parser)
+    parser.add_argument("--install", action="store_true", help="show the install commands, ask, and run them")
+    parser.add_argument(
+        "-y",
+        "--yes",
+        action="store_true",
+        help="do not ask before '--install', and let package managers not ask either",
+    )
+    parser.add_argument(
+        "--rosdistro",
+        metavar="NAME",
+        help="ROS distribution whose packages to list, such as humble (default: ROS_DISTRO)",
+    )
+    parser.add_argument("--skip-keys", nargs="+", default=[], metavar="KEY", help="ignore these dependencies")
     parser.add_argument(
         "--json",
         action="store_true",
@@ -86,20 +105,24 @@ def register(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print a script with comments for each dependency and install commands; returns 0."""
+    """Print a script with comments for each dependency and install commands, or run these; returns 0."""
+    raise_if_any(_conflicts(options), SelectionError)
     root = Path.cwd()
+    rosdistro = options.rosdistro or os.environ.get("ROS_DISTRO", "")
+    variables = {**os.environ, "ROS_DISTRO": rosdistro} if rosdistro else dict(os.environ)
     kinds = _kinds(options.dependency_types or ())
     system = system_of(os_release(), options.os)
-    databases = (*read_databases(options.rosdep_file or ()), *known_databases(system, os.environ))
-    loaded = load_workspace(root, package_options.query_of(options), os.environ)
+    names = find_package_names(read_databases(options.rosdep_file or ()), system, rosdistro, variables)
+    loaded = load_workspace(root, package_options.query_of(options), variables)
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     if not loaded.packages:
         hint = "change to the root of the workspace, the folder that contains 'src'"
         raise SelectionError(Problem(f"no packages found below '{root}'", hint=hint))
     print_warnings(loaded.warnings)
     selected = [loaded.packages[node] for node in loaded.selection.names]
-    needs = needs_of(selected, kinds, _provider(loaded, root / options.install_base), databases, system)
-    print_warnings(_unresolved(needs, databases, system))
+    found = needs_of(selected, kinds, _provider(loaded, root / options.install_base), names.resolve)
+    needs = tuple(need for need in found if need.key not in options.skip_keys)
+    print_warnings(_unresolved(needs, names, system))
     python = _python(options)
     # It is unknown what is installed on another system.
     have = frozenset() if options.os else _installed(needs, python)
@@ -108,10 +131,31 @@ def run(options: argparse.Namespace) -> int:
 
         print(json.dumps(_plain(needs, have, system), indent=2))
         return 0
-    for line in _lines(needs, have, python, everything=options.all):
-        # The output may be piped to a shell: names must not contain line breaks.
-        print(" ".join(line.split()))
+    missing = [need for need in needs if not need.provider and not is_installed(need, have)]
+    if options.install:
+        raise_if_any(_unknown(missing))
+    elevate = bool(options.os) or os.geteuid() != 0
+    commands = install_commands(missing, have, python, elevate=elevate, ask=not options.yes)
+    if options.all:
+        _print(satisfied(needs, missing))
+    _print(named(missing))
+    # The output may be piped to a shell: names must not contain line breaks.
+    _print(map(shlex.join, commands.values()))
+    _print(unnamed(missing, have, ros_remedy(names, system, rosdistro)))
+    if options.install:
+        _install(commands, ask=not options.yes)
     return 0
+
+
+def _print(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(" ".join(line.split()))
+
+
+def _conflicts(options: argparse.Namespace) -> Iterator[Problem]:
+    for option in ("os", "json"):
+        if options.install and getattr(options, option):
+            yield Problem(f"'--install' and '--{option}' exclude each other")
 
 
 def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
@@ -154,19 +198,19 @@ def _python(options: argparse.Namespace) -> str:
 
 
 def _unresolved(
-    needs: tuple[DependencyStatus, ...], databases: Sequence[Database], system: System
+    needs: tuple[DependencyStatus, ...], names: PackageNames, system: System
 ) -> Iterator[Problem]:
     """Yield a warning if keys are unknown because no database contains names for the system."""
     count = sum(not (need.provider or need.manager or need.ros) for need in needs)
     name = f"{system.name}:{system.version}".rstrip(":")
     keys = f"{count} dependenc{'y' if count == 1 else 'ies'}"
-    if count and not databases:
+    if count and not names.has_data:
         yield Problem(
             f"cannot look up {keys} for {name}: this machine has no rosdep database",
             hint="run `pip install 'ros-forge[rosdep]'`, `sudo rosdep init` and `rosdep update`, "
             "or give a file with names to '--rosdep-file'",
         )
-    elif count and not covers(databases, system):
+    elif count and not names.covers_system:
         yield Problem(
             f"cannot look up {keys}: rosdep's data has no names for {name}",
             hint="list the names of a similar system, for example with '--os ubuntu:noble'",
@@ -185,34 +229,27 @@ def _installed(needs: tuple[DependencyStatus, ...], python: str) -> frozenset[tu
     )
 
 
-def _lines(
-    needs: tuple[DependencyStatus, ...], have: frozenset[tuple[str, str]], python: str, *, everything: bool
-) -> Iterator[str]:
-    """Yield a script: comments with dependencies and their users, and install commands."""
-    missing = [need for need in needs if not need.provider and not _is_there(need, have)]
-    if everything:
-        for need in needs:
-            if need not in missing:
-                where = need.provider or f"{need.manager}: {' '.join(need.names) or 'nothing to install'}"
-                yield f"# {need.key} ({where}), needed by {', '.join(need.users)}"
-    for need in missing:
-        names = ", ".join(need.names)
-        if need.manager:
-            called = "" if need.names == (need.key,) else f" ({need.manager}: {names})"
-            yield f"# {need.key}{called}, needed by {', '.join(need.users)}"
-    yield from command_lines(missing, have, python)
-    for need in missing:
-        users = ", ".join(need.users)
-        if need.ros:
-            yield f"# {need.key}, needed by {users}: ROS package; source an installation that contains it"
-        elif not need.manager:
-            yield f"# {need.key} is unknown, needed by {users}"
-    if not missing:
-        yield "# nothing is missing"
+def _unknown(missing: Iterable[DependencyStatus]) -> list[Problem]:
+    """Return an error for each dependency that cannot be installed."""
+    unknown = [need for need in missing if not need.manager]
+    keys = " ".join(need.key for need in unknown)
+    hint = f"nothing was installed; name packages in a '--rosdep-file', or ignore with '--skip-keys {keys}'"
+    return [
+        Problem(f"no package is known for '{need.key}', needed by {', '.join(need.users)}", hint=hint)
+        for need in unknown
+    ]
 
 
-def _is_there(need: DependencyStatus, have: frozenset[tuple[str, str]]) -> bool:
-    return need.manager is not None and all((need.manager, name) in have for name in need.names)
+def _install(commands: Mapping[str, tuple[str, ...]], *, ask: bool) -> None:
+    """Run the commands, which were printed before, after confirmation."""
+    if not commands:
+        return
+    question = "Run this command?" if len(commands) == 1 else f"Run these {len(commands)} commands?"
+    if ask and not shared.confirmed(f"{question} [y/N] "):
+        print("nothing was installed")
+        return
+    sys.stdout.flush()
+    run_commands(commands)
 
 
 def _plain(
@@ -227,7 +264,7 @@ def _plain(
                 "provider": need.provider,
                 "manager": need.manager,
                 "names": list(need.names),
-                "missing": not need.provider and not _is_there(need, have),
+                "missing": not need.provider and not is_installed(need, have),
             }
             for need in needs
         ],

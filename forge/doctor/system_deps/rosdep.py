@@ -41,13 +41,13 @@ def read_databases(files: Iterable[str]) -> list[dict[str, Any]]:
     return [_read(Path(file).expanduser()) for file in files]
 
 
-def known_databases(system: System, variables: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+def known_databases(system: System, rosdistro: str, variables: Mapping[str, str]) -> Iterator[dict[str, Any]]:
     """Yield the databases that rosdep would use, in its order, if they are available locally.
 
     Lists of sources name local files, or URLs for which rosdep's cache is used. The data that the last
     `rosdep update` added for ROS distributions comes last.
     """
-    tags = {variables.get("ROS_DISTRO", ""), system.name, system.version}
+    tags = {rosdistro, system.name, system.version}
     home = Path(variables.get("ROS_HOME") or "~/.ros").expanduser() / "rosdep" / "sources.cache"
     seen = set()
     for url, wanted in (*_sources(variables), *_listed(home / "index")):
@@ -63,10 +63,11 @@ def known_databases(system: System, variables: Mapping[str, str]) -> Iterator[di
 def resolve(key: str, databases: Sequence[Database], system: System) -> Resolved | None:
     """Return the packages of a key for a system; None if it is unknown or has no package.
 
-    The first database with a rule for the key and the system wins.
+    The first database with a rule for the key and the system wins; rules for all systems, '*', come last.
     """
-    rules = (rules for database in databases if isinstance(rules := database.get(key), dict))
-    rule = next((each[system.name] for each in rules if system.name in each), None)
+    rules = [rules for database in databases if isinstance(rules := database.get(key), dict)]
+    anywhere = next((each["*"] for each in rules if isinstance(each.get("*"), dict)), None)
+    rule = next((each[system.name] for each in rules if system.name in each), anywhere)
     rule, manager = _by_manager(rule, system)
     if manager is None and isinstance(rule, dict):
         versions = {str(version): part for version, part in rule.items()}
@@ -83,16 +84,23 @@ def covers(databases: Iterable[Database], system: System) -> bool:
     return any(isinstance(rules, dict) and system.name in rules for rules in every)
 
 
+def has_ros_packages(databases: Iterable[Database]) -> bool:
+    """Tell whether a database is that of a ROS distribution, which `rosdep update` marks."""
+    every = (rules for database in databases for rules in database.values())
+    return any(isinstance(rules, dict) and "_is_ros" in rules for rules in every)
+
+
 def _by_manager(rule: object, system: System) -> tuple[object, str | None]:
     """Return the part of a rule for the first matching package manager, and its name; else the rule."""
     if isinstance(rule, dict):
         for manager in system.managers:
             if manager in rule:
-                return rule[manager], _usual(manager)
+                return rule[manager], usual_manager(manager)
     return rule, None
 
 
-def _usual(manager: str) -> str:
+def usual_manager(manager: str) -> str:
+    """Return the current name of a package manager."""
     return "dnf" if manager == "yum" else manager
 
 

@@ -52,6 +52,13 @@ def test_versions_may_be_numbers_and_yum_is_dnf() -> None:
     assert resolve("k", [database], EULER) == Resolved("dnf", ("a",))
 
 
+def test_rules_for_all_systems_come_last() -> None:
+    anywhere = {"k": {"*": {"pip": ["p"]}}}
+    assert resolve("k", [anywhere], JAMMY) == Resolved("pip", ("p",))
+    assert resolve("k", [anywhere, {"k": {"ubuntu": ["a"]}}], JAMMY) == Resolved("apt", ("a",))
+    assert resolve("k", [{"k": {"*": ["a"]}}], JAMMY) is None
+
+
 def test_the_first_source_that_knows_a_system_counts() -> None:
     first: dict[str, Any] = {"k": {"ubuntu": ["mine"]}, "odd": "no mapping"}
     second: dict[str, Any] = {"k": {"ubuntu": ["theirs"], "fedora": ["f"]}, "l": {"ubuntu": ["l"]}}
@@ -103,11 +110,11 @@ def test_what_rosdep_has_on_disk_is_used_in_its_order(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text("k: {ubuntu: [own]}\n", encoding="utf-8")
     (tmp_path / "10-own.list").write_text(f"yaml file://{tmp_path}/own.yaml jammy\n", encoding="utf-8")
     variables = {"ROSDEP_SOURCE_PATH": str(tmp_path), "ROS_HOME": str(tmp_path / "home")}
-    assert list(known_databases(JAMMY, variables)) == [
+    assert list(known_databases(JAMMY, "", variables)) == [
         {"k": {"ubuntu": ["own"]}},
         {"k": {"ubuntu": ["cached"]}},
     ]
-    assert list(known_databases(EULER, variables)) == [{"k": {"ubuntu": ["cached"]}}]
+    assert list(known_databases(EULER, "", variables)) == [{"k": {"ubuntu": ["cached"]}}]
 
 
 def test_a_cache_with_anything_but_plain_values_is_left_alone(tmp_path: Path) -> None:
@@ -117,7 +124,7 @@ def test_a_cache_with_anything_but_plain_values_is_left_alone(tmp_path: Path) ->
     (cache / "index").write_text(f"yaml {url}\n", encoding="utf-8")
     name = hashlib.sha1(url.encode()).hexdigest()  # noqa: S324
     (cache / f"{name}.pickle").write_bytes(b"cos\nmkdir\n(V" + str(tmp_path / "made").encode() + b"\ntR.")
-    assert list(known_databases(JAMMY, {"ROS_HOME": str(tmp_path), "ROSDEP_SOURCE_PATH": ""})) == []
+    assert list(known_databases(JAMMY, "", {"ROS_HOME": str(tmp_path), "ROSDEP_SOURCE_PATH": ""})) == []
     assert not (tmp_path / "made").exists()
 
 
