@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.workspace.root import find_install, find_root, is_root
+from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -90,11 +91,13 @@ def _manifests(root: str) -> Iterator[tuple[str, int]]:
         if identity in visited or not entries.keys().isdisjoint(_IGNORED):
             continue
         visited.add(identity)
+        if folder != root and is_environment(entries.__contains__):
+            continue
         kind = next((kind for kind in _KINDS if kind in entries), None)
         if kind:
             yield f"{folder}/{kind}", entries[kind].stat().st_mtime_ns
         else:
-            waiting += (e.path for e in entries.values() if not e.name.startswith(".") and e.is_dir())
+            waiting += (e.path for e in entries.values() if may_contain_packages(e.name) and e.is_dir())
 
 
 def _name(path: str) -> str:

@@ -16,6 +16,7 @@ from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
+from forge.workspace.source_names import is_environment, is_source_folder, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -66,16 +67,22 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
 
     Build tools open these by themselves, and wait for a writer, or read without end.
     """
-    waiting = [os.path.join(root, folder)]  # noqa: PTH118  (every file of a package: text is faster)
+    top = os.path.join(root, folder)  # noqa: PTH118  (every file of a package: text is faster)
+    waiting = [top]
     while waiting:
+        at = waiting.pop()
         try:
-            with os.scandir(waiting.pop()) as found:
+            with os.scandir(at) as found:
                 entries = sorted(found, key=lambda entry: entry.name)
         except OSError:
             continue  # reported when the sources are scanned
+        names = {entry.name for entry in entries}
+        if at != top and is_environment(names.__contains__):
+            continue
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
-                waiting += [] if entry.name.startswith(".") else [entry.path]
+                hidden = entry.name.startswith(".") or not is_source_folder(entry.name, names.__contains__)
+                waiting += [] if hidden else [entry.path]
             elif entry.name.endswith(_READ_BY_TOOLS) and not entry.is_file(follow_symlinks=False):
                 try:
                     status = entry.stat()
@@ -101,20 +108,22 @@ class _Walk:
 
     def visit(self, base: str, *, below: bool = False) -> None:
         """Identify a folder and, unless it is a package, the folders below it."""
-        waiting = [(os.path.join(self.root, base), str(Path(base)))]  # noqa: PTH118  (10 times faster than pathlib)
+        top = (os.path.join(self.root, base), str(Path(base)))  # noqa: PTH118  (10 times faster than pathlib)
+        waiting = [top]
         while waiting:
-            folder, spelling = waiting.pop()
+            folder, spelling = at = waiting.pop()
             try:
                 entries = _entries(folder, self.visited)
             except PermissionError as error:
                 self.notes.append(_unreadable(spelling, error))
                 continue
-            if entries is None:
+            # An environment may be active at the root of a workspace, which is then still one.
+            if entries is None or (at != top and is_environment(entries.__contains__)):
                 continue
             identity = self.identity(spelling, entries)
             self.add(identity)
             for name in sorted(entries, reverse=True) if below and identity.descend else ():
-                if entries[name] and not name.startswith("."):
+                if entries[name] and may_contain_packages(name):
                     child = name if spelling == "." else f"{spelling}/{name}"
                     waiting.append((f"{folder}/{name}", child))
 

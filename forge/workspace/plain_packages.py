@@ -26,6 +26,7 @@ from forge.workspace.python_metadata import (
     read_setup_cfg,
     read_setup_py,
 )
+from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -162,9 +163,12 @@ def _plain(
 
 
 def _cmake_texts(folder: Path) -> Iterator[str]:
-    """Yield the CMake files below a folder except its own CMakeLists.txt and hidden folders."""
+    """Yield the CMake files below a folder except its own CMakeLists.txt; skip hidden, installed ones."""
     for place, names, files in os.walk(folder):
-        names[:] = sorted(name for name in names if not name.startswith("."))
+        if Path(place) != folder and is_environment({*names, *files}.__contains__):
+            names.clear()
+            continue
+        names[:] = sorted(filter(may_contain_packages, names))
         for file in sorted(files):
             path = Path(place) / file
             if (file == "CMakeLists.txt" and path.parent != folder) or file.endswith(".cmake"):

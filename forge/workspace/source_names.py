@@ -1,4 +1,4 @@
-"""Decides by name and adjacent files which files of a package are not sources.
+"""Decides by name and adjacent files which files and folders are not sources.
 
 Editors, indexers and virtual environments create files that builds must not depend on. A package may install
 whole folders with arbitrary names, so that a name alone is rarely sufficient.
@@ -22,9 +22,16 @@ _LITTER = frozenset({".DS_Store", "COLCON_IGNORE", "AMENT_IGNORE", "4913"})
 """Ignored file names; Vim creates 4913 to test write permission."""
 
 _LITTER_OF_PROJECTS = frozenset(
-    {".idea", ".vscode", ".cache", ".clangd", ".coverage", ".venv", "node_modules", "compile_commands.json"}
+    """.idea .vscode .cache .clangd .coverage .venv node_modules site-packages dist-packages
+    compile_commands.json""".split()  # noqa: SIM905  (shorter than a list)
 )
 """Files of development tools next to the main file of a project; elsewhere they may be data."""
+
+_INSTALLED = frozenset({"site-packages", "dist-packages", "node_modules"})
+"""Folders into which package managers install the packages of others."""
+
+_ENVIRONMENT_MARKS = ("pyvenv.cfg", "conda-meta")
+"""Names in the top folder of a virtual environment or conda environment."""
 
 _PROJECT_FILES = ("CMakeLists.txt", "package.xml", "setup.py", "pyproject.toml", "package.json")
 _STILL_OPEN = re.compile(r"\.nfs[0-9a-f]+|\.fuse_hidden[0-9a-f]+")
@@ -52,9 +59,18 @@ def is_source(name: str, beside: Callable[[str], bool]) -> bool:
 
 def is_source_folder(name: str, beside: Callable[[str], bool]) -> bool:
     """Tell whether a folder may contain sources."""
-    if not name.startswith((".", "__pycache__", "node_modules")) and not name.endswith(".egg-info"):
-        return True
-    return not (name in _LITTER_FOLDERS or _belongs_to_another(name, beside))
+    suspect = name in _INSTALLED or name.startswith((".", "__pycache__")) or name.endswith(".egg-info")
+    return not (suspect and (name in _LITTER_FOLDERS or _belongs_to_another(name, beside)))
+
+
+def is_environment(inside: Callable[[str], bool]) -> bool:
+    """Tell whether a folder is a Python environment; `inside` tells whether a name exists in it."""
+    return any(map(inside, _ENVIRONMENT_MARKS))
+
+
+def may_contain_packages(name: str) -> bool:
+    """Tell whether packages of a workspace may be below a folder, which is itself not a package."""
+    return not name.startswith(".") and name not in _INSTALLED
 
 
 def _belongs_to_another(name: str, beside: Callable[[str], bool]) -> bool:

@@ -61,6 +61,9 @@ def workspace(tree: Tree) -> Path:
             "install/alpha/share/alpha/srv/Raise.srv": "---\n",
             "install/alpha/share/alpha/srv/Raise_Request.msg": "",
             "install/alpha/lib/alpha/climb": "#!/bin/sh\n",
+            "venv/pyvenv.cfg": "",
+            "venv/x/package.xml": "<name>installed</name>",
+            "web/node_modules/x/package.xml": "<name>installed</name>",
         }
     )
 

@@ -20,7 +20,7 @@ from forge.build.inputs.depfiles import cmake_root
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_folders
 from forge.environment.prefixes import find_underlays
 from forge.toolchain.programs import program_of
-from forge.workspace.source_names import is_source, is_source_folder
+from forge.workspace.source_names import is_environment, is_source, is_source_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -129,7 +129,8 @@ def counts_as_source(folder: str, path: str) -> bool:
         def beside(other: str, above: str = above) -> bool:
             return os.path.lexists(f"{above}/{other}")
 
-        if not (is_source(name, beside) and is_source_folder(name, beside)):
+        installed = above != folder and is_environment(beside)
+        if installed or not (is_source(name, beside) and is_source_folder(name, beside)):
             return False
         path = above
     return True

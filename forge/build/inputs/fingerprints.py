@@ -19,7 +19,7 @@ from forge.base.files import replace_file
 from forge.base.layout import IGNORE_MARK, LAYOUT_MARKER
 from forge.build.inputs.input_manifest import FileState, InputManifest
 from forge.build.model import Fingerprint
-from forge.workspace.source_names import is_source, is_source_folder
+from forge.workspace.source_names import is_environment, is_source, is_source_folder
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -249,7 +249,7 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
     if IGNORE_MARK in names and names & _RESULTS:
         return None
     by_ide = "CMakeCache.txt" in names and os.path.basename(folder).startswith("cmake-build-")  # noqa: PTH119
-    return None if folder != root and (by_ide or "pyvenv.cfg" in names) else entries
+    return None if folder != root and (by_ide or is_environment(names.__contains__)) else entries
 
 
 def _walk(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.workspace.source_names import is_environment, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -102,9 +103,12 @@ def _installed(path: str, wheel: Wheel) -> Path | None:
 
 def _source_files(source: Path) -> Iterator[Path]:
     for folder, names, files in os.walk(source):
+        if folder != str(source) and is_environment({*names, *files}.__contains__):
+            names.clear()
+            continue
         names[:] = sorted(
             n
             for n in names
-            if n not in _SKIPPED_DIRS and not n.startswith(".") and not n.endswith(".egg-info")
+            if n not in _SKIPPED_DIRS and may_contain_packages(n) and not n.endswith(".egg-info")
         )
         yield from (Path(folder) / name for name in sorted(files))

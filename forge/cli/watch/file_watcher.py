@@ -17,7 +17,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
 from forge.build.inputs.fingerprints import source_folders
 from forge.workspace.identification import MARKER_FILES, ROS_IGNORE_FILES
-from forge.workspace.source_names import is_source
+from forge.workspace.source_names import is_environment, is_source, may_contain_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -106,11 +106,13 @@ def _bare(base: str, without: frozenset[str] | set[str]) -> Iterator[tuple[str, 
         if folder in without or (status.st_dev, status.st_ino) in visited:
             continue
         visited.add((status.st_dev, status.st_ino))
+        if folder != base and is_environment({name for name, _ in inside}.__contains__):
+            continue
         if any(name in _IGNORE_MARKERS for name, _ in inside):
             yield folder, WatchSpec(_IGNORE_MARKERS, folders=False)
             continue
         yield folder, WatchSpec(MARKER_FILES)
-        waiting += [f"{folder}/{name}" for name, below in inside if below and not name.startswith(".")]
+        waiting += [f"{folder}/{name}" for name, below in inside if below and may_contain_packages(name)]
 
 
 class FileWatcher:
@@ -192,7 +194,7 @@ class FileWatcher:
             return spec is not None and name in _IGNORE_MARKERS
         if spec.names is None or name in spec.names:
             return True
-        return spec.folders and os.path.isdir(path) and not name.startswith(".")  # noqa: PTH112
+        return spec.folders and os.path.isdir(path) and may_contain_packages(name)  # noqa: PTH112
 
     def _begin(self, folders: list[str]) -> Iterator[set[FileChange]]:
         """Watch these folders natively, or by polling if the system's limits are exceeded."""

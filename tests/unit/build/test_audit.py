@@ -253,6 +253,9 @@ def test_what_lies_beside_a_file_tells_if_it_is_a_source(tmp_path: Path) -> None
     assert counts_as_source(root, f"{root}/data/compile_commands.json")
     assert not counts_as_source(root, f"{root}/compile_commands.json")
     assert not counts_as_source(root, f"{root}/.venv/lib/x.py")
+    Path(root, "env").mkdir()
+    Path(root, "env", "pyvenv.cfg").touch()
+    assert not counts_as_source(root, f"{root}/env/lib/x.py")
     assert counts_as_source(root, root)
 
 

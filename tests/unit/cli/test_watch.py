@@ -51,6 +51,9 @@ def test_what_is_looked_at(tree: Tree) -> None:
             "src/hidden/b/package.xml": "",
             "build/COLCON_IGNORE": "",
             ".venv/x": "",
+            "venv/pyvenv.cfg": "",
+            "venv/lib/x": "",
+            "src/site-packages/x": "",
             "far/said.txt": "",
         }
     )

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from forge.workspace.discovery import discover, discover_embedded
+from forge.workspace.discovery import discover, discover_embedded, special_files
 from forge.workspace.model import RUN_KINDS
 from tests.conftest import Tree
 from tests.packages import manifest_text
@@ -41,6 +41,44 @@ def test_ignore_marks_hide_a_folder_and_all_below(tree: Tree) -> None:
         }
     )
     assert found(root) == {"a": "a"}
+
+
+INSTALLED = (
+    *("venv/pyvenv.cfg", "venv/lib/python3.11/dist/package.xml", "conda/conda-meta/history"),
+    *("conda/share/x/package.xml", "web/node_modules/x/package.xml"),
+    *("prefix/lib/python3.11/site-packages/x/package.xml", "usr/lib/python3/dist-packages/x/package.xml"),
+)
+"""Files of a workspace in environments, and where package managers install."""
+
+
+def test_what_is_installed_below_a_workspace_is_no_source(tree: Tree) -> None:
+    installed = {f"src/{name}": manifest_text("a") for name in INSTALLED}
+    root = tree({"src/a/package.xml": manifest_text("a"), **installed})
+    workspace = discover(root, ["."], {})
+    assert (workspace.problems, workspace.duplicates) == ((), ())
+    assert found(root) == {"a": "src/a"}
+    assert found(root, "src/venv/lib") == {"a": "src/venv/lib/python3.11/dist"}
+    assert found(root, "src/web/node_modules") == {"a": "src/web/node_modules/x"}
+
+
+def test_an_environment_at_the_root_of_a_workspace_hides_no_package(tree: Tree) -> None:
+    root = tree(
+        {
+            "pyvenv.cfg": "",
+            "src/a/package.xml": manifest_text("a"),
+            "lib/python3.11/site-packages/x/package.xml": manifest_text("a"),
+        }
+    )
+    assert found(root) == {"a": "src/a"}
+
+
+def test_a_pipe_in_an_environment_is_not_read(tree: Tree) -> None:
+    root = tree({"a/package.xml": "", "a/env/pyvenv.cfg": "", "a/node_modules/x": ""})
+    for folder in ("env", "node_modules"):
+        os.mkfifo(root / "a" / folder / "setup.py")
+    assert list(special_files(root, Path("a"))) == []
+    os.mkfifo(root / "a" / "setup.py")
+    assert len(list(special_files(root, Path("a")))) == 1
 
 
 def test_a_loop_of_links_ends_and_a_folder_counts_once(tree: Tree) -> None:

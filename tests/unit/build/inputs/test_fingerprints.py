@@ -58,7 +58,7 @@ BESIDE_PROJECT_FILES = (
         ".coverage",
         ".coverage.host.1.x",
     ),
-    *(".venv/x", "node_modules/x", "compile_commands.json", "a.egg-info/PKG-INFO"),
+    *(".venv/x", "node_modules/x", "site-packages/x", "compile_commands.json", "a.egg-info/PKG-INFO"),
 )
 """What is litter beside a package's main files, and may be data elsewhere."""
 
@@ -71,13 +71,20 @@ BESIDE_THE_ORIGINAL = (
 ANYWHERE = (
     *(".tox/x", ".eggs/x", ".hypothesis/x", ".direnv/x", ".ipynb_checkpoints/x", ".ccls-cache/x", ".git/x"),
     *("__pycache__/x.pyc", ".nfs000000000012ab3400000001", ".fuse_hidden0001a", "4913", ".DS_Store"),
-    *("any/pyvenv.cfg", "any/lib/x.py", "cmake-build-debug/CMakeCache.txt", "cmake-build-debug/x.o"),
+    *(
+        "any/pyvenv.cfg",
+        "any/lib/x.py",
+        "conda/conda-meta/history",
+        "conda/x.py",
+        "cmake-build-debug/CMakeCache.txt",
+        "cmake-build-debug/x.o",
+    ),
 )
 
 DATA = (
     *("#map.txt", ".#l", "conf~", "x.swp", ".x.swp", "k.pyc", "pkg.egg-info/PKG-INFO", "x.orig", ".vscode/x"),
     *(".idea/x", ".coverage", "compile_commands.json", "node_modules/x", ".cache/x", ".clangd", ".nfsshare"),
-    *("tags", ".clang-format", "cmake-build-docs/x", "x.bak", ".venv/x"),
+    *("tags", ".clang-format", "cmake-build-docs/x", "x.bak", ".venv/x", "sdk/lib/python3/site-packages/x"),
 )
 """What a folder of data may hold, and a package install with it."""
 
