@@ -9,12 +9,13 @@ dependents remain up to date.
 from __future__ import annotations
 
 import hashlib
+import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.build.model import BuildInputs, BuildRecord, Snapshot
@@ -121,17 +122,59 @@ def _first_difference(now: Pairs, then: Pairs) -> str | None:
     return next((name for name in sorted(before | after) if before.get(name) != after.get(name)), None)
 
 
-def _option(now: Iterable[str], then: Iterable[str]) -> str:
-    before, after = list(then), list(now)
+def _option(now: Sequence[str], then: Sequence[str]) -> str:
+    """Describe the most significant difference between options as the user knows them."""
+    count = len(COMMON_OPTIONS)
+    common = _common_option(now[:count], then[:count])
+    if common:
+        return common
+    before, after = _definitions(then[count:]), _definitions(now[count:])
     added = next((option for option in after if option not in before), None)
     if added is not None and added.startswith((MANIFEST, NAMED_FILE)):
         return f"{added.rpartition(' ')[0]} changed"
-    if added is not None:
-        return f"the option '{added}' was added"
     removed = next((option for option in before if option not in after), None)
-    return (
-        f"the option '{removed}' was removed" if removed is not None else "the order of its options changed"
-    )
+    if added is not None:
+        return _NEGATIVE[added][0] if added in _NEGATIVE else f"the option '{added}' was added"
+    if removed is not None:
+        return _NEGATIVE[removed][1] if removed in _NEGATIVE else f"the option '{removed}' was removed"
+    return "the order of its options changed"
+
+
+def _common_option(now: Sequence[str], then: Sequence[str]) -> str | None:
+    """Describe a difference between the options of every package; the layout explains other differences."""
+    pairs = list(zip(COMMON_OPTIONS, then, now, strict=True))
+    for name, before, after in sorted(pairs, key=lambda pair: pair[0] != INSTALL_LAYOUT):
+        if before == after:
+            continue
+        if name == INSTALL_LAYOUT and before.removesuffix(LINKS) == after.removesuffix(LINKS):
+            return f"the option '--symlink-install' was {'added' if after.endswith(LINKS) else 'removed'}"
+        before, after = before.removesuffix(LINKS), after.removesuffix(LINKS)  # noqa: PLW2901
+        return f"the {name} changed from '{before}' to '{after}'"
+    return None
+
+
+def _definitions(options: Iterable[str]) -> list[str]:
+    """Return the options, with those that CMake accepts as two arguments joined."""
+    joined = re.sub(r"(?m)^(-[DU])\n", r"\1 ", "\n".join(options))
+    return joined.split("\n") if joined else []
+
+
+INSTALL_LAYOUT = "install layout"
+LINKS = " links"
+"""The suffix of the install layout with symbolic links to sources."""
+
+COMMON_OPTIONS = (
+    *("source folder", "build folder", "install folder", INSTALL_LAYOUT),
+    *("Python interpreter", "folder of Python modules"),
+)
+"""The meaning of the first recorded options of every package."""
+
+PATH_MAPS, FAST_ROSIDL = "path maps", "fast rosidl"
+_NEGATIVE = {
+    PATH_MAPS: ("a package cache is now used", "the package cache is no longer used"),
+    FAST_ROSIDL: ("the option '--no-fast-rosidl' was removed", "the option '--no-fast-rosidl' was added"),
+}
+"""Recorded words that are no options of the user: what was added or removed instead."""
 
 
 def source_changes(changed_files: tuple[str, ...]) -> str:

@@ -12,6 +12,7 @@ from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
 from forge.build.recipes import fast_rosidl
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
+from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +30,7 @@ def plain_recipe(package: Package, context: BuildContext) -> Recipe:
 def plain_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     # Not the maps themselves: they follow from the paths among the common options.
-    mapped = ("path maps",) if context.path_maps else ()
+    mapped = (PATH_MAPS,) if context.path_maps else ()
     return (*common_options(package, context), *context.cmake_args, *mapped)
 
 
@@ -51,8 +52,8 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
 
 def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
-    test_results = (value for _, value in _test_results(context))
-    fast = ("fast rosidl",) if fast_rosidl.is_accelerated(package, context) else ()
+    test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
+    fast = (FAST_ROSIDL,) if fast_rosidl.is_accelerated(package, context) else ()
     return (*plain_options(package, context), *test_results, *context.ament_cmake_args, *fast)
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.up_to_date import MANIFEST
+from forge.build.up_to_date import LINKS, MANIFEST
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -129,14 +129,14 @@ def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:
 def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options shared by all build types.
 
-    These are the source, build and install paths, the install layout, the Python and the evaluated manifest.
+    The first ones are those of COMMON_OPTIONS; the last is the evaluated manifest.
     """
     layout = context.layout
     return (
         str(context.root / package.path),
         str(layout.build_dir(package.name)),
         str(layout.prefix(package.name)),
-        f"{layout.word}{' links' if layout.symlink and not package.embedded else ''}",
+        f"{layout.word}{LINKS if layout.symlink and not package.embedded else ''}",
         str(context.python),
         context.site_packages,
         *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),

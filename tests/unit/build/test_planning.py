@@ -10,16 +10,17 @@ import forge
 from forge.base.errors import WorkspaceError
 from forge.base.graph import ordered_names
 from forge.base.layout import Layout
-from forge.build.model import BuildRecord, Fingerprint, Snapshot
+from forge.build.model import BuildInputs, BuildRecord, Fingerprint, Snapshot
 from forge.build.planning import GlobalInputs, finalize_task, make_plan, names_to_build
 from forge.build.recipes.context import COMPILING, BuildContext
 from forge.build.tasks import BuildPlan
-from forge.build.up_to_date import DependencyHashes, ExtraInputs
+from forge.build.up_to_date import DependencyHashes, ExtraInputs, changed_input_reason
 from forge.workspace.model import Package, Selection
 from forge.workspace.resolve import DependencyResolution
 from tests.packages import package
 
 LAYOUT = Layout(Path("/ws/build"), Path("/ws/install"), Path("/ws/log"))
+LINKED, MOVED = replace(LAYOUT, symlink=True), replace(LAYOUT, build=Path("/b"))
 CONTEXT = BuildContext(
     root=Path("/ws"),
     layout=LAYOUT,
@@ -158,7 +159,12 @@ def test_whatever_changed_is_the_reason_and_what_is_above_may_follow(snapshot: S
         (
             replace(CONTEXT, layout=replace(LAYOUT, merged=True)),
             GLOBAL,
-            "the option '/ws/install' was added",
+            "the install layout changed from 'isolated' to 'merged'",
+        ),
+        (
+            replace(CONTEXT, python=Path("/venv/bin/python3")),
+            GLOBAL,
+            "the Python interpreter changed from '/usr/bin/python3' to '/venv/bin/python3'",
         ),
         (CONTEXT, replace(GLOBAL, forge="forge 2"), "forge itself changed"),
         (CONTEXT, replace(GLOBAL, tools=(("c++", "12"), ("cmake", "4"))), "the tool 'cmake' changed"),
@@ -185,11 +191,19 @@ def test_what_holds_for_all_is_a_reason_for_all(
             GLOBAL,
             "'-DCMAKE_BUILD_TYPE=Debug' was added",
         ),
-        (replace(CONTEXT, cmake_args=("-D", "CMAKE_CXX_FLAGS:STRING=-g")), GLOBAL, "'-D' was added"),
+        (
+            replace(CONTEXT, cmake_args=("-D", "CMAKE_CXX_FLAGS:STRING=-g")),
+            GLOBAL,
+            "'-D CMAKE_CXX_FLAGS:STRING=-g' was added",
+        ),
         (replace(CONTEXT, ament_cmake_args=("-DX=1",)), GLOBAL, "'-DX=1' was added"),
-        (replace(CONTEXT, test_results=Path("/results")), GLOBAL, "'/results' was added"),
-        (replace(CONTEXT, path_maps=(("C", "-ffile-prefix-map=a=b"),)), GLOBAL, "'path maps' was added"),
-        (replace(CONTEXT, layout=replace(LAYOUT, symlink=True)), GLOBAL, "'isolated links' was added"),
+        (replace(CONTEXT, test_results=Path("/results")), GLOBAL, "'--test-result-base=/results' was added"),
+        (
+            replace(CONTEXT, path_maps=(("C", "-ffile-prefix-map=a=b"),)),
+            GLOBAL,
+            "a package cache is now used",
+        ),
+        (replace(CONTEXT, layout=replace(LAYOUT, symlink=True)), GLOBAL, "'--symlink-install' was added"),
         (CONTEXT, replace(GLOBAL, tools=(("c++", "13"), ("cmake", "3"))), "the tool 'c++' changed"),
         (
             CONTEXT,
@@ -232,20 +246,34 @@ def test_what_a_package_names_counts_for_it_alone() -> None:
     assert reasons(AFTER, CONTEXT, replace(GLOBAL, named=named)) == {"a": "the tool 'protoc' changed"}
 
 
-def test_an_option_less_and_options_in_another_order() -> None:
-    after = replace(
-        AFTER,
-        records={
-            name: replace(record, inputs=replace(record.inputs, options=(*record.inputs.options, "-DX=1")))
-            for name, record in AFTER.records.items()
-        },
-    )
-    assert set(reasons(after).values()) == {"the option '-DX=1' was removed"}
-    turned = {
-        name: replace(record, inputs=replace(record.inputs, options=record.inputs.options[::-1]))
-        for name, record in AFTER.records.items()
-    }
-    assert set(reasons(replace(AFTER, records=turned)).values()) == {"the order of its options changed"}
+def inputs(*cmake_args: str, context: BuildContext = CONTEXT) -> BuildInputs:
+    """Return the inputs of a package with these arguments."""
+    context = replace(context, cmake_args=cmake_args)
+    return plan("e", "a", context=context).tasks["a"].inputs
+
+
+@pytest.mark.parametrize(
+    ("before", "reason"),
+    [
+        (inputs("-DX=1"), "the option '-DX=1' was removed"),
+        (inputs(context=replace(CONTEXT, layout=LINKED)), "the option '--symlink-install' was removed"),
+        (inputs(context=replace(CONTEXT, path_maps=(("C", "a=b"),))), "the package cache is no longer used"),
+        (inputs(context=replace(CONTEXT, layout=MOVED)), "the build folder changed from '/b/a' to"),
+    ],
+)
+def test_an_option_less(before: BuildInputs, reason: str) -> None:
+    assert str(changed_input_reason(inputs(), before)).startswith(reason)
+
+
+def test_interfaces_are_generated_in_another_way() -> None:
+    fast = replace(inputs(), options=(*inputs().options, "fast rosidl"))
+    assert changed_input_reason(inputs(), fast) == "the option '--no-fast-rosidl' was added"
+    assert changed_input_reason(fast, inputs()) == "the option '--no-fast-rosidl' was removed"
+
+
+def test_options_in_another_order() -> None:
+    reason = changed_input_reason(inputs("-DX=1", "-DY=1"), inputs("-DY=1", "-DX=1"))
+    assert reason == "the order of its options changed"
 
 
 def test_a_conditional_task_is_decided_by_the_results_of_its_dependencies() -> None:
