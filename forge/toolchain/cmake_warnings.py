@@ -41,6 +41,12 @@ def defined(arguments: Sequence[str]) -> frozenset[str]:
     return frozenset(match[1] for match in map(_DEFINITION.match, joined.split("\n")) if match)
 
 
+def unused_variables(output: bytes) -> frozenset[str]:
+    """Return the variables that CMake warns about in the output of one configure run."""
+    found = (match[1].decode(errors="replace").split() for match in _COMPLAINT.finditer(output))
+    return frozenset(name for names in found for name in names)
+
+
 class UnusedVariables:
     """Collects variables passed to all packages that no package uses."""
 

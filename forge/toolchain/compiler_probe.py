@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import read_text, replace_file
 from forge.base.layout import TOOLCHAIN_DIR
+from forge.toolchain.cmake_warnings import unused_variables
 from forge.toolchain.programs import calls_make
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ _PROJECT = """\
 cmake_minimum_required(VERSION 3.18)
 project(forge_toolchain C CXX)
 """
+_UNUSED = "unused_variables"
+"""The variables of CMake's arguments that the reference project does not use, one per line."""
+
 _FIND_PYTHON = "find_package(Python3 COMPONENTS Interpreter QUIET)\n"
 # Entries of the reference project itself, and those set for each package.
 _OWN = re.compile(
@@ -106,22 +110,32 @@ class Toolchain:
             return
         shutil.rmtree(self._home, ignore_errors=True)
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
-        subprocess.run(
+        done = subprocess.run(
             self._argv, env=dict(variables), stdin=subprocess.DEVNULL, capture_output=True, check=False
         )
+        replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(done.stderr))).encode())
 
     def _results(self) -> Path | None:
         """Return the folder of results; None if there are none and packages detect compilers themselves."""
         build = self._home / "build"
-        # Written last, and only if both compilers work.
-        if not any((build / name).is_file() for name in ("build.ninja", "Makefile")):
+        # CMake writes the former last, and only if both compilers work.
+        built = any((build / name).is_file() for name in ("build.ninja", "Makefile"))
+        if not (built and (self._home / _UNUSED).is_file()):
             return None
         return next(build.glob("CMakeFiles/[0-9]*"), None)
 
     def _cache(self, wanted: re.Pattern[str] = _ANY) -> bytes:
-        """Return the matching entries of the reference project's cache, except its own."""
+        """Return the matching entries of the reference project's cache, except its own and unused ones.
+
+        CMake does not warn about an unused variable on its command line that is in the cache.
+        """
         text = (self._home / "build" / "CMakeCache.txt").read_text(encoding="utf-8")
-        lines = [line for line in text.splitlines() if wanted.match(line) and not _OWN.match(line)]
+        unused = frozenset((self._home / _UNUSED).read_text(encoding="utf-8").splitlines())
+        lines = [
+            line
+            for line in text.splitlines()
+            if wanted.match(line) and not _OWN.match(line) and line.partition(":")[0] not in unused
+        ]
         return ("\n".join(lines) + "\n").encode()
 
 

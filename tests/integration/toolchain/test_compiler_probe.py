@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.toolchain.cmake_warnings import unused_variables
 from forge.toolchain.compiler_probe import Toolchain
 
 if TYPE_CHECKING:
@@ -34,16 +35,17 @@ def test_a_seeded_folder_is_configured_like_any_other(tree: Tree, generator: str
     """
     root = tree({"src/CMakeLists.txt": LISTS, "src/x.cpp": "int main() {}\n"})
     cmake = Path(shutil.which("cmake") or "")
-    arguments = ("-G", generator, "-DCMAKE_BUILD_TYPE=Release")
-    files = {}
+    arguments = ("-G", generator, "-DCMAKE_BUILD_TYPE=Release", "-DTYPO=1", "-D", "WRONG:STRING=x")
+    files, warnings = {}, {}
     for place in ("usual", "seeded"):
         build = root / "build"
         build.mkdir()
         toolchain = Toolchain(root / "cache", cmake, arguments, (("c++", "g++"),))
         seeded = place == "seeded" and toolchain.seed(root / "src", build, os.environ)
         argv = [str(word) for word in (cmake, "-S", root / "src", "-B", build, *arguments)]
-        said = subprocess.run(argv, check=True, capture_output=True, text=True).stdout
-        assert ("Detecting CXX compiler ABI info" in said) != seeded
+        said = subprocess.run(argv, check=True, capture_output=True, text=True)
+        assert ("Detecting CXX compiler ABI info" in said.stdout) != seeded
+        warnings[place] = unused_variables(said.stderr.encode())
         subprocess.run(argv, check=True, capture_output=True)
         subprocess.run([cmake, "--build", build], check=True, capture_output=True)
         files[place] = _what_matters(build)
@@ -51,6 +53,7 @@ def test_a_seeded_folder_is_configured_like_any_other(tree: Tree, generator: str
         shutil.rmtree(build)
     for name in files["usual"]:
         assert files["usual"][name] == files["seeded"][name], name
+    assert warnings["usual"] == warnings["seeded"] == {"TYPO", "WRONG"}
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
