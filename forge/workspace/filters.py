@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem, SelectionError
 from forge.base.graph import closure, reverse
 from forge.base.layout import BUILD_RESULT, TEST_RESULT
+from forge.base.text import listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -23,39 +24,51 @@ _RUN_NOTHING = ("-c", "core.fsmonitor=false")
 
 def apply_filters(
     filters: PackageFilters, root: Path, packages: Mapping[str, Package], needs: Graph
-) -> tuple[FilterResult, ...]:
-    """Return the packages that each filter keeps, with the reason why others are left out.
+) -> tuple[tuple[FilterResult, ...], tuple[Problem, ...]]:
+    """Return the packages that each filter keeps, with the reason why others are left out, and warnings.
 
     Raises SelectionError if git cannot determine changes.
     """
+    warnings: tuple[Problem, ...] = ()
     limits = list(_by_results(filters, root / filters.build_base, packages))
     if filters.select_changed or filters.above_changed:
-        changed = changed_packages(root, packages, filters.since)
+        changed, outside = changed_packages(root, packages, filters.since)
+        if outside:
+            verb = "is" if len(outside) == 1 else "are"
+            message = f"{listed(outside)} {verb} in no git repository and always counted as changed"
+            warnings = (Problem(message),)
         if filters.above_changed:
             changed = closure(reverse(needs), changed)
         limits.append((f"not changed since {filters.since}", changed))
-    return tuple(limits)
+    return tuple(limits), warnings
 
 
-def changed_packages(root: Path, packages: Mapping[str, Package], revision: str) -> frozenset[str]:
+def changed_packages(
+    root: Path, packages: Mapping[str, Package], revision: str
+) -> tuple[frozenset[str], tuple[str, ...]]:
     """Return the names of packages with files that differ from a revision of their git repository.
 
-    Untracked files count unless ignored. A package outside of any repository counts as changed. Raises
-    SelectionError for an unknown revision.
+    Untracked files count unless ignored. A package outside of any repository counts as changed; these are
+    also returned separately. Raises SelectionError for an unknown revision, and if there is no repository.
     """
     folders = {name: (root / package.path).resolve() for name, package in packages.items()}
     changes: dict[Path, list[Path]] = {}
-    found = set()
+    found: set[str] = set()
+    outside = []
     for name, folder in folders.items():
         repository = next((at for at in (folder, *folder.parents) if (at / ".git").exists()), None)
         if repository is None:
-            found.add(name)
+            outside.append(name)
             continue
         if repository not in changes:
             changes[repository] = list(_changes(repository, revision))
         if any(path.is_relative_to(folder) for path in changes[repository]):
             found.add(name)
-    return frozenset(found)
+    if outside and len(outside) == len(packages):
+        hint = "select packages by name, for example with '--packages-select', or run 'git init'"
+        message = "cannot determine changed packages: none of them is in a git repository"
+        raise SelectionError(Problem(message, hint=hint))
+    return frozenset(found).union(outside), tuple(outside)
 
 
 def _by_results(filters: PackageFilters, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:

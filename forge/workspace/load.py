@@ -75,13 +75,13 @@ def load_workspace(
         **{duplicate_node(other.name, other.path): other for other in duplicates},
     }
     needs = _needs(resolution, duplicates)
-    limits = apply_filters(query.filters, root, workspace.packages, resolution.needs)
+    limits, unsure = apply_filters(query.filters, root, workspace.packages, resolution.needs)
     ordered = ordered_names(needs)
     selection, notes = select(query, ordered, needs, limits, found.packages)
     clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.duplicates]
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
-    warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *notes)
+    warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *unsure, *notes)
     faults = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
     return LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
 

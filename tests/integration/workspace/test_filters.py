@@ -71,6 +71,26 @@ def test_repositories_within_are_asked_for_themselves(forge: Forge, root: Path) 
     assert "git cannot determine changes since 'nowhere'" in ran.err
 
 
+@pytest.mark.needs("git")
+def test_packages_outside_of_any_repository_are_named(forge: Forge, root: Path) -> None:
+    git(root / "src/a", "init")
+    git(root / "src/a", "add", ".")
+    git(root / "src/a", "commit", "-m", "one")
+    ran = forge("list", "-n", "--packages-select-changed", cwd=root)
+    assert (ran.code, ran.out) == (0, "b\nc\nd\n")
+    warning = "'b', 'c', 'd' are in no git repository and always counted as changed"
+    assert ran.err == f"warning: {warning}\n"
+
+
+@pytest.mark.parametrize("option", ["--packages-select-changed", "--packages-above-changed"])
+def test_without_any_repository_nothing_is_selected(forge: Forge, root: Path, option: str) -> None:
+    ran = forge("build", option, cwd=root)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith("error: cannot determine changed packages: none of them is in a git repository")
+    assert "\nhint: " in ran.err
+    assert not (root / "build").exists()
+
+
 def test_changed_packages_need_git(forge: Forge, root: Path) -> None:
     (root / ".git").mkdir()
     ran = forge("list", "--packages-select-changed", cwd=root, env={"PATH": ""})
