@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 CMAKE = "cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n{lines}\n"
 SETUP = "from setuptools import find_packages, setup\nsetup(name='{name}', packages=['{name}'])\n"
+INTERFACES = "<member_of_group>rosidl_interface_packages</member_of_group>"
 OTHER = "1.2" if sys.version_info[:2] != (1, 2) else "1.3"
 
 
@@ -33,6 +34,17 @@ def cmake_package(name: str, *lines: str, depends: tuple[str, ...] = ()) -> dict
     return {
         f"src/{name}/package.xml": manifest_text(name, *needed, build_type="cmake"),
         f"src/{name}/CMakeLists.txt": lists(name, *lines),
+    }
+
+
+def ament_package(name: str, *lines: str) -> dict[str, str]:
+    """Return the files of a package that uses ament."""
+    ament = ("find_package(ament_cmake REQUIRED)", "ament_package()")
+    return {
+        f"src/{name}/package.xml": manifest_text(
+            name, "<buildtool_depend>ament_cmake</buildtool_depend>", *lines
+        ),
+        f"src/{name}/CMakeLists.txt": lists(name, *ament),
     }
 
 
@@ -253,7 +265,7 @@ def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
             f"low/lib/python3.{OTHER[-1]}/site-packages/x.py": "",
             "high/.colcon_install_layout": "merged\n",
             "high/local_setup.sh": "",
-            "high/share/colcon-core/packages/y": "lost:x",
+            "high/share/colcon-core/packages/y": "boost:lost_driver:python3-numpy:x",
         }
     )
     low, high = root / "low", root / "high"
@@ -264,10 +276,42 @@ def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
     ]
     ours = "{}.{}".format(*sys.version_info[:2])
     assert messages == [
-        f"'y' in '{high}' needs 'lost', which no sourced underlay contains",
+        f"'y' in '{high}' needs 'lost_driver', which no sourced underlay contains",
         f"the underlay '{low}' has modules for python 3.{OTHER[-1]}, but the build uses python {ours}",
         f"'{high}' was built on '{low}', but is sourced before it",
     ]
+
+
+@pytest.mark.needs("cmake")
+def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tree) -> None:
+    """The embedded packages in the underlay need no Python modules of ROS, nor are rosdep keys packages."""
+    root = tree({**ament_package("below", "<depend>rosidl_default_generators</depend>"), "over/src/x": ""})
+    assert forge("build", cwd=root).code == 0
+    over = root / "over"
+    for name, text in ament_package("above", "<depend>below</depend>", INTERFACES).items():
+        (over / name).parent.mkdir(parents=True, exist_ok=True)
+        (over / name).write_text(text)
+    found = findings(forge, over, env={"COLCON_PREFIX_PATH": f"{root}/install"})
+    assert [found for found in found["findings"] if found["topic"] in {"python", "underlays"}] == []
+
+
+def test_modules_that_a_distribution_needs(forge: Forge, tree: Tree) -> None:
+    """Those that its own code generators import; only a package that is there needs them."""
+    root = tree(ament_package("a", INTERFACES))
+    ros = root / "ros"
+    (ros / "share/ament_cmake_core/cmake").mkdir(parents=True)
+    (ros / "share/rosidl_cmake/cmake").mkdir(parents=True)
+    bare = tree({"bare": f'#!/bin/sh\nexec {sys.executable} -I -S "$@"\n'}) / "bare"
+    env = {"AMENT_PREFIX_PATH": str(ros)}
+
+    def lacking() -> str:
+        (finding,) = of_topic(findings(forge, root, "--python", str(bare), env=env), "python")
+        return str(finding["message"])
+
+    assert "lacks 'numpy'" in lacking()
+    for name in ("ament_cmake_core", "rosidl_cmake"):
+        (ros / "share" / name / "package.xml").write_text(manifest_text(name))
+    assert "lacks 'numpy', 'catkin_pkg', 'em', 'lark'" in lacking()
 
 
 def test_folders_of_other_tools_and_of_before(forge: Forge, tree: Tree) -> None:

@@ -27,7 +27,8 @@ from forge.workspace.cmake_metadata import calls
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
 
     from forge.doctor.checks.model import CheckContext
     from forge.toolchain.interpreter import Interpreter
@@ -157,13 +158,18 @@ def _missing_modules(
     packages = subject.packages.values()
     wanted = ["numpy"] if any(INTERFACE_GROUP in package.manifest.groups for package in packages) else []
     prefixes = subject.underlays.prefixes
-    if packages and any((prefix / "share/ament_cmake_core/cmake").is_dir() for prefix in prefixes):
+    if packages and _has_package("ament_cmake_core", prefixes):
         wanted.append("catkin_pkg")
-    if wanted[:1] == ["numpy"] and any((prefix / "share/rosidl_cmake").is_dir() for prefix in prefixes):
+    if wanted[:1] == ["numpy"] and _has_package("rosidl_cmake", prefixes):
         wanted += ["em", "lark"]
     missing = [name for name in wanted if name not in has]
     if missing:
         yield missing_modules_problem(interpreter, missing)
+
+
+def _has_package(name: str, prefixes: Iterable[Path]) -> bool:
+    """Tell whether a package itself is installed, and not an embedded package that stands in for it."""
+    return any((prefix / "share" / name / "package.xml").is_file() for prefix in prefixes)
 
 
 def _missing_header(

@@ -15,7 +15,7 @@ from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
 from forge.environment.underlays import lost_underlays
 from forge.toolchain.interpreter import find_interpreter
-from forge.workspace.resolve import is_ros_name
+from forge.workspace.resolve import is_ros_name, resembles_ros_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -118,14 +118,15 @@ def _other_python(root: Path, subject: CheckContext) -> Iterator[Problem]:
 def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
     """Yield the packages of an underlay with missing dependencies."""
     held = installed_packages(root)
-    indexed = (root / LAYOUT_MARKER).is_file()
+    # The packages of a distribution come from many sources, so that fewer of their names are certain.
+    is_package = resembles_ros_name if (root / LAYOUT_MARKER).is_file() else is_ros_name
     known = {package.name for other in subject.underlays.chain for package in installed_packages(other)}
     known.update(subject.resolution.packages if subject.resolution else ())
     lost: dict[str, list[str]] = {}
     for package in held:
         for need in package.needs - known:
-            # ament's index also contains rosdep keys; colcon's only packages built together.
-            if (indexed or is_ros_name(need)) and not provider(need, subject.underlays, SYSTEM):
+            # The indexes also contain rosdep keys, which only their spelling tells from packages.
+            if is_package(need) and not provider(need, subject.underlays, SYSTEM):
                 lost.setdefault(need, []).append(package.name)
     for need, users in sorted(lost.items()):
         hint = f"source the workspace that contains '{need}' before '{root}', or rebuild '{root}'"
