@@ -79,13 +79,20 @@ def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
     return cleaned
 
 
+def require_packages(loaded: LoadedWorkspace) -> None:
+    """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
+    if not loaded.workspace.packages:
+        hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
+        problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
+        raise WorkspaceError(problem)
+
+
 def check_before_planning(loaded: LoadedWorkspace, names: Sequence[str], layout: Layout) -> None:
     """Raise WorkspaceError with all problems that would make the build fail."""
     errors, _ = missing_problems(loaded.resolution, names)
     problems = [*loaded.workspace.problems, *errors]
-    if not loaded.workspace.packages and not problems:
-        hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
-        problems.append(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
+    if not problems:
+        require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
     problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
     raise_if_any(problems, WorkspaceError)

@@ -74,16 +74,12 @@ def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
 
     Reads colcon's index, else ament's, which distributions have.
     """
-    if _layout(root) == "isolated":
-        names = sorted(entry.name for entry in root.iterdir() if is_word(entry.name))
-        candidates = [(name, root / name) for name in names]
-    else:
-        candidates = [(name, root) for name in _names(root / PACKAGES)]
-        if not candidates:
-            return tuple(
-                InstalledPackage(name, root, _run_dependencies(root, name))
-                for name in _names(root / INDEX / "packages")
-            )
+    candidates = _candidates(root)
+    if not candidates:
+        return tuple(
+            InstalledPackage(name, root, _run_dependencies(root, name))
+            for name in _names(root / INDEX / "packages")
+        )
     return tuple(
         InstalledPackage(name, prefix, frozenset(filter(None, needs.split(os.pathsep))))
         for name, prefix in candidates
@@ -96,6 +92,20 @@ def package_prefixes(root: Path) -> tuple[Path, ...]:
     if _layout(root) != "isolated":
         return (root,) if root.is_dir() else ()
     return tuple(sorted(path for path in root.iterdir() if is_word(path.name) and path.is_dir()))
+
+
+def has_packages(root: Path) -> bool:
+    """Tell whether forge or colcon installed a package in an install tree; cheaper than all packages."""
+    built = _layout(root) is not None
+    return built and any((prefix / PACKAGES / name).is_file() for name, prefix in _candidates(root))
+
+
+def _candidates(root: Path) -> list[tuple[str, Path]]:
+    """Return the names and prefixes of what may be packages in colcon's index."""
+    if _layout(root) == "isolated":
+        names = sorted(entry.name for entry in root.iterdir() if is_word(entry.name))
+        return [(name, root / name) for name in names]
+    return [(name, root) for name in _names(root / PACKAGES)]
 
 
 def _folders(variables: Mapping[str, str], *names: str) -> list[Path]:

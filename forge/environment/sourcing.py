@@ -15,7 +15,7 @@ from forge.base.layout import LAYOUT_MARKER
 from forge.environment import scripts
 from forge.environment.dsv import Edit, PackageEdits, Script, apply, order, read_hooks, resolve_hooks
 from forge.environment.install_state import recorded_underlays
-from forge.environment.prefixes import installed_packages
+from forge.environment.prefixes import has_packages, installed_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -65,11 +65,12 @@ def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str
 
     Raises WorkspaceError if nothing is installed, and like `build_environment`.
     """
-    if not (install / LAYOUT_MARKER).is_file():
+    below = recorded_underlays(install)
+    if not (below or has_packages(install)):
         hint = "run 'forge build', or choose another folder with '--install-base'"
         raise WorkspaceError(Problem(f"'{install}' contains no installed packages", hint=hint))
     result = dict(variables)
-    for root in (*recorded_underlays(install), install):
+    for root in (*below, install):
         script = root / "local_setup.sh"
         if (root / LAYOUT_MARKER).is_file():
             result = workspace_environment([root], result)

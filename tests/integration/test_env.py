@@ -101,6 +101,9 @@ def test_mistakes_are_one_message(forge: Forge, layout: Layout, tmp_path: Path) 
         "error: variable 'ZZZ' is not set after sourcing\n"
     )
     for word in ("env", "shell"):
+        # An interrupted first build leaves an install folder without packages.
+        (tmp_path / "install").mkdir(exist_ok=True)
+        (tmp_path / "install/.colcon_install_layout").write_text("isolated\n")
         ran = forge(word, cwd=tmp_path)
         hint = "hint: run 'forge build', or choose another folder with '--install-base'\n"
         assert (ran.code, ran.err) == (

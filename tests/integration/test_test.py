@@ -71,6 +71,14 @@ def lines(ran: Ran, beginning: str) -> list[str]:
     return [line[len(beginning) :].strip() for line in found if line.startswith(beginning)]
 
 
+def test_there_is_nothing_to_test_in_an_empty_folder(forge: Forge, tmp_path: Path) -> None:
+    """As for a build; nothing is written, so that the folder does not become a workspace."""
+    ran = forge("test", cwd=tmp_path)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith(f"error: no packages found below '{tmp_path}'\nhint: change to the root")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_all_kinds_of_packages_are_tested(forge: Forge, workspace: Path) -> None:
     ran = forge("test", cwd=workspace)
     assert ran.code == 0, ran.err

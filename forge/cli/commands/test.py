@@ -14,7 +14,7 @@ from forge.build.events import Finished
 from forge.build.markers import create_output_folders
 from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, displayed, read_options
-from forge.cli.preparation import build_variables
+from forge.cli.preparation import build_variables, require_packages
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
 from forge.execution.options import SEQUENTIAL, JobOptions
@@ -70,6 +70,7 @@ def run(namespace: argparse.Namespace) -> int:
     loaded = load_workspace(root, query, variables, embedded=True, install=layout.install)
     warn(loaded.warnings)
     names = tested_names(loaded, warn)
+    require_packages(loaded)
     needs = needs_of_tests(names, loaded)
     create_output_folders(layout)
     absent = absent_problems(needs, layout, variables)
