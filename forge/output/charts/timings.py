@@ -114,7 +114,8 @@ def read_build(lines: Iterable[str]) -> Build:
 def critical_path(packages: Sequence[PackageRun]) -> tuple[PackageRun, ...]:
     """Return the chain of dependent packages with the longest total duration.
 
-    It is a lower bound of the build time with any number of processors.
+    The durations are those of this build, in which packages shared the processors: without others beside
+    them, the same packages take less time.
     """
     runs = {run.name: run for run in packages}
     graph: nx.DiGraph[str] = nx.DiGraph()
