@@ -220,7 +220,20 @@ def test_a_failure_is_told_as_ever_and_mended_by_the_next_save(tree: Tree) -> No
         assert line.startswith(("a failed, 1 not built in ", "a failed in ")), line
         assert any("CMake Error at src/a/CMakeLists.txt" in said for said in watch.said)
         assert any(said.startswith("  repeat: ") for said in watch.said)
+        (root / "src/a/CMakeLists.txt").open("a").close()
+        assert watch.is_silent(0.3)
         (root / "src/a/CMakeLists.txt").write_text(f"{good}\n")
+        assert watch.rebuilt() == "a"
+
+
+def test_a_failure_is_built_once(tree: Tree) -> None:
+    """Neither the first build nor late events of a save repeat it; polling checks all files once more."""
+    root = tree(package("a", more='message(FATAL_ERROR "no luck")'))
+    with watching(root, prefix=("env", "WATCHFILES_FORCE_POLLING=1")) as watch:
+        assert sum(said.startswith("Failed   <<< a ") for said in watch.said) == 1
+        assert watch.is_silent(2.5), watch.said
+        good = (root / "src/a/CMakeLists.txt").read_text().replace("message(", "# message(")
+        (root / "src/a/CMakeLists.txt").write_text(good)
         assert watch.rebuilt() == "a"
 
 

@@ -158,6 +158,13 @@ def stamp_files(paths: Iterable[str]) -> str:
     return stamp.hexdigest()
 
 
+def file_state(path: str) -> str:
+    """Return the stat of a file or folder as text, of a link also that of its target; '' if missing."""
+    status = _status(path)
+    folder = status is not None and stat.S_ISDIR(status.st_mode)
+    return _stats(f"{path}/" if folder else path, status)
+
+
 def content_digest(path: str) -> str:
     """Return the digest of a file's content; raises OSError like open()."""
     digest = hashlib.blake2b(digest_size=16)

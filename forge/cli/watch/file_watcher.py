@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
-from forge.build.inputs.fingerprints import source_folders
+from forge.build.inputs.fingerprints import file_state, source_folders
 from forge.workspace.identification import MARKER_FILES, ROS_IGNORE_FILES
 from forge.workspace.source_names import is_environment, is_source, may_contain_packages
 
@@ -173,6 +173,11 @@ class FileWatcher:
         self.second_check = True
         return frozenset()
 
+    def states(self, changed: frozenset[str]) -> dict[str, str]:
+        """Return the states of the changed files, when polling of everything, to compare them later."""
+        paths = {*changed, *self._watched, *self._files()} if self._polling else changed
+        return {path: file_state(path) for path in paths}
+
     def moves_folders(self, changed: frozenset[str]) -> bool:
         """Tell whether the set of watched folders may have changed."""
         return not changed or any(
@@ -182,6 +187,12 @@ class FileWatcher:
             or os.path.isdir(path)  # noqa: PTH112
             for path in changed
         )
+
+    def _files(self) -> Iterator[str]:
+        """Yield the watched files, without folders."""
+        for folder in self._watched:
+            with contextlib.suppress(OSError), os.scandir(folder) as entries:
+                yield from (e.path for e in entries if not e.is_dir() and self._counts(e.path))
 
     def _counts(self, path: str) -> bool:
         if path in self.ignored_folders:

@@ -90,17 +90,19 @@ class WatchLoop(BuildMode):
         self._worker: dict[str, str] | None = None
         self._folders_outdated = True
         self._logs: list[Path] = []
-        self._ran = False
+        self._ran = self._failed = False
+        self._seen: Mapping[str, str] = {}
+        """The states of the files that triggered the last build."""
         self._consecutive_builds = 0
         self.cut_short = False
         """Whether an interrupt aborted packages."""
 
     def build_first(self) -> None:
-        """Run the first build; then start watching, and build changes made meanwhile."""
-        self._build(self._options, self)
+        """Start watching, so that no change is missed, and run the first build."""
         self._update_folders()
+        self._seen = self._watcher.states(frozenset())
+        self._build(self._options, self)
         self.quiet = self.silent_if_up_to_date = True
-        self._build_once()
         self._print(f"watching {self._watcher.count} folders; press Ctrl-C to stop")
 
     def wait(self) -> frozenset[str]:
@@ -116,6 +118,10 @@ class WatchLoop(BuildMode):
     def rebuild(self, changed: frozenset[str]) -> None:
         """Build after a change."""
         self._folders_outdated = self._folders_outdated or self._watcher.moves_folders(changed)
+        states = self._watcher.states(changed)
+        if self._failed and states and states.items() <= self._seen.items():
+            return  # late events of a save that was built already, and would fail again
+        self._seen = states
         self._ran = False
         self._build_once()
         self._consecutive_builds = (
@@ -138,6 +144,7 @@ class WatchLoop(BuildMode):
         tally = report.tally
         self.cut_short = bool(tally.aborted)
         self._ran = bool(tally.finished or tally.embedded or tally.failed)
+        self._failed = bool(tally.failed)
         if not self.quiet:
             super().conclude(plan, report, seconds)
         elif not self._options.report.json and (self._ran or tally.aborted or not self.silent_if_up_to_date):
@@ -148,6 +155,7 @@ class WatchLoop(BuildMode):
         """Build once with the current options, and report errors that prevent the build."""
         self.warn.start_next_build()
         clear_edit_cache()
+        self._failed = False
         try:
             self._options = for_rebuild(self._read_again())
             if self._folders_outdated:
@@ -200,6 +208,7 @@ class WatchLoop(BuildMode):
             sys.stdout.flush()
 
     def _print_problems(self, problems: Sequence[Problem]) -> None:
+        self._failed = True
         for problem in share_hints(problems):
             sys.stderr.write(f"{problem.render()}\n")
         sys.stderr.flush()
