@@ -67,7 +67,8 @@ class LiveView(View):
         """Start with no running packages."""
         names = list(plan.tasks)
         self.screen = _Above(console)
-        self._progress = Progress(time.monotonic(), expectations(names, seconds), len(names))
+        unsure = frozenset(name for name, task in plan.tasks.items() if task.conditional)
+        self._progress = Progress(time.monotonic(), expectations(names, seconds), len(names), unsure=unsure)
 
     def show(self, event: Event) -> None:
         """Update the progress; the next redraw shows it."""
@@ -87,7 +88,8 @@ def lines(progress: Progress, now: float, room: int) -> Iterator[tuple[str, str]
     left = progress.left(now)
     words = [f"[{len(progress.done)}/{progress.total}]", duration(now - progress.begun)]
     if left is not None:
-        words.append(f"about {duration(left) if left < 1 else duration(round(left))} left")
+        rest = duration(left) if left < 1 else duration(round(left))
+        words.append(f"{'at least' if progress.unsure else 'about'} {rest} left")
     yield "bold", "  ".join(words)
     shown = progress.running[:room]
     width = max((len(running.name) for running in shown), default=0)

@@ -42,6 +42,8 @@ class Progress:
     running: tuple[Running, ...] = ()
     done: frozenset[str] = frozenset()
     failed: tuple[str, ...] = ()
+    unsure: frozenset[str] = frozenset()
+    """Packages that are built only if one of their dependencies changes."""
     needless: frozenset[str] = frozenset()
     """Packages that turned out to be up to date, or that will not be started."""
 
@@ -50,7 +52,8 @@ class Progress:
         name = event.task
         match event:
             case Started():
-                return replace(self, running=(*self.running, Running(name, now)))
+                running = (*self.running, Running(name, now))
+                return replace(self, running=running, unsure=self.unsure - {name})
             case StepStarted(_, step):
                 steps = (replace(r, step=step.label) if r.name == name else r for r in self.running)
                 return replace(self, running=tuple(steps))
@@ -60,14 +63,19 @@ class Progress:
             case Aborted():
                 return replace(self, running=self._without(name), done=self.done | {name})
             case Fresh() | Skipped():
-                return replace(self, done=self.done | {name}, needless=self.needless | {name})
+                unsure = self.unsure - {name}
+                return replace(self, done=self.done | {name}, needless=self.needless | {name}, unsure=unsure)
             case _:
                 return self
 
     def left(self, now: float) -> float | None:
-        """Estimate the remaining seconds from the pace so far; None while an estimate is impossible."""
+        """Estimate the remaining seconds from the pace so far; None while an estimate is impossible.
+
+        Packages that may turn out to be up to date do not count: if there are any, it takes at least as long.
+        """
         passed = now - self.begun
-        worth = {name: cost for name, cost in self.expected.items() if name not in self.needless}
+        left_out = self.needless | self.unsure
+        worth = {name: cost for name, cost in self.expected.items() if name not in left_out}
         made = sum(cost for name, cost in worth.items() if name in self.done)
         made += sum(min(now - r.begun, worth.get(r.name, 0.0)) for r in self.running)
         if passed < _EARLY or made <= 0:

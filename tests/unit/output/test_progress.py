@@ -30,6 +30,11 @@ def after(progress: Progress, *events: tuple[float, Event]) -> Progress:
     return progress
 
 
+def lines_of(progress: Progress, now: float) -> str:
+    """Return the first line."""
+    return next(lines(progress, now, 8))[1]
+
+
 def test_what_runs_is_known_with_its_step() -> None:
     begun = Progress(0.0, {}, 3)
     step = StepStarted("b", Step(StepKind.CONFIGURE, (), Path()))
@@ -66,6 +71,18 @@ def test_a_damaged_record_of_durations_gives_no_estimate() -> None:
     after_a = after(begun, (0, Started("a")), (5, Finished("a", 0, 5.0)))
     assert after_a.left(10.0) is None
     assert [line for _, line in lines(after_a, 10.0, 8)] == ["[1/2]  10.0s"]
+
+
+def test_what_may_be_up_to_date_is_not_estimated() -> None:
+    """An edit that changes nothing installed rebuilds one package, however many depend on it."""
+    known = dict.fromkeys("abcd", 10.0)
+    begun = after(Progress(0.0, known, 4, unsure=frozenset("cd")), (0, Started("a")))
+    assert begun.left(5.0) == 15.0
+    assert lines_of(begun, 5.0) == "[0/4]  5.00s  at least 15.0s left"
+    both = after(begun, (10, Finished("a", 0, 10.0)), (10, Started("c")))
+    assert both.left(10.0) == 20.0, "c was not up to date"
+    end = after(both, (20, Finished("c", 0, 10.0)), (20, Fresh("d")))
+    assert lines_of(end, 20.0) == "[3/4]  20.0s  about 10.0s left"
 
 
 def test_without_experience_there_is_no_estimate() -> None:
