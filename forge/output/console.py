@@ -259,8 +259,8 @@ class ConsoleReporter:
         if self._on["console_direct"] and not self._embedded(task):
             self.screen.write(lines, stderr=stderr)
 
-    def _close(self, task: str) -> None:
-        """Print the output of a package as a block, depending on the event handlers."""
+    def _close(self, task: str, *, failed: bool) -> str:
+        """Print the output of a package as a block, depending on the event handlers; return its errors."""
         output = self._output.get(task, Excerpt())
         errors = output.errors
         if task in self._configured:
@@ -270,15 +270,22 @@ class ConsoleReporter:
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
             self.screen.write(f"--- output: {task}\n".encode() + output.everything + b"---\n")
         elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
+            text = errors.decode(errors="surrogateescape")
+            if failed:
+                from forge.output.failure_hints import with_paths  # noqa: PLC0415  (only needed after failures)
+
+                text = with_paths(text, self.packages[task].path.as_posix())
             self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
-            self.screen.write(errors, stderr=True)
+            self.screen.write(text.encode(errors="surrogateescape"), stderr=True)
             self.screen.write(b"---\n", stderr=True)
+            return text
+        return ""
 
     def _finish(self, event: Finished) -> None:
         task = event.task
-        self._close(task)
+        shown = self._close(task, failed=bool(event.code))
         if event.code:
-            self._fail(event)
+            self._fail(event, shown)
             return
         self._finished.append(task)
         self._output.pop(task, None)
@@ -288,9 +295,9 @@ class ConsoleReporter:
             remark = f"\t[ {RESTORED} ]"
         self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
-    def _fail(self, event: Finished) -> None:
-        """Print the package, step, first error, log and a command to repeat the step."""
-        from forge.output.failure_hints import first_error  # noqa: PLC0415  (only needed after failures)
+    def _fail(self, event: Finished, shown: str) -> None:
+        """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
+        from forge.output.failure_hints import first_error, is_visible  # noqa: PLC0415  (as above)
 
         task = event.task
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
@@ -301,9 +308,11 @@ class ConsoleReporter:
         lines = [
             f"Failed   <<< {self._label(task)} [{duration(event.seconds)}, exited with code {event.code}]"
         ]
-        if error:
-            lines += [f"  first error in step '{event.step.label if event.step else ''}':"]
-            lines += [f"    {line}" for line in error.lines]
+        step = event.step.label if event.step else ""
+        if error and is_visible(error, shown):
+            lines.append(f"  first error in step '{step}': see above")
+        elif error:
+            lines += [f"  first error in step '{step}':", *(f"    {line}" for line in error.lines)]
         if hint:
             lines.append(f"  hint: {hint}")
         if self.logs:

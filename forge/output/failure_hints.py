@@ -29,12 +29,15 @@ if TYPE_CHECKING:
 _INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
 _COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
 _CMAKE = re.compile(r"^CMake Error\b")
-_OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)")
+_OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)", re.MULTILINE)
 _LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
 _OTHER = re.compile(
     r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
 )
 _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+
+_VISIBLE_LINES = 20
+"""So far above the report of a failure, an error is still seen."""
 
 _SURE = 0.8
 """Required similarity for suggestions among many similar names."""
@@ -80,16 +83,26 @@ class FailureContext:
 def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
     """Return the first error in `output`, trying the most specific patterns first, else None.
 
-    Paths of CMakeLists.txt are prefixed with `folder`, so that editors can open them.
+    Paths are those of `with_paths`.
     """
     plain = [_COLOUR.sub("", line.rstrip("\r\n")) for line in output]
     for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
         for index, line in enumerate(plain):
             if pattern.search(line) and not line.startswith(DECLINED_PREFIX):
                 first, *rest = _block(plain, index, extent)
-                first = _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), first)
-                return FirstError((first, *rest), pattern is _INTERFACE)
+                return FirstError((with_paths(first, folder), *rest), pattern is _INTERFACE)
     return None
+
+
+def with_paths(output: str, folder: str) -> str:
+    """Return the output with `folder` before each CMakeLists.txt of an error, so that editors can open it."""
+    return _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), output)
+
+
+def is_visible(error: FirstError, shown: str) -> bool:
+    """Tell whether an error is at the end of what was just printed."""
+    plain = _COLOUR.sub("", shown).splitlines()
+    return error.lines[0] in plain[-_VISIBLE_LINES:]
 
 
 def failure_context(package: Package, packages: Mapping[str, Package], python: str) -> FailureContext:

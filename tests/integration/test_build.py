@@ -83,7 +83,9 @@ def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, wor
     ran = forge("build", cwd=workspace)
     assert ran.code == 1
     assert "Failed   <<< b" in ran.err
-    assert "first error in step 'cmake':\n    CMake Error at src/b/CMakeLists.txt:2 (message):" in ran.err
+    assert "--- stderr: b\nCMake Error at src/b/CMakeLists.txt:2 (message):" in ran.err
+    assert ran.err.count("CMake Error") == 1
+    assert "\n  first error in step 'cmake': see above\n" in ran.err
     assert f"log: {workspace}/log/build_" in ran.err
     assert f"repeat: . {workspace}/build/b/.forge/environment.sh && cd {workspace}/build/b && " in ran.err
     assert "  1 package failed: b\n" in ran.out

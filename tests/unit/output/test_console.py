@@ -98,6 +98,19 @@ def test_a_failure_names_step_error_log_and_command(capfd: pytest.CaptureFixture
     assert report.exit_code == 1
 
 
+@pytest.mark.parametrize(("lines_after", "times"), [(0, 1), (10, 1), (40, 2)])
+def test_an_error_is_printed_once_while_it_is_in_sight(
+    capfd: pytest.CaptureFixture[str], lines_after: int, times: int
+) -> None:
+    """CMake prints errors on stderr, of which all is shown; far above the report, they are repeated."""
+    text = "CMake Error at CMakeLists.txt:3 (message):\n  no luck\n\n" + "more\n" * lines_after
+    report = report_on("a")
+    _, err = shown(capfd, report, Output("a", text.encode(), stderr=True), Finished("a", 1, 0.5, STEP))
+    assert err.startswith("--- stderr: a\nCMake Error at src/a/CMakeLists.txt:3 (message):\n  no luck\n")
+    assert err.count("CMake Error at src/a/CMakeLists.txt:3") == err.count("no luck") == times
+    assert err.count("  first error in step 'build': see above\n") == 2 - times
+
+
 def test_an_invalid_interface_definition_has_exit_code_2(capfd: pytest.CaptureFixture[str]) -> None:
     report = report_on("a")
     line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
