@@ -40,12 +40,18 @@ def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem
 
 
 def overridden(names: Collection[str], install: Path, variables: Mapping[str, str]) -> Iterator[Problem]:
-    """Yield warnings for packages that override one in an underlay with dependents there."""
+    """Yield a warning for each underlay with packages that others override and that have dependents there."""
     for root in find_underlays(variables, install).chain:
         below = {package.name: package.needs for package in installed_packages(root)}
-        for name in sorted(below.keys() & set(names)):
-            users = sorted(user for user, needs in below.items() if name in needs and user not in names)
-            if users:
-                message = f"'{name}' overrides the package in '{root}', on which {listed(users)} there depend"
-                hint = "if the two are not compatible, build the dependents in this workspace, too"
-                yield Problem(message, hint=hint)
+        users = {
+            name: [user for user, needs in below.items() if name in needs and user not in names]
+            for name in sorted(below.keys() & set(names))
+        }
+        used = [name for name in users if users[name]]
+        if used:
+            verb, what = ("overrides", "the package") if len(used) == 1 else ("override", "the packages")
+            quoted = ", ".join(f"'{name}'" for name in used)
+            dependents = listed(sorted({user for name in used for user in users[name]}))
+            message = f"{quoted} {verb} {what} in '{root}', on which {dependents} there depend"
+            hint = "if the two are not compatible, build the dependents in this workspace, too"
+            yield Problem(message, hint=hint)

@@ -23,6 +23,7 @@ from forge.build.events import (
 )
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
+from forge.output.repeated_warnings import RepeatedWarnings
 from forge.toolchain.cmake_warnings import UnusedVariables
 
 if TYPE_CHECKING:
@@ -127,6 +128,7 @@ class ConsoleReporter:
         self.logs = logs
         self._output: dict[str, Excerpt] = {}
         self._unused = UnusedVariables(shared)
+        self._repeated = RepeatedWarnings()
         self._configured: set[str] = set()
         self._stderr: set[str] = set()
         self._listed = False
@@ -221,6 +223,7 @@ class ConsoleReporter:
             (tally.failed, "failed"),
             (tally.aborted, "aborted"),
             (tally.stderr, "had stderr output"),
+            *((names, f"repeated warnings of {first}") for first, names in self._repeated.packages.items()),
             (tally.test_failures, f"had {TEST_FAILURES}"),
         ):
             if names:
@@ -270,7 +273,11 @@ class ConsoleReporter:
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
             self.screen.write(f"--- output: {task}\n".encode() + output.everything + b"---\n")
         elif self._on["console_stderr"] and task in self._stderr and not self._on["console_direct"]:
+            if self._on["summary"] and not failed:  # the summary names the packages that are left out
+                errors = self._repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
+            if not text.strip():
+                return ""
             if failed:
                 from forge.output.failure_hints import with_paths  # noqa: PLC0415  (only needed after failures)
 

@@ -43,8 +43,20 @@ def test_users_in_the_underlay_are_named(merged: bool, tmp_path: Path) -> None: 
     assert problem.message == (
         f"'base' overrides the package in '{root}', on which 'v', 'w', 'x' and 1 more there depend"
     )
+    (both,) = overridden({"base", "v", "w", "lonely"}, own, variables)
+    assert both.message.startswith("'base' overrides the package in"), "its dependents are built, too"
     assert list(overridden({"base", *"vwxyz"}, own, variables)) == []
     assert list(overridden({"mine"}, own, variables)) == []
+
+
+def test_what_is_overridden_in_an_underlay_is_one_warning(tmp_path: Path) -> None:
+    made = [Made("one"), Made("two"), Made("three"), Made("user", ("one", "two")), Made("other", ("two",))]
+    root = make_install(tmp_path / "below", made).install
+    variables = {"COLCON_PREFIX_PATH": str(root)}
+    (problem,) = overridden({"one", "two", "three"}, tmp_path / "install", variables)
+    assert problem.message == (
+        f"'one', 'two' override the packages in '{root}', on which 'other', 'user' there depend"
+    )
 
 
 @pytest.mark.needs("cmake")

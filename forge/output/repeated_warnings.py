@@ -1,0 +1,67 @@
+"""Recognizes warnings that several packages print, so that each kind is shown once.
+
+CMake prints the same deprecation for every package of a workspace, and setuptools does, too. Two warnings are
+of the same kind if they differ only in their location and in the name of the package.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_CMAKE = re.compile(
+    rb"^CMake (?:Deprecation )?Warning[^\n]*\n"
+    rb"(?:(?:[ \t][^\n]*|\r?|Call Stack \([^\n]*|This warning is for project developers[^\n]*)\n)*",
+    re.MULTILINE,
+)
+_LOCATION = re.compile(rb"\A(CMake [^\n]*?) (?:at|in) [^\n]*?:\d+")
+_SHORT = 2
+"""Names of this length are probably words, as in 'a future version'."""
+
+_CALL_STACK = re.compile(rb"^Call Stack \(.*", re.MULTILINE | re.DOTALL)
+
+
+class RepeatedWarnings:
+    """The kinds of warnings of one build, and the packages that printed each."""
+
+    def __init__(self) -> None:
+        """Start without warnings."""
+        self._first: dict[bytes, str] = {}
+        self._repeated: dict[str, dict[str, None]] = {}
+
+    def take(self, package: str, output: bytes) -> bytes:
+        """Return the output of a package without the warnings that an earlier package printed."""
+        return b"".join(text for text in _texts(output) if self._is_new(package, text))
+
+    def _is_new(self, package: str, text: bytes) -> bool:
+        first = self._first.setdefault(_kind(package, text), package)
+        if first != package and text.strip():
+            self._repeated.setdefault(first, {})[package] = None
+        return first == package
+
+    @property
+    def packages(self) -> dict[str, tuple[str, ...]]:
+        """The packages whose warnings were left out, by the package that printed them first."""
+        return {first: tuple(sorted(others)) for first, others in sorted(self._repeated.items())}
+
+
+def _texts(output: bytes) -> Iterator[bytes]:
+    """Yield each warning of CMake and the texts between them."""
+    end = 0
+    for match in _CMAKE.finditer(output):
+        yield output[end : match.start()]
+        yield match[0]
+        end = match.end()
+    yield output[end:]
+
+
+def _kind(package: str, text: bytes) -> bytes:
+    """Return the text without what differs among packages, such as line breaks that depend on names."""
+    text = _CALL_STACK.sub(b"", _LOCATION.sub(rb"\1", text)) if text.startswith(b"CMake ") else text
+    if len(package) > _SHORT:
+        name = re.escape(package.encode())
+        text = re.sub(rb"(?<![\w-])" + name + rb"(?![\w-])", b"<package>", text)
+    return b" ".join(text.split())
