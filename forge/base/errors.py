@@ -31,6 +31,9 @@ _UNSEEN = {
 }
 """Control characters and bidirectional marks, which quoted files may contain."""
 
+_FEW = 3
+"""So many problems of one kind are reported one by one."""
+
 _WIDEST = 200
 """Maximum number of characters of a quoted line."""
 
@@ -75,12 +78,25 @@ class Location:
 
 
 @frozen
+class Several:
+    """How many problems of one kind are reported: '{}' in `message` stands for the names, `name` is one."""
+
+    message: str
+    name: str
+    hint: str | None = None
+
+
+@frozen
 class Problem:
-    """A problem the user can fix: lower case, no full stop, names in single quotes."""
+    """A problem the user can fix: lower case, no full stop, names in single quotes.
+
+    With `several`, it is reported together with others of its kind if there are many.
+    """
 
     message: str
     location: Location | None = None
     hint: str | None = None
+    several: Several | None = None
 
     def render(self, severity: str = "error") -> str:
         """Return the text for users: position, message, source line with caret, hint."""
@@ -129,6 +145,25 @@ class UnfitFileError(OSError):
         super().__init__(None, reason, path)
 
 
+def joined(problems: Iterable[Problem]) -> list[Problem]:
+    """Return the problems with many of one kind joined at the place of the first."""
+    groups: dict[object, list[Problem]] = {}
+    for problem in problems:
+        kind = problem.several
+        groups.setdefault((kind.message, kind.hint) if kind else problem, []).append(problem)
+    return [problem for group in groups.values() for problem in _join(group)]
+
+
+def _join(group: list[Problem]) -> list[Problem]:
+    """Return one problem with the names of all; a few, each with its location, are returned as they are."""
+    kinds = [problem.several for problem in group if problem.several]
+    names = sorted({kind.name for kind in kinds})
+    if len(names) <= _FEW:
+        return group
+    quoted = ", ".join(f"'{name}'" for name in names)
+    return [Problem(kinds[0].message.replace("{}", quoted, 1), hint=kinds[0].hint)]
+
+
 def share_hints(problems: Iterable[Problem]) -> list[Problem]:
     """Return the problems; consecutive ones with the same hint show it only after the last."""
     found = list(problems)
@@ -147,9 +182,10 @@ class WarningReporter:
         self._previous: set[str] = set()
 
     def __call__(self, problems: Iterable[Problem]) -> None:
-        """Print warnings once each; consecutive ones with the same hint show it only after the last."""
+        """Print warnings once; consecutive ones with the same hint show it only after the last."""
         texts = {problem.render("warning"): problem for problem in problems}
-        for problem in share_hints(problem for text, problem in texts.items() if text not in self._previous):
+        found = joined(problem for text, problem in texts.items() if text not in self._previous)
+        for problem in share_hints(found):
             print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)
         self._current.update(texts)
 

@@ -6,7 +6,7 @@ import os
 from functools import partial
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import EnvironmentFault, Location, Problem, Several, WorkspaceError, raise_if_any
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
@@ -46,7 +46,10 @@ def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, .
     own = [name for name in loaded.selection.names if not loaded.packages[name].embedded]
     kinds = {name: loaded.packages[name].build_type for name in own}
     warn(
-        Problem(f"cannot test '{name}': unsupported build type '{kind}'")
+        Problem(
+            f"cannot test '{name}': unsupported build type '{kind}'",
+            several=Several(f"cannot test {{}}: unsupported build type '{kind}'", name),
+        )
         for name, kind in kinds.items()
         if kind not in TEST_RECIPES
     )
@@ -124,7 +127,9 @@ def changed_since_build(
         if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
             what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.changed_files)))
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
-            problems.append(Problem(message, Location(package.path), "forge build"))
+            many = "{} have changed since their last build, so that tests use outdated files"
+            kind = Several(many, name, "forge build")
+            problems.append(Problem(message, Location(package.path), "forge build", kind))
     return tuple(problems)
 
 

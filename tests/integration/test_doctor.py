@@ -282,6 +282,23 @@ def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
     ]
 
 
+def test_many_findings_of_one_kind_are_one_paragraph(forge: Forge, tree: Tree) -> None:
+    """With all packages by name; programs still get each with its file."""
+    setup = SETUP.replace(")", ", entry_points={{'console_scripts': ['run = p:main']}})")
+    names = [f"p{number}" for number in range(5)]
+    root = tree({file: text for name in names for file, text in python_package(name, "").items()})
+    for name in names:
+        (root / "src" / name / "setup.py").write_text(setup.format(name=name))
+    lines = forge("doctor", cwd=root).out.splitlines()
+    found = [line for line in lines if "where 'forge run' does not find them" in line]
+    listed = "'p0', 'p1', 'p2', 'p3', 'p4'"
+    assert [line.partition(" are ")[0] for line in found] == [f"warning: executables of {listed}"]
+    assert lines[lines.index(found[0]) + 1].startswith("hint: add install_scripts=$base/lib/NAME ")
+    assert [finding["file"] for finding in of_topic(findings(forge, root), "names")] == [
+        f"src/{name}/setup.cfg" for name in names
+    ]
+
+
 @pytest.mark.needs("cmake")
 def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tree) -> None:
     """The embedded packages in the underlay need no Python modules of ROS, nor are rosdep keys packages."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem
+from forge.base.errors import Location, Problem, Several
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.workspace.cmake_metadata import uses
@@ -130,7 +130,12 @@ def unused(
             return
     for name in sorted(wanted):
         message = f"'{package.name}' declares '{name}', but none of its files mentions it"
-        yield Problem(message, Location(package.manifest.path), "remove the line if it is not needed")
+        kind = Several(
+            f"{{}} declare '{name}', but none of their files mentions it",
+            package.name,
+            "remove the line from each package.xml that does not need it",
+        )
+        yield Problem(message, Location(package.manifest.path), "remove the line if it is not needed", kind)
 
 
 def _declared(package: Package) -> frozenset[str]:
@@ -145,6 +150,11 @@ def _undeclared(
         f"'{package.name}' uses '{name}' without declaring it in its manifest",
         place,
         f"add <{tag}>{name}</{tag}> to {package.manifest.path}",
+        Several(
+            f"{{}} use '{name}' without declaring it in their manifests",
+            package.name,
+            f"add <{tag}>{name}</{tag}> to each package.xml",
+        ),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import configparser
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem
+from forge.base.errors import Location, Problem, Several
 from forge.doctor.checks.model import CheckResult
 from forge.workspace.cmake_metadata import project_name
 from forge.workspace.python_metadata import read_setup_py
@@ -51,10 +51,16 @@ def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:
     if "console_scripts" in text and not _sets_script_folder(
         subject.text(package, "setup.cfg"), package.name
     ):
+        what = "are installed in 'bin', where 'forge run' does not find them"
         yield Problem(
-            f"executables of '{package.name}' are installed in 'bin', where 'forge run' does not find them",
+            f"executables of '{package.name}' {what}",
             Location(package.path / "setup.cfg"),
             f"add install_scripts=$base/lib/{package.name} to the section [install]",
+            Several(
+                f"executables of {{}} {what}",
+                package.name,
+                "add install_scripts=$base/lib/NAME to the section [install] of each setup.cfg",
+            ),
         )
 
 

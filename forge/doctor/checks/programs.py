@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem
+from forge.base.errors import EnvironmentFault, Location, Problem, Several
 from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.shells import SHELLS
 from forge.toolchain.interpreter import find_interpreter, interpreter_properties, missing_modules_problem
@@ -148,7 +148,8 @@ def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) 
         hint = f"use VERSION {least}...3.10, or build with --cmake-args -DCMAKE_POLICY_VERSION_MINIMUM=3.5"
         requested = f"requests compatibility with CMake {most or least}"
         message = f"'{package.name}' {requested}, which CMake {shown} no longer supports"
-        yield Problem(message, place, hint)
+        kind = Several(message.replace(f"'{package.name}' requests", "{} request", 1), package.name, hint)
+        yield Problem(message, place, hint, kind)
 
 
 def _missing_modules(
@@ -180,11 +181,16 @@ def _missing_header(
         return
     for package in subject.packages.values():
         if package.build_type in CMAKE_TYPES and _HEADERS.search(subject.text(package, "CMakeLists.txt")):
-            yield Problem(
-                f"'{package.name}' compiles a Python extension, but '{interpreter.path}' has no Python.h",
-                Location(package.path / "CMakeLists.txt"),
+            why = f"but '{interpreter.path}' has no Python.h"
+            hint = (
                 "install its headers, for example with `apt install python3-dev` or `dnf install "
-                "python3-devel`",
+                "python3-devel`"
+            )
+            yield Problem(
+                f"'{package.name}' compiles a Python extension, {why}",
+                Location(package.path / "CMakeLists.txt"),
+                hint,
+                Several(f"{{}} compile Python extensions, {why}", package.name, hint),
             )
 
 

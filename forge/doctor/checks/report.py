@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location
+from forge.base.errors import Location, joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,10 +19,10 @@ def lines(results: Sequence[CheckResult], *, everything: bool) -> Iterator[str]:
     """Yield a line for each topic, then the findings by decreasing severity, and a conclusion."""
     for result in results:
         yield f"{_word(result):8}{result.topic:{_WIDTH}} {result.summary}"
-    shown = [pair for pair in graded(results) if everything or pair[0] != "note"]
-    for severity, _, problem in shown:
-        yield ""
-        yield problem.render(severity)
+    for severity in ("error", "warning", "note") if everything else ("error", "warning"):
+        for problem in _of_severity(results, severity):
+            yield ""
+            yield problem.render(severity)
     yield ""
     yield conclusion(results, everything=everything)
 
@@ -48,11 +48,14 @@ def graded(results: Sequence[CheckResult]) -> Iterator[tuple[str, str, Problem]]
                 yield word, result.topic, problem
 
 
+def _of_severity(results: Sequence[CheckResult], severity: str) -> list[Problem]:
+    """Return the findings of one severity; those of one kind are joined."""
+    return [problem for result in results for problem in joined(getattr(result, f"{severity}s"))]
+
+
 def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
     """Return the last line, which tells whether builds are possible and whether there are more findings."""
-    errors, warnings, notes = (
-        sum(len(getattr(result, word)) for result in results) for word in ("errors", "warnings", "notes")
-    )
+    errors, warnings, notes = (len(_of_severity(results, word)) for word in ("error", "warning", "note"))
     if errors:
         verb = "prevents" if errors == 1 else "prevent"
         text = f"{_count(errors, 'error')} {verb} builds" + (

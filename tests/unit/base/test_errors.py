@@ -1,0 +1,38 @@
+"""Problems of one kind in many packages are one message."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, Several, WarningReporter, joined
+
+if TYPE_CHECKING:
+    import pytest
+
+
+def outdated(name: str) -> Problem:
+    """Return a problem of a package."""
+    kind = Several("{} are outdated", name, "update all")
+    return Problem(f"'{name}' is outdated", hint=f"update {name}", several=kind)
+
+
+def test_many_problems_of_one_kind_are_joined_where_the_first_was() -> None:
+    other = Problem("unrelated")
+    found = joined([other, *map(outdated, "dbca"), other, Problem("last")])
+    every = Problem("'a', 'b', 'c', 'd' are outdated", hint="update all")
+    assert found == [other, other, every, Problem("last")]
+
+
+def test_a_few_keep_what_is_said_of_each() -> None:
+    few = [outdated("a"), outdated("b"), outdated("c")]
+    assert joined(few) == few
+    assert joined([*few, outdated("a")]) == [*few, outdated("a")], "names are counted once"
+
+
+def test_a_watch_joins_only_what_is_new(capsys: pytest.CaptureFixture[str]) -> None:
+    warn = WarningReporter()
+    warn(map(outdated, "abcd"))
+    assert capsys.readouterr().err == "warning: 'a', 'b', 'c', 'd' are outdated\nhint: update all\n"
+    warn.start_next_build()
+    warn(map(outdated, "abcde"))
+    assert capsys.readouterr().err == "warning: 'e' is outdated\nhint: update e\n"
