@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.output.charts.pages import trace
+from forge.output.charts.pages import trace, write_timings
 from forge.output.charts.timing_views import facts, page
 from forge.output.charts.timings import PackageRun, at_work, critical_path, read_build, rows, waited
 from tests.strategies import graphs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
 
 def event(word: str, time: float, package: str | None = None, **said: object) -> str:
@@ -159,6 +160,15 @@ def test_the_page_tells_it_in_words() -> None:
     assert [(row.name, row.step, row.took) for row in shown.steps][:2] == [
         *(("c", "cmake", "2.00s"), ("c", "build", "2.00s")),
     ]
+
+
+def test_the_page_says_what_the_times_of_the_critical_path_include(tmp_path: Path) -> None:
+    """They are no lower bound: packages that shared the processors take less time with more of them."""
+    (tmp_path / "events.jsonl").write_text("\n".join(DIAMOND))
+    write_timings(tmp_path)
+    text = (tmp_path / "timings.html").read_text()
+    assert "Their times include what they lost to packages that were built at the same time." in text
+    assert "cannot make the build faster" not in text
 
 
 def test_what_came_from_the_cache_was_not_built() -> None:
