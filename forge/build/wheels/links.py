@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.workspace.source_names import is_environment, may_contain_packages
+from forge.workspace.source_names import is_environment, is_source_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -103,12 +103,16 @@ def _installed(path: str, wheel: Wheel) -> Path | None:
 
 def _source_files(source: Path) -> Iterator[Path]:
     for folder, names, files in os.walk(source):
-        if folder != str(source) and is_environment({*names, *files}.__contains__):
+        beside = {*names, *files}
+        if folder != str(source) and is_environment(beside.__contains__):
             names.clear()
             continue
         names[:] = sorted(
             n
             for n in names
-            if n not in _SKIPPED_DIRS and may_contain_packages(n) and not n.endswith(".egg-info")
+            if n not in _SKIPPED_DIRS
+            and not n.startswith(".")
+            and not n.endswith(".egg-info")
+            and is_source_folder(n, beside.__contains__)
         )
         yield from (Path(folder) / name for name in sorted(files))

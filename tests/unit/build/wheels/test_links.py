@@ -1,0 +1,28 @@
+"""Installed files of a Python package are links to its sources."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.build.wheels.links import Wheel, link_to_sources
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
+
+
+def test_the_copy_in_an_environment_is_no_source(tree: Tree) -> None:
+    """As after `pip install .` in a virtual environment within the package."""
+    root = tree(
+        {
+            "p/setup.py": "",
+            "p/p/mine.py": "X = 1\n",
+            "p/venv/pyvenv.cfg": "",
+            "p/venv/lib/python3.11/site-packages/p/mine.py": "X = 1\n",
+            "p/node_modules/p/mine.py": "X = 1\n",
+            "install/p/mine.py": "X = 1\n",
+        }
+    )
+    installed = root / "install/p/mine.py"
+    link_to_sources(Wheel(root / "p", root / "build", {}, ""), [installed])
+    assert installed.is_symlink()
+    assert installed.resolve() == root / "p/p/mine.py"
