@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.cli.watch.file_watcher import WatchSpec, watch_specs
+from forge.cli.watch.file_watcher import FileWatcher, WatchSpec, watch_specs
 from forge.cli.watch.watching import line_of
 from forge.output.console import Tally
 from forge.workspace.discovery import discover
@@ -67,6 +67,26 @@ def test_what_is_looked_at(tree: Tree) -> None:
     assert not found[f"{root}/src/hidden"].folders
     assert "said.txt" in (found[f"{root}/far"].names or ())
     assert "forge.toml" in (found[str(root)].names or ())
+
+
+def test_states_differ_if_a_file_changed(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of folders do not change with what is no source; native events name the files to look at."""
+    root = tree({"a/x.txt": "", "a/below/y.txt": ""})
+    folder, file = f"{root}/a", f"{root}/a/x.txt"
+    native = FileWatcher(lambda _: None)
+    assert native.states(frozenset()) == {}
+    assert native.states(frozenset({file})).keys() == {file}
+    monkeypatch.setenv("WATCHFILES_FORCE_POLLING", "1")
+    polling = FileWatcher(lambda _: None)
+    polling.watch(lambda: {folder: WatchSpec()})
+    before = polling.states(frozenset())
+    assert before.keys() == {folder, file}
+    (root / "a/__pycache__").mkdir()
+    assert polling.states(frozenset()) == before
+    (root / "a/x.txt").write_text("new")
+    assert polling.states(frozenset())[file] != before[file]
+    (root / "a/x.txt").unlink()
+    assert polling.states(frozenset({file}))[file] == ""
 
 
 def test_what_cannot_be_watched(forge: Forge, tree: Tree) -> None:

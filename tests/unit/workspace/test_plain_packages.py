@@ -182,13 +182,16 @@ def test_what_is_no_package(tree: Tree, files: dict[str, str]) -> None:
     assert not walked(tree({f"x/{file}": text for file, text in files.items()})).packages
 
 
-def test_dependencies_come_from_all_cmake_files_but_hidden_ones(tree: Tree) -> None:
+def test_dependencies_come_from_all_cmake_files_but_hidden_and_installed_ones(tree: Tree) -> None:
     root = tree(
         {
             "x/CMakeLists.txt": CMAKE.format("x") + "find_package(a)\nfind_package(x)",
             "x/cmake/more.cmake": "find_package(b)",
             "x/sub/CMakeLists.txt": "find_package(c)",
             "x/.git/no.cmake": "find_package(d)",
+            "x/venv/pyvenv.cfg": "",
+            "x/venv/lib/no.cmake": "find_package(d)",
+            "x/node_modules/y/no.cmake": "find_package(d)",
         }
     )
     assert only(root).manifest.names(frozenset({DependencyKind.BUILD})) == ("a", "b", "c")
