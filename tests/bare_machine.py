@@ -112,16 +112,16 @@ def _copies(room: Path, shown: frozenset[str]) -> Mapping[str, Path]:
         if Path(folder).is_dir() and not Path(folder).is_symlink():
             copies[folder] = Path(tempfile.mkdtemp(dir=room))
             copies[folder].chmod(0o755)
-            for path in _shown(Path(folder), shown | {"python3", PYTHON.name}):
+            for path in _shown(Path(folder), shown):
                 shutil.copy2(path, copies[folder] / path.name, follow_symlinks=False)
     return copies
 
 
 def _shown(folder: Path, names: frozenset[str]) -> Iterator[Path]:
-    """Yield the programs of these names, and Debian's alternatives that lead to them."""
+    """Yield the programs of these names; this Python and Debian's alternatives may have others."""
     for path in folder.iterdir():
         alternative = path.is_symlink() and str(path.readlink()).startswith("/etc/alternatives/")
-        if path.name in names or (alternative and path.resolve().name in names):
+        if path.name in names or path.resolve() == PYTHON or (alternative and path.resolve().name in names):
             yield path
 
 

@@ -197,11 +197,9 @@ def browser(chromium: Browser) -> Iterator[Browser]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add --accept and --left-out-to."""
+    """Add --accept and --once."""
     parser.addoption("--accept", action="store_true", help="write what goldens are to expect from now on")
-    parser.addoption(
-        "--left-out-to", metavar="FILE", help="write the tests left out there, for 'pytest @FILE'"
-    )
+    parser.addoption("--once", metavar="FILE", help="skip the tests listed in FILE; add those that pass")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -224,6 +222,15 @@ def _put_first(cmake: Path, config: pytest.Config) -> None:
     for program in ("cmake", "ctest"):
         Path(folder.name, program).symlink_to(cmake.absolute().with_name(program))
     os.environ["PATH"] = os.pathsep.join((folder.name, os.environ.get("PATH", "")))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Do not run what has passed elsewhere."""
+    file = config.getoption("--once")
+    if file and Path(file).exists():
+        passed = frozenset(Path(file).read_text(encoding="utf-8").splitlines())
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in passed])
+        items[:] = [item for item in items if item.nodeid not in passed]
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -254,12 +261,12 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Write down what was left out; where FORGE_TEST_NOTHING_LEFT_OUT is set, fail if anything was."""
+    """Write down what has passed; where FORGE_TEST_NOTHING_LEFT_OUT is set, fail if anything was left out."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-    file = session.config.getoption("--left-out-to")
+    file = session.config.getoption("--once")
     if reporter and file:
-        lines = (f"{report.nodeid}\n" for report in reporter.stats.get("skipped", []))
-        Path(file).write_text("".join(dict.fromkeys(lines)), encoding="utf-8")
+        with Path(file).open("a", encoding="utf-8") as lines:
+            lines.writelines(f"{report.nodeid}\n" for report in reporter.stats.get("passed", []))
     if reporter and os.environ.get("FORGE_TEST_NOTHING_LEFT_OUT") == "1" and any(_left_out(reporter)):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 

@@ -154,11 +154,11 @@ def test_on_request_nothing_may_be_left_out(tmp_path: Path) -> None:
     assert run_suite(tmp_path, FORGE_TEST_NOTHING_LEFT_OUT="1").returncode == 1
 
 
-def test_what_was_left_out_can_be_run_alone(tmp_path: Path) -> None:
-    run_suite(tmp_path, after=("--left-out-to", "left_out.txt"))
-    left_out = (tmp_path / "left_out.txt").read_text(encoding="utf-8")
-    assert left_out == "test_suite.py::test_with_a_tool\ntest_suite.py::test_with_a_reason\n"
-    assert "\n2 skipped in" in run_suite(tmp_path, after=("@left_out.txt",)).stdout
+def test_what_has_passed_is_not_run_again(tmp_path: Path) -> None:
+    once = ("--once", "passed.txt")
+    assert "\n1 passed, 2 skipped in" in run_suite(tmp_path, after=once).stdout
+    assert (tmp_path / "passed.txt").read_text(encoding="utf-8") == "test_suite.py::test_that_runs\n"
+    assert "\n2 skipped, 1 deselected in" in run_suite(tmp_path, after=once).stdout
 
 
 def test_on_a_bare_machine_a_test_without_its_marker_fails(tmp_path: Path) -> None:

@@ -184,6 +184,7 @@ def test_an_install_folder_that_cannot_be_written(forge: Forge, tree: Tree) -> N
     one_message(ran, "file/install", "hint: ")
 
 
+@pytest.mark.needs("cmake")
 def test_no_compiler(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
     one_message(_bare(root, without=COMPILERS), "'a' needs", "compiler", "hint: ")
@@ -195,9 +196,9 @@ def test_no_cmake_names_the_extra(tree: Tree) -> None:
 
 
 def _bare(root: Path, without: tuple[str, ...]) -> Ran:
-    """Run `forge build` as on a machine without some programs, and without their wheels."""
+    """Run `forge build` as on a machine without some programs and their wheels."""
     programs = _linked(root / "programs", [Path("/usr/bin"), Path("/bin")], without)
-    modules = _linked(root / "modules", [Path(sysconfig.get_path("purelib"))], ("cmake", "ninja"))
+    modules = _linked(root / "modules", [Path(sysconfig.get_path("purelib"))], without)
     python = root / "venv/bin/python"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", root / "venv"], check=True)
     variables = {name: value for name, value in surroundings(root).items() if name not in {"CC", "CXX"}}

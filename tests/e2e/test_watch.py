@@ -317,6 +317,7 @@ def test_a_package_that_writes_its_own_sources_does_not_spin(tree: Tree) -> None
         assert any("'src/a/stamp.txt' changed during 5 consecutive builds" in said for said in watch.said)
 
 
+@pytest.mark.needs("pgrep")
 def test_an_interrupted_build_ends_with_130_and_nothing_goes_on(tree: Tree) -> None:
     root = tree(package("a", seconds=0))
     with watching(root) as watch:
