@@ -80,7 +80,9 @@ REMEDIES = {
 }
 """The command that brings each tool, or file, which a test may need."""
 
-_FOREIGN = ("AMENT_", "CMAKE_PREFIX_PATH", "COLCON_", "FORGE_", "PYTHONPATH", "ROS_")
+_FOREIGN = (
+    *("AMENT_", "CLICOLOR", "CMAKE_PREFIX_PATH", "COLCON_", "FORCE_COLOR", "FORGE_", "PYTHONPATH", "ROS_"),
+)
 _LEFT_OUT = "left_out"
 
 

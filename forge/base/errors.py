@@ -16,13 +16,18 @@ import errno
 import sys
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
+
+Severity = Literal["error", "warning", "note"]
+
+_PLAIN = Palette()
 
 _UNSEEN = {
     code: "\N{REPLACEMENT CHARACTER}"
@@ -98,18 +103,18 @@ class Problem:
     hint: str | None = None
     several: Several | None = None
 
-    def render(self, severity: str = "error") -> str:
+    def render(self, severity: Severity = "error", palette: Palette = _PLAIN) -> str:
         """Return the text for users: position, message, source line with caret, hint."""
-        where = f"{self.location}: " if self.location else ""
-        lines = [f"{where}{severity}: {self.message}"]
+        where = f"{self.location}: ".translate(_UNSEEN) if self.location else ""
+        lines = [f"{where}{palette.paint(severity, severity + ':')} {self.message.translate(_UNSEEN)}"]
         if self.location and self.location.source is not None:
             source, column = _window(self.location.source, self.location.column)
-            lines.append(f"    {source}")
+            lines.append(f"    {source.translate(_UNSEEN)}")
             if column is not None:
-                lines.append("    " + _caret_indent(source, column) + "^")
+                lines.append(f"    {_caret_indent(source, column)}{palette.paint(severity, '^')}")
         if self.hint:
-            lines.append(f"hint: {self.hint}")
-        return "\n".join(lines).translate(_UNSEEN)
+            lines.append(f"{palette.paint('hint', 'hint:')} {self.hint.translate(_UNSEEN)}")
+        return "\n".join(lines)
 
 
 class ForgeError(Exception):
@@ -173,6 +178,11 @@ def share_hints(problems: Iterable[Problem]) -> list[Problem]:
     ] + found[-1:]
 
 
+def print_problem(problem: Problem, severity: Severity = "error") -> None:
+    """Print a problem on stderr."""
+    print(problem.render(severity, palette_of(sys.stderr)), file=sys.stderr)  # noqa: T201  (as it says)
+
+
 class WarningReporter:
     """Prints warnings on stderr; a watch does not repeat those of the previous build."""
 
@@ -186,7 +196,7 @@ class WarningReporter:
         texts = {problem.render("warning"): problem for problem in problems}
         found = joined(problem for text, problem in texts.items() if text not in self._previous)
         for problem in share_hints(found):
-            print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)
+            print_problem(problem, "warning")
         self._current.update(texts)
 
     def start_next_build(self) -> None:

@@ -43,9 +43,15 @@ def snake_case(name: str) -> str:
     return _LOWER_THEN_UPPER.sub(r"\1_\2", _LOWER_THEN_WORD.sub(r"\1_\2", name)).lower()
 
 
-def did_you_mean(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
-    """Return a hint with the most similar known name, or None; `nearness` is between 0 and 1."""
+def nearest(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
+    """Return the most similar known name, or None; `nearness` is between 0 and 1."""
     import difflib  # noqa: PLC0415  (takes 6 ms, rarely needed)
 
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=nearness)
-    return f"did you mean '{near[0]}'?" if near else None
+    return near[0] if near else None
+
+
+def did_you_mean(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:
+    """Return a hint with the most similar known name, or None."""
+    near = nearest(name, known, nearness)
+    return f"did you mean '{near}'?" if near else None

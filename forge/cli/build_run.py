@@ -20,6 +20,7 @@ from forge.build.recording import PackageRecorder
 from forge.build.up_to_date import relevant_environment
 from forge.cli.options import displayed
 from forge.cli.session import open_session
+from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.job_pool import without_job_variables
 from forge.execution.opening import open_job_pool
@@ -36,6 +37,7 @@ from forge.workspace.resolve import missing_problems
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from contextlib import AbstractContextManager
+    from pathlib import Path
 
     from forge.build.audit.tracing import Audit
     from forge.build.recipes.context import BuildContext
@@ -175,11 +177,20 @@ def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | Non
 
 
 def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> AbstractContextManager[Session]:
-    context = build.context
+    context, packages = build.context, build.loaded.packages
+
+    def prefix_of(name: str) -> Path | None:
+        own = context.layout.prefix(name)
+        return (
+            own
+            if name in packages
+            else provider(name, find_underlays(build.variables, context.layout.install))
+        )
+
     return open_session(
         "build",
         plan,
-        build.loaded.packages,
+        packages,
         context.layout.logs,
         build.options.report,
         began=build.began,
@@ -187,6 +198,8 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
         quiet=build.mode.quiet,
         cmake_variables=defined((*context.cmake_args, *context.ament_cmake_args)),
         python=str(build.interpreter.path),
+        prefix_of=prefix_of,
+        named=build.options.query.named,
     )
 
 

@@ -96,22 +96,32 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
     quiet: bool = False,
     cmake_variables: frozenset[str] = frozenset(),
     python: str = "python3",
+    prefix_of: Callable[[str], Path | None] = lambda _: None,
+    named: frozenset[str] = frozenset(),
 ) -> Iterator[Session]:
     """Yield the session of a command.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
-    `cmake_variables` are those passed to all packages, `python` is the interpreter in hints.
+    `cmake_variables` are those passed to all packages, `python` is the interpreter in hints,
+    which look for installed packages with `prefix_of`. Embedded packages that were built before get no lines
+    of their own, except those that the user `named`.
     """
-    handlers = options.handlers
+    handlers, durations = options.handlers, seconds or {}
+    # Later builds of embedded packages follow from a new forge or new options.
+    unlisted = frozenset(
+        name for name, task in plan.tasks.items() if task.embedded and name in durations and name not in named
+    )
     live = not options.json and is_wanted(handlers)
     with (
         closing(open_log(logs, command, sys.argv)) as log,
-        live_view(plan, seconds or {}, wanted=live) as view,
+        live_view(plan, durations, wanted=live, unlisted=unlisted) as view,
     ):
         shown = without_text_output(handlers) if options.json or quiet else handlers
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
         report.screen = view.screen
         report.python = python
+        report.prefix_of = prefix_of
+        report.unlisted = unlisted
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
         yield Session(began, log, view, report, json_events)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Protocol
 
+from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, duration
@@ -27,9 +28,10 @@ from forge.output.repeated_warnings import RepeatedWarnings
 from forge.toolchain.cmake_warnings import UnusedVariables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from forge.base.colours import Meaning
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
     from forge.output.failure_hints import FirstError
@@ -43,6 +45,9 @@ class Screen(Protocol):
 
     quiet_starts: bool
 
+    def palette(self, *, stderr: bool = False) -> Palette:
+        """Return the colours of the stream."""
+
     def write(self, content: bytes, *, stderr: bool = False) -> None:
         """Write bytes unchanged, because output of packages may have any encoding."""
 
@@ -51,6 +56,9 @@ class _Plain:
     """Writes to stdout and stderr."""
 
     quiet_starts = False
+
+    def palette(self, *, stderr: bool = False) -> Palette:
+        return palette_of(sys.stderr if stderr else sys.stdout)
 
     def write(self, content: bytes, *, stderr: bool = False) -> None:
         stream = sys.stderr if stderr else sys.stdout
@@ -118,6 +126,10 @@ class ConsoleReporter:
         self.screen = PLAIN
         self.python = "python3"
         """The workspace's interpreter, for hints."""
+        self.prefix_of: Callable[[str], Path | None] = lambda _: None
+        """Returns the prefix of an installed package, for hints."""
+        self.unlisted: frozenset[str] = frozenset()
+        """Packages without lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
         """The summaries of compiler launchers."""
         self.test_counts: Counts | None = None
@@ -184,7 +196,8 @@ class ConsoleReporter:
                 self._finish(event)
             case Aborted(task, seconds):
                 self._aborted.append(task)
-                self._progress(f"Aborted  <<< {self._label(task)} [{duration(seconds)}]")
+                verb = self.screen.palette().paint("warning", "Aborted ")
+                self._progress(f"{verb} <<< {self._label(task)} [{duration(seconds)}]")
             case Skipped(task):
                 self._skipped.append(task)
             case Fresh(task):
@@ -208,8 +221,12 @@ class ConsoleReporter:
         if not self._on["summary"]:
             return
         tally = self.tally
+        palette = self.screen.palette()
         unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
-        self._out(f"\nSummary: {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
+        head = palette.paint(
+            "failure" if tally.failed or tally.aborted or tally.test_failures else "success", "Summary:"
+        )
+        self._out(f"\n{head} {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
         if self.test_counts is not None:
             self._out(f"  {self.test_counts}")
         brought = len(tally.embedded)
@@ -219,22 +236,27 @@ class ConsoleReporter:
             self._out(f"  {_count(tally.restored)} came from the cache")
         for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
-        for names, words in (
-            (tally.failed, "failed"),
-            (tally.aborted, "aborted"),
-            (tally.stderr, "had stderr output"),
-            *((names, f"repeated warnings of {first}") for first, names in self._repeated.packages.items()),
-            (tally.test_failures, f"had {TEST_FAILURES}"),
-        ):
+        listed: tuple[tuple[tuple[str, ...], str, Meaning], ...] = (
+            (tally.failed, "failed", "failure"),
+            (tally.aborted, "aborted", "warning"),
+            (tally.stderr, "had stderr output", "warning"),
+            *(
+                (tuple(names), f"repeated warnings of {first}", "warning")
+                for first, names in self._repeated.packages.items()
+            ),
+            (tally.test_failures, f"had {TEST_FAILURES}", "failure"),
+        )
+        for names, words, meaning in listed:
             if names:
-                self._out(f"  {_count(names)} {words}: {' '.join(names)}")
+                shown = palette.paint("name", " ".join(names))
+                self._out(f"  {_count(names)} {palette.paint(meaning, words)}: {shown}")
         if tally.not_processed:
             self._out(f"  {_count(tally.not_processed)} not processed")
         if self._unused.names:
             self._out(f"  CMake variables not used by any package: {' '.join(self._unused.names)}")
 
     def _start(self, task: str) -> None:
-        if not self.screen.quiet_starts:
+        if not self.screen.quiet_starts and task not in self.unlisted:
             self._progress(f"Starting >>> {self._label(task)}")
 
     def _list(self) -> None:
@@ -251,8 +273,10 @@ class ConsoleReporter:
     def _out(self, line: str) -> None:
         self.screen.write(f"{line}\n".encode())
 
-    def _label(self, task: str) -> str:
-        return f"{task} (embedded)" if self._embedded(task) else task
+    def _label(self, task: str, *, stderr: bool = False) -> str:
+        palette = self.screen.palette(stderr=stderr)
+        name = palette.paint("name", task)
+        return f"{name} {palette.paint('detail', '(embedded)')}" if self._embedded(task) else name
 
     def _embedded(self, name: str) -> bool:
         return self.packages[name].embedded
@@ -296,11 +320,14 @@ class ConsoleReporter:
             return
         self._finished.append(task)
         self._output.pop(task, None)
-        remark = f"\t[ with {TEST_FAILURES} ]" if task in self._failed_tests else ""
+        failures = self.screen.palette().paint("failure", TEST_FAILURES)
+        remark = f"\t[ with {failures} ]" if task in self._failed_tests else ""
         if event.cache == RESTORED:
             self._restored.append(task)
             remark = f"\t[ {RESTORED} ]"
-        self._progress(f"Finished <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
+        if task not in self.unlisted:
+            verb = self.screen.palette().paint("success", "Finished")
+            self._progress(f"{verb} <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
@@ -312,16 +339,16 @@ class ConsoleReporter:
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = self._hint(task, text)
         self._failed[task] = PackageFailure(error, repeat, hint)
-        lines = [
-            f"Failed   <<< {self._label(task)} [{duration(event.seconds)}, exited with code {event.code}]"
-        ]
+        palette = self.screen.palette(stderr=True)
+        seconds = f"{duration(event.seconds)}, exited with code {event.code}"
+        lines = [f"{palette.paint('failure', 'Failed  ')} <<< {self._label(task, stderr=True)} [{seconds}]"]
         step = event.step.label if event.step else ""
         if error and is_visible(error, shown):
             lines.append(f"  first error in step '{step}': see above")
         elif error:
             lines += [f"  first error in step '{step}':", *(f"    {line}" for line in error.lines)]
         if hint:
-            lines.append(f"  hint: {hint}")
+            lines.append(f"  {palette.paint('hint', 'hint:')} {hint}")
         if self.logs:
             lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
         if repeat:
@@ -332,7 +359,8 @@ class ConsoleReporter:
         """Return a remedy if the cause of a failure is known."""
         from forge.output.failure_hints import failure_context, hint_of  # noqa: PLC0415
 
-        return hint_of(text, failure_context(self.packages[task], self.packages, self.python))
+        context = failure_context(self.packages[task], self.packages, self.python, self.prefix_of)
+        return hint_of(text, context)
 
 
 def _count(names: Sequence[str]) -> str:

@@ -9,18 +9,28 @@ from forge.base.layout import LAST_COMMAND, SCRATCH_DIR
 from forge.build.tasks import step_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from forge.base.layout import Layout
     from forge.build.tasks import BuildPlan
+    from forge.workspace.model import Package
 
 
-def explain(plan: BuildPlan) -> Iterator[str]:
-    """Yield a line for each package of the plan with the reason."""
+def explain(
+    plan: BuildPlan, packages: Mapping[str, Package], named: frozenset[str] = frozenset()
+) -> Iterator[str]:
+    """Yield a line for each package of the plan with the reason, packages of the workspace first.
+
+    Embedded packages that are up to date share one line, except those that the user `named`.
+    """
     for name in plan.fresh:
-        yield f"{name}: up to date"
-    for name, task in plan.tasks.items():
+        if name in named or not packages[name].embedded:
+            yield f"{name}: up to date"
+    for name, task in sorted(plan.tasks.items(), key=lambda item: item[1].embedded):
         yield f"{name}: {'maybe build' if task.conditional else 'build'}, {task.reason}"
+    count = sum(packages[name].embedded and name not in named for name in plan.fresh)
+    if count:
+        yield f"{count} embedded package{'' if count == 1 else 's'}: up to date"
 
 
 def commands(plan: BuildPlan) -> Iterator[str]:

@@ -13,16 +13,18 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean, snake_case
+from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
 from forge.execution.worker_client import DECLINED_PREFIX
-from forge.workspace.cmake_metadata import targets
+from forge.output.known_names import cmake_commands, installed_headers
+from forge.workspace.cmake_metadata import cmake_dependencies, targets
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS
 from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from forge.workspace.model import Package
 
@@ -64,6 +66,10 @@ class FailureContext:
     """The package's files, relative to its folder."""
     targets: tuple[str, ...] = ()
     """The targets of its CMakeLists.txt."""
+    found: frozenset[str] = frozenset()
+    """The packages that its CMakeLists.txt finds."""
+    prefix_of: Callable[[str], Path | None] = lambda _: None
+    """Returns the prefix that contains an installed package."""
 
     @property
     def manifest(self) -> str:
@@ -73,6 +79,11 @@ class FailureContext:
     def declares(self, name: str) -> bool:
         """Tell whether the manifest declares a build dependency."""
         return name in self.package.manifest.names(BUILD_KINDS)
+
+    def headers(self, name: str) -> frozenset[str]:
+        """Return the headers that a package installed."""
+        prefix = self.prefix_of(name)
+        return installed_headers(name, prefix) if prefix else frozenset()
 
     def depend(self, name: str) -> str:
         """Return the line that declares a dependency in a manifest."""
@@ -105,7 +116,12 @@ def is_visible(error: FirstError, shown: str) -> bool:
     return error.lines[0] in plain[-_VISIBLE_LINES:]
 
 
-def failure_context(package: Package, packages: Mapping[str, Package], python: str) -> FailureContext:
+def failure_context(
+    package: Package,
+    packages: Mapping[str, Package],
+    python: str,
+    prefix_of: Callable[[str], Path | None],
+) -> FailureContext:
     """Return the context of a failed package; unreadable files are left out."""
     folder = str(package.path)
     try:
@@ -113,13 +129,16 @@ def failure_context(package: Package, packages: Mapping[str, Package], python: s
     except OSError:
         files = ()
     text = text_or_nothing(package.path / "CMakeLists.txt")
-    return FailureContext(package, {**discover_embedded(), **packages}, python, files, targets(text))
+    every = {**discover_embedded(), **packages}
+    found = cmake_dependencies([text])
+    return FailureContext(package, every, python, files, targets(text), found, prefix_of)
 
 
 def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
+    plain = _COLOUR.sub("", output)
     for pattern, remedy in _REMEDIES:
-        match = pattern.search(output)
+        match = pattern.search(plain)
         hint = remedy(match[1] if pattern.groups else "", context) if match else None
         if hint:
             return hint
@@ -150,20 +169,38 @@ def _package_not_found(name: str, context: FailureContext) -> str | None:
 
 
 def _header_not_found(header: str, context: FailureContext) -> str | None:
-    name = header.split("/", maxsplit=1)[0]
-    if "/" in header and name in context.packages and name != context.package.name:
+    name, _, rest = header.partition("/")
+    if not rest or name == context.package.name:
+        return _own_header_not_found(header, context)
+    installed = context.headers(name)
+    if name in context.packages:
         folder, _, file = header.rpartition("/")
         stem, dot, ending = file.partition(".")
         if stem != stem.lower() and INTERFACE_GROUP in context.packages[name].manifest.groups:
             return f"headers of interfaces are lower case: '{folder}/{snake_case(stem)}{dot}{ending}'"
-        lines = [] if context.declares(name) else [f"<depend>{name}</depend> in {context.manifest}"]
-        lines += [f"find_package({name} REQUIRED)", f"ament_target_dependencies(YOUR_TARGET {name})"]
-        return f"'{header}' belongs to the package '{name}'; add {_listed(lines)}"
-    if name == context.package.name or "/" not in header:
-        return "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE include)"
+    if installed and header not in installed:
+        near = nearest(rest, (other.partition("/")[2] for other in installed), _SURE)
+        return f"did you mean '{name}/{near}'?" if near else f"the package '{name}' has no such header"
+    if installed or name in context.packages:
+        return f"'{header}' belongs to the package '{name}'; add {_listed(_lines_for(name, context))}"
     if is_ros_name(name):
         return f"source a ROS installation that contains '{name}', or add its sources to the workspace"
     return f"install the system package that contains it (Debian: apt-file search {header})"
+
+
+def _own_header_not_found(header: str, context: FailureContext) -> str:
+    """Return a remedy for a header of the package itself, or one that is included without a folder."""
+    depth = header.count("/") + 1
+    own = {"/".join(file.split("/")[-depth:]) for file in context.files}
+    near = None if header in own else did_you_mean(header, own, _SURE)
+    return near or "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE include)"
+
+
+def _lines_for(name: str, context: FailureContext) -> list[str]:
+    """Return the lines that make a target use a package, without those that are there."""
+    lines = [] if context.declares(name) else [f"{context.depend(name)} in {context.manifest}"]
+    lines += [] if name in context.found else [f"find_package({name} REQUIRED)"]
+    return [*lines, f"ament_target_dependencies(YOUR_TARGET {name})"]
 
 
 def _no_such_target(target: str, context: FailureContext) -> str | None:
@@ -202,9 +239,7 @@ def _undefined(symbol: str, context: FailureContext) -> str:
         return "the executable has no main(): add the source file that defines it to add_executable()"
     name = symbol.removeprefix("vtable for ").split("::", maxsplit=1)[0]
     if "::" in symbol and name in context.packages and name != context.package.name:
-        lines = [] if context.declares(name) else [f"{context.depend(name)} in {context.manifest}"]
-        lines += [f"find_package({name} REQUIRED)", f"ament_target_dependencies(YOUR_TARGET {name})"]
-        return f"'{symbol}' belongs to the package '{name}'; add {_listed(lines)}"
+        return f"'{symbol}' belongs to the package '{name}'; add {_listed(_lines_for(name, context))}"
     return (
         f"no linked object defines '{symbol}': add its source file to add_executable() or add_library(), "
         "or its library in target_link_libraries()"
@@ -242,7 +277,7 @@ def _target_not_found(target: str, context: FailureContext) -> str | None:
     return f"add find_package({name} REQUIRED) before its use in CMakeLists.txt{depend}"
 
 
-def _command_not_found(command: str, _context: FailureContext) -> str | None:
+def _command_not_found(command: str, context: FailureContext) -> str | None:
     packages = (
         ("rosidl_", "rosidl_default_generators"),
         ("ament_add_gtest", "ament_cmake_gtest"),
@@ -252,8 +287,12 @@ def _command_not_found(command: str, _context: FailureContext) -> str | None:
         ("ament_python_", "ament_cmake_python"),
         ("ament_", "ament_cmake"),
     )
+    known = cmake_commands(context.package.path, context.files)
+    near = None if command in known else did_you_mean(command, known, _SURE)
     name = next((package for beginning, package in packages if command.startswith(beginning)), None)
-    return f"add find_package({name} REQUIRED) before it in CMakeLists.txt" if name else None
+    if near or name is None or name in context.found:
+        return near
+    return f"add find_package({name} REQUIRED) before it in CMakeLists.txt"
 
 
 def _module_not_found(module: str, context: FailureContext) -> str | None:
@@ -332,4 +371,5 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
 
 
 def _listed(lines: list[str]) -> str:
-    return f"{', '.join(lines[:-1])} and {lines[-1]}"
+    *first, last = lines
+    return f"{', '.join(first)} and {last}" if first else last

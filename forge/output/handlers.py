@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean
+from forge.base.names import nearest
 from forge.base.options import option
 
 if TYPE_CHECKING:
@@ -43,13 +43,21 @@ def handlers_of(words: Sequence[str]) -> dict[str, bool]:
         (
             Problem(
                 f"--event-handlers expects names followed by '+' or '-', not '{word}'",
-                hint=did_you_mean(word.rstrip("+-"), HANDLERS),
+                hint=_remedy(word),
             )
             for word in unknown
         ),
         SelectionError,
     )
     return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
+
+
+def _remedy(word: str) -> str | None:
+    name = word.rstrip("+-")
+    if name in HANDLERS:
+        return f"'{name}+' enables it, '{name}-' disables it"
+    near = nearest(name, HANDLERS)
+    return f"did you mean '{near}{'-' if word.endswith('-') else '+'}'?" if near else None
 
 
 def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:

@@ -12,6 +12,7 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from forge.base.colours import palette_of
 from forge.base.text import duration
 from forge.output.console import PLAIN
 from forge.output.progress import Progress, expectations
@@ -21,32 +22,46 @@ if TYPE_CHECKING:
 
     from rich.console import Console, ConsoleOptions, RenderResult
 
+    from forge.base.colours import Palette
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
     from forge.output.console import Screen
+    from forge.output.progress import Running
 
 _LINES = 8
 """Maximum number of packages shown."""
+_BAR = (10, 30)
+"""The least and the greatest length of the bar."""
+_MINUTE = 60
+
+Line = tuple[tuple[str, str], ...]
+"""The parts of a line, each with its style."""
 
 
 def is_wanted(handlers: Mapping[str, bool]) -> bool:
     """Tell whether stdout is a capable terminal and the status lines are enabled."""
     prose = handlers["status"] and handlers["console_start_end"] and not handlers["console_direct"]
-    dumb = os.environ.get("TERM", "") in {"", "dumb"} or "NO_COLOR" in os.environ
+    dumb = os.environ.get("TERM", "") in {"", "dumb"}
     return prose and sys.stdout.isatty() and not dumb
 
 
 @contextmanager
-def live_view(plan: BuildPlan, seconds: Mapping[str, float], *, wanted: bool) -> Iterator[View]:
-    """Show the status lines during a build; `seconds` contains the duration of earlier builds."""
+def live_view(
+    plan: BuildPlan, seconds: Mapping[str, float], *, wanted: bool, unlisted: frozenset[str] = frozenset()
+) -> Iterator[View]:
+    """Show the status lines during a build; `seconds` contains the duration of earlier builds.
+
+    Running packages in `unlisted` are only counted.
+    """
     if not wanted:
         yield View()
         return
     from rich.console import Console  # noqa: PLC0415  (only needed in a terminal)
     from rich.live import Live  # noqa: PLC0415
 
-    console = Console(highlight=False, soft_wrap=True)
-    view = LiveView(plan, seconds, console)
+    no_color = not palette_of(sys.stdout).enabled
+    console = Console(highlight=False, soft_wrap=True, no_color=no_color)
+    view = LiveView(plan, seconds, console, unlisted)
     with Live(view, console=console, transient=True, refresh_per_second=8, redirect_stdout=False):
         yield view
 
@@ -63,12 +78,19 @@ class View:
 class LiveView(View):
     """Status lines that are redrawn periodically."""
 
-    def __init__(self, plan: BuildPlan, seconds: Mapping[str, float], console: Console) -> None:
+    def __init__(
+        self,
+        plan: BuildPlan,
+        seconds: Mapping[str, float],
+        console: Console,
+        unlisted: frozenset[str] = frozenset(),
+    ) -> None:
         """Start with no running packages."""
         names = list(plan.tasks)
         self.screen = _Above(console)
         unsure = frozenset(name for name, task in plan.tasks.items() if task.conditional)
         self._progress = Progress(time.monotonic(), expectations(names, seconds), len(names), unsure=unsure)
+        self._unlisted = unlisted
 
     def show(self, event: Event) -> None:
         """Update the progress; the next redraw shows it."""
@@ -79,26 +101,64 @@ class LiveView(View):
         from rich.text import Text  # noqa: PLC0415
 
         room = max(1, min(_LINES, options.size.height - 4))
-        for style, line in lines(self._progress, time.monotonic(), room):
-            yield Text(line, style=style, no_wrap=True, overflow="ellipsis")
+        now = time.monotonic()
+        for line in lines(self._progress, now, room, options.size.width, self._unlisted):
+            parts = ((text, style) for style, text in line)
+            yield Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
 
 
-def lines(progress: Progress, now: float, room: int) -> Iterator[tuple[str, str]]:
-    """Yield the style and text of each line; at most `room` packages are shown."""
-    left = progress.left(now)
-    words = [f"[{len(progress.done)}/{progress.total}]", duration(now - progress.begun)]
-    if left is not None:
-        rest = duration(left) if left < 1 else duration(round(left))
-        words.append(f"{'at least' if progress.unsure else 'about'} {rest} left")
-    yield "bold", "  ".join(words)
-    shown = progress.running[:room]
-    width = max((len(running.name) for running in shown), default=0)
-    for running in shown:
-        yield "", f"  {running.name:{width}}  {running.step:8}  {duration(now - running.begun)}"
-    if len(progress.running) > room:
-        yield "dim", f"  and {len(progress.running) - room} more"
+def lines(
+    progress: Progress, now: float, room: int, width: int, unlisted: frozenset[str] = frozenset()
+) -> Iterator[Line]:
+    """Yield each line; at most `room` packages are shown, those in `unlisted` are counted."""
+    yield _head(progress, now, width)
+    listed = [running for running in progress.running if running.name not in unlisted]
+    shown = [(running.name, _doing(running), _elapsed(now - running.begun)) for running in listed[:room]]
+    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    for name, doing, elapsed in shown:
+        first, second, third = widths
+        yield ("bold", f"  {name:{first}}"), ("", f"  {doing:{second}}  {elapsed:>{third}}")
+    if len(listed) > room:
+        yield (("dim", f"  and {len(listed) - room} more"),)
+    if count := len(progress.running) - len(listed):
+        yield (("dim", f"  {count} embedded package{'' if count == 1 else 's'}"),)
     if progress.failed:
-        yield "red", f"  failed: {' '.join(progress.failed)}"
+        yield ("bold red", "  failed: "), ("bold", " ".join(progress.failed))
+
+
+def _head(progress: Progress, now: float, width: int) -> Line:
+    """Return the line for the whole: a bar where it fits, counts, and an estimate."""
+    share, left = progress.share(now), progress.left(now)
+    words = [
+        f"{share:4.0%}",
+        f"{len(progress.done)}/{progress.total} packages",
+        _elapsed(now - progress.begun),
+    ]
+    if left is not None:
+        words.append(f"{'at least' if progress.unsure else 'about'} {_rough(left)} left")
+    text = "  ".join(words)
+    least, greatest = _BAR
+    length = min(greatest, width - len(text) - len("[]  "))
+    if length < least:
+        return (("bold", text.lstrip()),)
+    made = int(share * length)
+    arrow = "=" * made + ">" * (made < length)
+    return ("", "["), ("green", arrow[:length]), ("", " " * (length - len(arrow)) + "]"), ("bold", f" {text}")
+
+
+def _doing(running: Running) -> str:
+    """Return the step of a package and how much of it is done."""
+    return running.step if running.share is None else f"{running.step} {running.share:4.0%}"
+
+
+def _elapsed(seconds: float) -> str:
+    """Return a duration that is redrawn several times a second, so with less digits than in a report."""
+    return f"{seconds:.1f}s" if seconds < _MINUTE - 0.05 else duration(seconds)
+
+
+def _rough(seconds: float) -> str:
+    """Return an estimated duration."""
+    return f"{max(1, round(seconds))}s" if seconds < _MINUTE - 0.5 else duration(round(seconds))
 
 
 class _Above:
@@ -108,6 +168,10 @@ class _Above:
 
     def __init__(self, console: Console) -> None:
         self._console = console
+
+    def palette(self, *, stderr: bool = False) -> Palette:
+        """Return the colours of the stream."""
+        return palette_of(sys.stderr if stderr and not sys.stderr.isatty() else sys.stdout)
 
     def write(self, content: bytes, *, stderr: bool = False) -> None:
         """Write bytes; those for stderr go there if it is not a terminal."""

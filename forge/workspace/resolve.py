@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import order, weak_edges_on_cycles
+from forge.base.layout import docs_url
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
@@ -258,12 +259,12 @@ def _missing(
         return Problem(
             f"{message}; the embedded packages cannot be used, because {reason}",
             location,
-            f"add {quoted} from the same source, or remove that package to use the embedded ones for all "
-            "(docs/explanation/embedded.md in the documentation)",
+            f"add {quoted} from the same source, or remove that package to use the embedded ones for all; "
+            f"see {docs_url('explanation/embedded.md')}",
         )
     return Problem(
         f"{message}, nor embedded in forge",
         location,
-        "source an installation that contains them, or add their sources to the workspace "
-        "(docs/how-to/rclcpp.md in the documentation)",
+        "source an installation that contains them, or add their sources to the workspace; "
+        f"see {docs_url('how-to/rclcpp.md')}",
     )

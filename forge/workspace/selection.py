@@ -74,6 +74,13 @@ class Query:
     search: SearchPaths = SearchPaths()
     filters: PackageFilters = PackageFilters()
 
+    @property
+    def named(self) -> frozenset[str]:
+        """Return the names of packages to select, without those of regular expressions."""
+        ends = (name for name in (self.start, self.end) if name)
+        lists = (*(self.select or ()), *self.up_to, *self.above, *self.above_and_dependencies, *ends)
+        return frozenset((*lists, *self.above_depth[1]))
+
 
 def name_of(node: str) -> str:
     """Return the package name of a node."""

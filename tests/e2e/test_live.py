@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pty
+import re
 import select
 import struct
 import subprocess
@@ -63,6 +64,7 @@ class Terminal:
         )
         os.close(theirs)
         self.frames: list[str] = []
+        self.written = b""
 
     def resize(self, columns: int, height: int) -> None:
         """Change the size of the window."""
@@ -76,9 +78,11 @@ class Terminal:
             ready, _, _ = select.select([self._ours], [], [], 0.05)
             if ready:
                 try:
-                    self._stream.feed(os.read(self._ours, 65536))
+                    written = os.read(self._ours, 65536)
                 except OSError:  # Linux says so when the other side is closed
                     break
+                self.written += written
+                self._stream.feed(written)
             self.frames.append("\n".join(line.rstrip() for line in self.screen.display).rstrip())
 
     def end(self) -> int:
@@ -101,11 +105,11 @@ def test_what_runs_is_shown_until_it_ends(tree: Tree, size: tuple[int, int]) -> 
     terminal = build(root, size=size)
     assert terminal.end() == 0
     seen = "\n".join(terminal.frames)
-    assert "[0/2]" in seen
+    assert "0/2 packages" in seen
     assert "  first  build" in seen
-    assert "[1/2]" in seen
+    assert "1/2 packages" in seen
     last = terminal.frames[-1]
-    assert "[1/2]" not in last, "the moving lines are gone in the end"
+    assert "1/2 packages" not in last, "the moving lines are gone in the end"
     assert "Starting >>>" not in seen
     for words in ("Finished <<< first", "Finished <<< second", "Summary: 2 packages finished"):
         assert words[: size[0]] in last
@@ -126,7 +130,7 @@ def test_a_window_may_change_its_size(tree: Tree) -> None:
     terminal.resize(40, 10)
     assert terminal.end() == 0
     assert "Finished <<< slow" in terminal.frames[-1]
-    assert "[0/1]" not in terminal.frames[-1]
+    assert "0/1 packages" not in terminal.frames[-1]
 
 
 def test_there_is_an_estimate_from_the_last_time(tree: Tree) -> None:
@@ -139,7 +143,7 @@ def test_there_is_an_estimate_from_the_last_time(tree: Tree) -> None:
 
 @pytest.mark.parametrize(
     ("options", "variables"),
-    [((), {"NO_COLOR": "1"}), ((), {"TERM": "dumb"}), (("--event-handlers", "status-"), {})],
+    [((), {"TERM": "dumb"}), (("--event-handlers", "status-"), {})],
 )
 def test_who_wants_plain_lines_has_them(
     tree: Tree, options: tuple[str, ...], variables: dict[str, str]
@@ -147,7 +151,20 @@ def test_who_wants_plain_lines_has_them(
     terminal = build(tree(package("first", 0.3)), *options, variables=variables)
     assert terminal.end() == 0
     assert "Starting >>> first" in terminal.frames[-1]
-    assert "[0/1]" not in "\n".join(terminal.frames)
+    assert "0/1 packages" not in "\n".join(terminal.frames)
+
+
+@pytest.mark.parametrize(("variables", "coloured"), [({"NO_COLOR": "1"}, False), ({}, True)])
+def test_no_color_takes_away_colours_and_nothing_else(
+    tree: Tree, variables: dict[str, str], *, coloured: bool
+) -> None:
+    terminal = build(tree(package("first", 0.3)), variables=variables)
+    assert terminal.end() == 0
+    seen = "\n".join(terminal.frames)
+    assert "0/1 packages" in seen
+    assert "  first  build" in seen
+    assert "Finished <<< first" in terminal.frames[-1]
+    assert bool(re.search(rb"\x1b\[[\d;]*3[1-7]m", terminal.written)) is coloured
 
 
 def test_a_build_of_fresh_packages_prints_two_lines(tree: Tree) -> None:

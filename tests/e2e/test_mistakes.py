@@ -92,6 +92,16 @@ def broken(
             id="a header of its own",
         ),
         pytest.param(
+            broken(MAIN, "shapes", languages="CXX", main='#include "shapes/cirlce.hpp"'),
+            "did you mean 'shapes/circle.hpp'?",
+            id="a header of another package that is spelled otherwise",
+        ),
+        pytest.param(
+            broken("find_package(ament_cmake REQUIRED)\nament_packag()", "ament_cmake"),
+            "did you mean 'ament_package'?",
+            id="a command that is spelled otherwise",
+        ),
+        pytest.param(
             broken(MAIN, languages="CXX", main="#include <zxing/qr.h>"),
             "install the system package that contains it (Debian: apt-file search zxing/qr.h)",
             id="a header of the system",

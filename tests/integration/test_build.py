@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.layout import docs_url
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
@@ -276,7 +277,7 @@ def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:
     assert "-- Configuring done" in ran.out
     assert "Summary" not in ran.out
     ran = forge("build", "--event-handlers", "console_drect+", cwd=workspace)
-    assert (ran.code, "did you mean 'console_direct'?" in ran.err) == (2, True)
+    assert (ran.code, "did you mean 'console_direct+'?" in ran.err) == (2, True)
 
 
 def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
@@ -284,6 +285,7 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
     ran = forge("build", cwd=root)
     assert ran.code == 2
     assert ran.err.startswith("src/node/package.xml: error: 'node' needs 'rclcpp', which is neither")
+    assert ran.err.endswith(f"; see {docs_url('how-to/rclcpp.md')}\n")
     assert not (root / "build").exists()
 
 

@@ -71,6 +71,12 @@ def of_topic(found: dict[str, Any], topic: str) -> list[dict[str, Any]]:
     return [finding for finding in found["findings"] if finding["topic"] == topic]
 
 
+def test_the_packages_of_the_user_come_first(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("z", depends=("ament_cmake",)))
+    found = findings(forge, root)
+    assert found["checked"][0]["summary"] == "1 package, and 1 embedded in forge"
+
+
 @pytest.mark.needs("cmake", "g++")
 def test_a_workspace_without_problems_lists_the_checks(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **cmake_package("b", "find_package(a REQUIRED)", depends=("a",))})

@@ -165,7 +165,7 @@ def _print_plan(plan: BuildPlan, options: BuildOptions, packages: Mapping[str, P
     from forge.output.explaining import commands, explain  # noqa: PLC0415  (rarely needed)
 
     with_commands = options.dry_run if requested else level <= LOG_LEVELS["debug"]
-    lines = (*explain(plan), *(commands(plan) if with_commands else ()))
+    lines = (*explain(plan, packages, options.query.named), *(commands(plan) if with_commands else ()))
     print(*lines, sep="\n", file=sys.stdout if requested else sys.stderr)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
 from forge.cli import options as shared
 from forge.cli import package_options
@@ -64,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
 
         print(json.dumps(plain(results), indent=2))
     else:
-        print(*lines(results, everything=options.all), sep="\n")
+        print(*lines(results, everything=options.all, palette=palette_of(sys.stdout)), sep="\n")
     return EXIT_USER if any(result.errors for result in results) else 0
 
 
@@ -92,14 +94,18 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
 
 def _workspace(loaded: LoadedWorkspace) -> CheckResult:
     errors, warnings = missing_problems(loaded.resolution, loaded.selection.names)
-    count = len(loaded.selection.names)
-    summary = f"{count} package{'' if count == 1 else 's'}" if count else "no packages found"
+    names = loaded.selection.names
+    own = sum(not loaded.resolution.packages[name].embedded for name in names)
+    others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""
+    summary = f"{own} package{'' if own == 1 else 's'}{others}" if own else "no packages found"
     faults = (*loaded.workspace.problems, *errors)
     return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.warnings, *warnings))
 
 
 def _subject(bare: CheckContext, loaded: LoadedWorkspace) -> CheckContext:
     everything = loaded.workspace.packages
+    # The packages of the user come first in all findings.
+    names = sorted(loaded.selection.names, key=lambda name: loaded.resolution.packages[name].embedded)
     return CheckContext(
         bare.root,
         bare.layout,
@@ -107,7 +113,7 @@ def _subject(bare: CheckContext, loaded: LoadedWorkspace) -> CheckContext:
         bare.surroundings,
         bare.python,
         bare.underlays,
-        {name: everything[name] for name in loaded.selection.names if name in everything},
+        {name: everything[name] for name in names if name in everything},
         loaded.resolution,
         {name: files_of(bare.root, package) for name, package in everything.items()},
     )

@@ -15,7 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem, refusal, share_hints
+from forge.base.errors import EnvironmentFault, ForgeError, Problem, print_problem, refusal, share_hints
 from forge.base.text import duration
 from forge.cli.build_mode import BuildMode
 from forge.cli.build_options import for_rebuild
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from contextlib import AbstractContextManager
 
+    from forge.base.colours import Meaning, Palette
     from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
     from forge.cli.watch.file_watcher import WatchSpec
@@ -148,7 +149,7 @@ class WatchLoop(BuildMode):
         if not self.quiet:
             super().conclude(plan, report, seconds)
         elif not self._options.report.json and (self._ran or tally.aborted or not self.silent_if_up_to_date):
-            line = line_of(tuple(plan.tasks), tally, seconds)
+            line = line_of(tuple(plan.tasks), tally, seconds, report.screen.palette())
             report.screen.write(f"{_clock()} {line}\n".encode())
 
     def _build_once(self) -> None:
@@ -210,7 +211,7 @@ class WatchLoop(BuildMode):
     def _print_problems(self, problems: Sequence[Problem]) -> None:
         self._failed = True
         for problem in share_hints(problems):
-            sys.stderr.write(f"{problem.render()}\n")
+            print_problem(problem)
         sys.stderr.flush()
         self._print("nothing was built; waiting for the next change")
 
@@ -219,15 +220,16 @@ def _uses_worker(package: Package) -> bool:
     return package.build_type in {"ament_python", "python"} or INTERFACE_GROUP in package.manifest.groups
 
 
-def line_of(order: Sequence[str], tally: Tally, seconds: float) -> str:
+def line_of(order: Sequence[str], tally: Tally, seconds: float, palette: Palette) -> str:
     """Return the result of a build as one line; `order` is the order of names in the plan."""
+    results: tuple[tuple[tuple[str, ...], str, Meaning], ...] = (
+        (tally.failed, "failed", "failure"),
+        (tally.aborted, "stopped", "warning"),
+        (tally.finished, "rebuilt", "success"),
+    )
     parts = [
-        f"{_some([name for name in order if name in names])} {words}"
-        for names, words in (
-            (tally.failed, "failed"),
-            (tally.aborted, "stopped"),
-            (tally.finished, "rebuilt"),
-        )
+        f"{_some([name for name in order if name in names], palette)} {palette.paint(meaning, words)}"
+        for names, words, meaning in results
         if names
     ]
     if tally.embedded and not tally.finished:
@@ -237,8 +239,9 @@ def line_of(order: Sequence[str], tally: Tally, seconds: float) -> str:
     return f"{', '.join(parts)} in {duration(seconds)}" if parts else "nothing to do"
 
 
-def _some(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+def _some(names: Sequence[str], palette: Palette) -> str:
+    first = palette.paint("name", names[0])
+    return first if len(names) == 1 else f"{first} and {len(names) - 1} more"
 
 
 def _clock() -> str:

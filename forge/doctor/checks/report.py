@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.base.colours import Palette
 from forge.base.errors import Location, joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from forge.base.errors import Problem
+    from forge.base.colours import Meaning
+    from forge.base.errors import Problem, Severity
     from forge.doctor.checks.model import CheckResult
 
 _WIDTH = 12
+_PLAIN = Palette()
 
 
-def lines(results: Sequence[CheckResult], *, everything: bool) -> Iterator[str]:
+def lines(results: Sequence[CheckResult], *, everything: bool, palette: Palette = _PLAIN) -> Iterator[str]:
     """Yield a line for each topic, then the findings by decreasing severity, and a conclusion."""
     for result in results:
-        yield f"{_word(result):8}{result.topic:{_WIDTH}} {result.summary}"
-    for severity in ("error", "warning", "note") if everything else ("error", "warning"):
+        word, meaning = _word(result)
+        yield f"{palette.paint(meaning, f'{word:8}')}{result.topic:{_WIDTH}} {result.summary}"
+    shown: tuple[Severity, ...] = ("error", "warning", "note") if everything else ("error", "warning")
+    for severity in shown:
         for problem in _of_severity(results, severity):
             yield ""
-            yield problem.render(severity)
+            yield problem.render(severity, palette)
     yield ""
     yield conclusion(results, everything=everything)
 
@@ -40,9 +45,10 @@ def plain(results: Sequence[CheckResult]) -> dict[str, object]:
     }
 
 
-def graded(results: Sequence[CheckResult]) -> Iterator[tuple[str, str, Problem]]:
+def graded(results: Sequence[CheckResult]) -> Iterator[tuple[Severity, str, Problem]]:
     """Yield severity, topic and problem of all findings by decreasing severity."""
-    for word in ("error", "warning", "note"):
+    severities: tuple[Severity, ...] = ("error", "warning", "note")
+    for word in severities:
         for result in results:
             for problem in getattr(result, f"{word}s"):
                 yield word, result.topic, problem
@@ -68,8 +74,10 @@ def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
     return text if everything or not notes else f"{text} ({_count(notes, 'note')} more with --all)"
 
 
-def _word(result: CheckResult) -> str:
-    return "error" if result.errors else "warning" if result.warnings else "ok"
+def _word(result: CheckResult) -> tuple[str, Meaning]:
+    if result.errors:
+        return "error", "error"
+    return ("warning", "warning") if result.warnings else ("ok", "success")
 
 
 def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:

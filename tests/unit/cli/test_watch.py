@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.colours import Palette
 from forge.cli.watch.file_watcher import FileWatcher, WatchSpec, watch_specs
 from forge.cli.watch.watching import line_of
 from forge.output.console import Tally
@@ -38,7 +39,7 @@ PACKAGE = {
     ],
 )
 def test_a_line_names_the_first_of_the_plan(tally: Tally, line: str) -> None:
-    assert line_of(("c", "b", "a"), tally, 0.4) == line
+    assert line_of(("c", "b", "a"), tally, 0.4, Palette()) == line
 
 
 def test_what_is_looked_at(tree: Tree) -> None:

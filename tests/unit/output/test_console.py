@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,6 +58,41 @@ def test_a_good_build_reads_like_colcons(capfd: pytest.CaptureFixture[str]) -> N
     )
     assert err == ""
     assert report.exit_code == 0
+
+
+def test_embedded_packages_that_were_built_before_are_only_counted(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    report = report_on("a", "e")
+    report.unlisted = frozenset({"e"})
+    out, err = shown(capfd, report, Started("e"), Finished("e", 0, 0.1), Started("a"), Finished("a", 0, 0.1))
+    assert "e (embedded)" not in out
+    assert out.endswith("\nSummary: 1 package finished [1.00s]\n  1 embedded package finished\n")
+    out, err = shown(capfd, report, Started("e"), Finished("e", 1, 0.1))
+    assert err.startswith("Failed   <<< e (embedded) [0.10s")
+
+
+def test_colours_tell_the_meaning_and_change_no_word(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events = (
+        *(Started("a"), Finished("a", 0, 1.0), Started("b"), Aborted("b", 1.0), Started("e")),
+        *(Output("e", b"x\n", stderr=True), Finished("e", 1, 0.5, STEP)),
+    )
+    plain = shown(capfd, report_on("a", "b", "e"), *events)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    out, err = shown(capfd, report_on("a", "b", "e"), *events)
+    for words in (
+        "\x1b[1;32mFinished\x1b[0m <<< \x1b[1ma\x1b[0m [1.00s]",
+        "\x1b[1;33mAborted \x1b[0m <<< \x1b[1mb\x1b[0m",
+        "\x1b[1;31mSummary:\x1b[0m 1 package finished",
+        "1 package \x1b[1;31mfailed\x1b[0m: \x1b[1me\x1b[0m",
+    ):
+        assert words in out
+    assert "\x1b[1;31mFailed  \x1b[0m <<< \x1b[1me\x1b[0m \x1b[2m(embedded)\x1b[0m [0.50s" in err
+    assert tuple(re.sub(r"\x1b\[[\d;]*m", "", text) for text in (out, err)) == plain
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert shown(capfd, report_on("a", "b", "e"), *events) == plain
 
 
 def test_a_build_of_fresh_packages_says_so_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
@@ -14,6 +16,9 @@ from forge.output.failure_hints import FailureContext, first_error, hint_of
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
 from tests.packages import manifest_text, package
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
 
 SCENE = FailureContext(
     package("mine", "shapes"),
@@ -116,6 +121,46 @@ def test_no_hint_is_better_than_a_wrong_one(said: str) -> None:
 @given(st.text())
 def test_any_output_is_read(said: str) -> None:
     hint_of(said, SCENE)
+
+
+def test_headers_are_looked_for_where_they_are_installed(tree: Tree) -> None:
+    root = tree(
+        dict.fromkeys(("include/shapes/shapes/circle.hpp", "include/shapes/README", "include/x/yes.h"), "")
+    )
+    scene = replace(SCENE, found=frozenset({"shapes", "rclcpp"}), prefix_of=lambda _: root)
+    said = "a.cpp:1:10: fatal error: {}: No such file or directory"
+    assert hint_of(said.format("shapes/cirlce.hpp"), scene) == "did you mean 'shapes/circle.hpp'?"
+    assert hint_of(said.format("shapes/cube.hpp"), scene) == "the package 'shapes' has no such header"
+    assert hint_of(said.format("x/yess.h"), scene) == "did you mean 'x/yes.h'?"
+    # The manifest and find_package() are as they should be, so it is the target.
+    assert str(hint_of(said.format("shapes/circle.hpp"), scene)).endswith(
+        "the package 'shapes'; add ament_target_dependencies(YOUR_TARGET shapes)"
+    )
+    # Not installed, hence not known.
+    bare = replace(SCENE, prefix_of=lambda _: None)
+    assert "find_package(shapes REQUIRED) and ament" in str(hint_of(said.format("shapes/circle.hpp"), bare))
+    assert hint_of(said.format("Othr.msg"), bare) == "did you mean 'Other.msg'?"
+
+
+@pytest.mark.parametrize(
+    ("command", "found", "expected"),
+    [
+        ("ament_packag", (), "did you mean 'ament_package'?"),
+        ("ament_packag", ("ament_cmake",), "did you mean 'ament_package'?"),
+        ("add_executabel", (), "did you mean 'add_executable'?"),
+        ("ament_package", (), "add find_package(ament_cmake REQUIRED) before it in CMakeLists.txt"),
+        ("ament_package", ("ament_cmake",), None),
+        ("ament_special", ("ament_cmake",), None),
+        ("draw_al", (), "did you mean 'draw_all'?"),
+    ],
+)
+def test_a_command_that_is_not_there_is_misspelled_or_not_looked_for(
+    tree: Tree, command: str, found: tuple[str, ...], expected: str | None
+) -> None:
+    root = tree({"cmake/draw.cmake": "function(draw_all)\nendfunction()\n"})
+    mine = replace(SCENE.package, path=root)
+    scene = replace(SCENE, package=mine, files=("cmake/draw.cmake",), found=frozenset(found))
+    assert hint_of(f'Unknown CMake command "{command}".', scene) == expected
 
 
 def test_headers_of_interfaces_are_in_lower_case() -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.build.events import Aborted, Event, Finished, Fresh, Skipped, Started, StepStarted
+from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
 from forge.build.tasks import Step, StepKind
 from forge.output.live import lines
-from forge.output.progress import Progress, Running, expectations
+from forge.output.progress import Progress, Running, counted_share, expectations
 
 NAMES = st.sampled_from(["a", "b", "c", "d"])
 EVENTS = st.one_of(
@@ -20,6 +21,7 @@ EVENTS = st.one_of(
     st.builds(Aborted, NAMES, st.floats(0, 9)),
     NAMES.map(Fresh),
     st.builds(Skipped, NAMES, st.just("x")),
+    st.builds(Output, NAMES, st.sampled_from([b"[1/4] c++\n", b"[ 80%] c++\n", b"[9/3]\n"]), st.booleans()),
 )
 
 
@@ -30,9 +32,11 @@ def after(progress: Progress, *events: tuple[float, Event]) -> Progress:
     return progress
 
 
-def lines_of(progress: Progress, now: float) -> str:
-    """Return the first line."""
-    return next(lines(progress, now, 8))[1]
+def texts(
+    progress: Progress, now: float, room: int = 8, width: int = 40, **more: frozenset[str]
+) -> list[str]:
+    """Return the status lines without their styles."""
+    return ["".join(text for _, text in line) for line in lines(progress, now, room, width, **more)]
 
 
 def test_what_runs_is_known_with_its_step() -> None:
@@ -42,16 +46,68 @@ def test_what_runs_is_known_with_its_step() -> None:
     assert now.running == (Running("b", 2, "cmake"),)
     assert now.done == {"a"}
     assert now.failed == ("a",)
-    assert [line for _, line in lines(now, 5.0, 8)] == ["[1/3]  5.00s", "  b  cmake     3.00s", "  failed: a"]
+    assert texts(now, 5.0, width=30) == ["33%  1/3 packages  5.0s", "  b  cmake  3.0s", "  failed: a"]
 
 
 def test_what_does_not_fit_is_counted() -> None:
     many = after(Progress(0.0, {}, 9), *((0.0, Started(f"p{number}")) for number in range(9)))
-    assert [line for _, line in lines(many, 1.0, 2)][1:] == [
-        "  p0            1.00s",
-        "  p1            1.00s",
-        "  and 7 more",
+    assert texts(many, 1.0, 2)[1:] == ["  p0    1.0s", "  p1    1.0s", "  and 7 more"]
+    unlisted = frozenset({"p0", "p1", "p2"})
+    assert texts(many, 75.0, 5, unlisted=unlisted)[1:] == [
+        *(f"  p{number}    1min 15s" for number in range(3, 8)),
+        "  and 1 more",
+        "  3 embedded packages",
     ]
+
+
+BUILD = Step(StepKind.BUILD, (), Path())
+
+
+def test_the_share_of_a_package_is_that_of_its_build_tool() -> None:
+    """A count of the newest step is shown; the share of the whole never shrinks."""
+    begun = after(Progress(0.0, {}, 2), (0, Started("a")), (0, StepStarted("a", BUILD)))
+    counted = after(begun, (1, Output("a", b"[1/4] x.cpp\n[2/4] y.cpp\n", stderr=False)))
+    assert texts(counted, 9.3, width=80) == [
+        "[=======>                      ]  25%  0/2 packages  9.3s",
+        "  a  build  50%  9.3s",
+    ]
+    assert after(counted, (2, Output("a", b"[4/4] z\n", stderr=True))) == counted
+    nested = after(counted, (2, Output("a", b"[ 10%] Building\n", stderr=False)))
+    assert (nested.running[0].share, nested.share(9.3)) == (0.1, 0.25)
+    assert after(nested, (2, Output("a", b"[4/4] z\n[1/1] z\n", stderr=False))).running[0].made == 1.0
+    installing = after(nested, (3, StepStarted("a", Step(StepKind.INSTALL, (), Path()))))
+    assert texts(installing, 9.3)[1] == "  a  install  9.3s"
+    assert texts(after(installing, (9, Finished("a", 0, 9.0))), 10.0, width=80) == [
+        "[===============>              ]  50%  1/2 packages  10.0s"
+    ]
+
+
+def test_the_estimate_follows_the_count_of_a_build_tool() -> None:
+    begun = Progress(0.0, {"a": 100.0}, 1)
+    quarter = after(begun, (0, Started("a")), (5, Output("a", b"[1/4] x\n", stderr=False)))
+    assert quarter.left(10.0) == 30.0
+    linked = after(quarter, (9, Output("a", b"[4/4] x\n", stderr=False)))
+    assert (linked.share(9.0), after(linked, (9, Finished("a", 0, 9.0))).share(9.0)) == (0.99, 1.0)
+    assert texts(quarter, 10.0, width=80)[0].endswith("25%  0/1 packages  10.0s  about 30s left")
+    assert texts(quarter, 100.0)[0].endswith("about 5min 0s left")
+
+
+@pytest.mark.parametrize(
+    ("output", "share"),
+    [
+        (b"[3/12] Building CXX object\n[6/12] Building CXX object\n", 0.5),
+        (b"[ 25%] Building CXX object CMakeFiles/x.dir/x.cpp.o\n", 0.25),
+        (b"[100%] Built target x\nnote\n", 1.0),
+        (b"1/4 Test #1: gtest .......   Passed    0.01 sec\n", 0.25),
+        (b"test/test_a.py ..F    [ 60%]\n", 0.6),
+        (b"[1/0] nothing\n", None),
+        (b"[INFO] ready\n", None),
+        (b"1 of 2\n", None),
+        (b"", None),
+    ],
+)
+def test_the_counts_of_tools_are_read(output: bytes, share: float | None) -> None:
+    assert counted_share(output) == share
 
 
 def test_the_rest_is_estimated_at_the_pace_until_now() -> None:
@@ -70,7 +126,7 @@ def test_a_damaged_record_of_durations_gives_no_estimate() -> None:
     begun = Progress(0.0, expectations("ab", {"a": 2.2e-308, "b": 1.0}), 2)
     after_a = after(begun, (0, Started("a")), (5, Finished("a", 0, 5.0)))
     assert after_a.left(10.0) is None
-    assert [line for _, line in lines(after_a, 10.0, 8)] == ["[1/2]  10.0s"]
+    assert texts(after_a, 10.0, width=30) == ["0%  1/2 packages  10.0s"]
 
 
 def test_what_may_be_up_to_date_is_not_estimated() -> None:
@@ -78,11 +134,11 @@ def test_what_may_be_up_to_date_is_not_estimated() -> None:
     known = dict.fromkeys("abcd", 10.0)
     begun = after(Progress(0.0, known, 4, unsure=frozenset("cd")), (0, Started("a")))
     assert begun.left(5.0) == 15.0
-    assert lines_of(begun, 5.0) == "[0/4]  5.00s  at least 15.0s left"
+    assert texts(begun, 5.0)[0] == "12%  0/4 packages  5.0s  at least 15s left"
     both = after(begun, (10, Finished("a", 0, 10.0)), (10, Started("c")))
     assert both.left(10.0) == 20.0, "c was not up to date"
     end = after(both, (20, Finished("c", 0, 10.0)), (20, Fresh("d")))
-    assert lines_of(end, 20.0) == "[3/4]  20.0s  about 10.0s left"
+    assert texts(end, 20.0) == ["67%  3/4 packages  20.0s  about 10s left"]
 
 
 def test_without_experience_there_is_no_estimate() -> None:
@@ -96,4 +152,5 @@ def test_any_order_of_events_is_survived(
     now = after(Progress(0.0, expected, 4), *events)
     left = now.left(100.0)
     assert left is None or left >= 0
-    assert len([line for _, line in lines(now, 100.0, 2)]) <= 5
+    assert 0 <= now.share(100.0) <= 1
+    assert len(texts(now, 100.0, 2)) <= 5

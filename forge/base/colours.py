@@ -1,0 +1,54 @@
+"""Colours of text on terminals, by meaning.
+
+NO_COLOR takes the colours away and nothing else. CLICOLOR_FORCE and FORCE_COLOR also colour files and pipes.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Literal
+
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import TextIO
+
+Meaning = Literal["success", "failure", "error", "warning", "note", "hint", "name", "detail"]
+
+_CODES: Mapping[str, str] = {
+    "success": "1;32",
+    "failure": "1;31",
+    "error": "1;31",
+    "warning": "1;33",
+    "note": "1;34",
+    "hint": "1;36",
+    "name": "1",
+    "detail": "2",
+}
+"""The terminal's own colours, which its user has made readable on the background."""
+
+
+@frozen
+class Palette:
+    """The colours of one stream."""
+
+    enabled: bool = False
+
+    def paint(self, meaning: Meaning, text: str) -> str:
+        """Return a text in the colour of its meaning, unchanged if colours are disabled."""
+        return f"\x1b[{_CODES[meaning]}m{text}\x1b[0m" if self.enabled else text
+
+
+def palette_of(stream: TextIO, variables: Mapping[str, str] = os.environ) -> Palette:
+    """Return the colours for a stream."""
+    return Palette(_is_coloured(stream, variables))
+
+
+def _is_coloured(stream: TextIO, variables: Mapping[str, str]) -> bool:
+    if variables.get("NO_COLOR"):
+        return False
+    if any(variables.get(name, "0") not in {"", "0"} for name in ("CLICOLOR_FORCE", "FORCE_COLOR")):
+        return True
+    plain = variables.get("CLICOLOR") == "0" or variables.get("TERM", "") in {"", "dumb"}
+    return not plain and stream.isatty()
