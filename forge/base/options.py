@@ -29,6 +29,8 @@ class Option:
     help: str | None
     """None: not listed."""
     metavar: str | None = None
+    short: str = ""
+    """A spelling with one dash, such as '-j'."""
     nargs: str | None = None
     const: object = None
     """The value of an option with nargs='?' that is used without one."""
@@ -41,6 +43,8 @@ class Option:
     """Options with the same text cannot be combined."""
     takes_options: bool = False
     """Take all arguments up to the next option of the command, even those that start with a dash."""
+    takes_short: tuple[str, ...] = ()
+    """Short options of the command that `takes_options` takes as well, because its program has them, too."""
     inherited: bool = False
     """Also accepted before the command; a value after the command takes precedence."""
     first_build_only: bool = False

@@ -8,12 +8,11 @@ mixins are prepended to those of the command line.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.env_vars import home, setting
-from forge.base.errors import Location, Problem, SelectionError
+from forge.base.errors import Location, Problem, SelectionError, print_problem
 from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
@@ -161,4 +160,4 @@ def _mixed(
 
 
 def _warn(problem: Problem) -> None:
-    print(problem.render("warning"), file=sys.stderr)  # noqa: T201  (warnings go to stderr)
+    print_problem(problem, "warning")

@@ -243,5 +243,10 @@ EXAMPLES: Mapping[str, Examples] = {
         ("forge bundle --with-build-files", "also what other workspaces build on"),
         "how-to/shipping.md",
     ),
+    "help": Examples(
+        ("forge help build", "the same as 'forge build --help'"),
+        ("forge help pkg create", "of a command with verbs"),
+        _PAGE,
+    ),
 }
 """By the words of a command, as in `forge pkg create`."""

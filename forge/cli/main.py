@@ -10,19 +10,21 @@ import argparse
 import errno
 import importlib
 import os
+import re
 import sys
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
-from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, refusal, share_hints
+from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, print_problem, refusal, share_hints
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.config import GENERAL, configured
 from forge.workspace.root import find_root, rebase_paths, working_directory
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 COMMANDS = {
     "build": "build the packages of a workspace",
@@ -44,6 +46,7 @@ COMMANDS = {
     "shell": "start a shell or a command in the environment of the workspace",
     "cache": "inspect, prune and verify the package cache",
     "bundle": "pack the install folder into an archive for deployment",
+    "help": "print the help of a command",
 }
 
 _VALUED = frozenset({"--log-base", "--log-level", "-C"})
@@ -67,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except ForgeError as error:
         for problem in share_hints(error.problems):
-            print(problem.render(), file=sys.stderr)
+            print_problem(problem)
         return EXIT_USER
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
@@ -107,6 +110,7 @@ def _options(arguments: Sequence[str], origin: str) -> argparse.Namespace:
 
 
 _NOT_GIVEN = object()
+_JOBS = re.compile(r"^-j\d+$")
 _MANY = 7
 """The usage line lists optional arguments only up to this number."""
 
@@ -118,14 +122,22 @@ class Parser(argparse.ArgumentParser):
     -DX=1 -Wno-dev --symlink-install` passes `-DX=1 -Wno-dev` to CMake.
     """
 
-    greedy: frozenset[str] = frozenset()
+    greedy: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    """Greedy options with the short options of the command that they take as well."""
     verb: str | None = None
     """The command whose options may also be set in option files, None if they may not."""
-    asked: Parser | None = None
-    """The parser of the requested command."""
 
     def parse_known_args(  # type: ignore[override]  # (argparse has two overloads of the same meaning)
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Parse the arguments; report unknown ones here, where the options of the command are known."""
+        options, rest = self._parse_known(args, namespace)
+        if rest and " " in self.prog:
+            self.error(f"unrecognized arguments: {' '.join(rest)}")
+        return options, rest
+
+    def _parse_known(
+        self, args: Sequence[str] | None, namespace: argparse.Namespace | None
     ) -> tuple[argparse.Namespace, list[str]]:
         """Parse the arguments; prefix values of greedy options with a space so that argparse accepts them."""
         shielded = self._shielded(args or ())
@@ -176,11 +188,11 @@ class Parser(argparse.ArgumentParser):
 
     def _shielded(self, arguments: Sequence[str]) -> list[str]:
         shielded: list[str] = []
-        taking = False
+        taking = ""
         for argument in arguments:
-            word = argument.split("=", 1)[0]
-            if word in self._option_string_actions:
-                taking = argument in self.greedy
+            word = _JOBS.sub("-j", argument.split("=", 1)[0])
+            if word in self._option_string_actions and word not in self.greedy.get(taking, ()):
+                taking = argument if argument in self.greedy else ""
             elif taking and argument.startswith("-"):
                 argument = f" {argument}"  # noqa: PLW2901
             shielded.append(argument)
@@ -196,10 +208,9 @@ class Parser(argparse.ArgumentParser):
         """Print the error with a suggestion or a pointer to --help, and exit with code 2."""
         from forge.cli.suggest import suggestion  # noqa: PLC0415  (only needed on errors)
 
-        options = (self.asked or self)._option_string_actions  # noqa: SLF001  (argparse has no other list)
-        message, hint = suggestion(message, COMMANDS, options)
-        remedy = hint or f"'{self.prog} --help' lists all options"
-        print(f"error: {message}\nhint: {remedy}", file=sys.stderr)
+        message, hint = suggestion(message, COMMANDS, self._option_string_actions)
+        kind = "commands" if "command '" in message else "verbs" if message.endswith(" VERB") else "options"
+        print_problem(Problem(message, hint=hint or f"'{self.prog} --help' lists all {kind}"))
         raise SystemExit(EXIT_USER)
 
 
@@ -218,7 +229,8 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
         metavar="LEVEL",
         help="verbosity of forge's own messages: debug, info, warning, error, critical (default: warning)",
     )
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    parser.set_defaults(run=lambda _: _print_help(parser))
+    commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
     asked = _requested(arguments)
     for word, summary in COMMANDS.items():
         command = commands.add_parser(word, help=summary, description=summary, fromfile_prefix_chars=None)
@@ -227,9 +239,13 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"forge.cli.commands.{word.replace('-', '_')}")
             module.register(command)
             command.set_defaults(run=module.run)
-            parser.asked = command
             command.verb = word if word in _IN_WORKSPACE else None
     return parser
+
+
+def _print_help(parser: argparse.ArgumentParser) -> int:
+    parser.print_help()
+    return 0
 
 
 def _requested(arguments: Sequence[str]) -> str | None:
@@ -262,13 +278,13 @@ def _refused(error: OSError) -> int:
     problem = None if error.errno == errno.EBADF and is_writable(1) else refusal(error)
     if problem is None:
         return _our_bug()
-    print(problem.render(), file=sys.stderr)
+    print_problem(problem)
     return EXIT_USER
 
 
 def _no_memory() -> int:
     hint = "use fewer '--jobs', or raise the memory limit if there is one ('ulimit -v' shows it)"
-    print(Problem("not enough memory", hint=hint).render(), file=sys.stderr)
+    print_problem(Problem("not enough memory", hint=hint))
     return EXIT_USER
 
 

@@ -38,9 +38,9 @@ def add_options(parser: Parser, title: str, *classes: type) -> None:
         if each.conflicts:
             group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
             exclusive[each.conflicts] = group
-        group.add_argument(_flag(declared), **_argument(declared, each))
+        group.add_argument(*filter(None, (each.short, _flag(declared))), **_argument(declared, each))
         if each.takes_options:
-            parser.greedy |= {_flag(declared)}
+            parser.greedy = {**parser.greedy, _flag(declared): each.takes_short}
 
 
 def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace, **more: object) -> _Options:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.names import did_you_mean
+from forge.base.names import did_you_mean, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -19,12 +19,20 @@ _ROS2 = frozenset(
 """Commands of `ros2` that forge does not have, because they communicate with running nodes."""
 
 _SELECT = "--packages-select"
+_CMAKE_ARGS = "--cmake-args"
+_BUILD_TYPES = {
+    "--release": "Release",
+    "--debug": "Debug",
+    "--relwithdebinfo": "RelWithDebInfo",
+    "--build-type": "Release",
+}
+"""Options that other build tools have for CMake's build type."""
 
 
 def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) -> tuple[str, str | None]:
     """Return a shorter form of argparse's error message, and a suggestion.
 
-    `options` are those of the requested command.
+    `options` are those of the parser that reports the error.
     """
     choice, unknown = _CHOICE.match(message), _UNKNOWN.match(message)
     if choice:
@@ -41,6 +49,11 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
 
 
 def _instead(word: str, options: frozenset[str]) -> str | None:
-    if word.startswith("-"):
-        return did_you_mean(word, options)
-    return f"to select packages: '{_SELECT} {word}'" if _SELECT in options else None
+    if not word.startswith("-"):
+        return f"to select packages: '{_SELECT} {word}'" if _SELECT in options else None
+    if word in _BUILD_TYPES and _CMAKE_ARGS in options:
+        return f"to set the build type: '{_CMAKE_ARGS} -DCMAKE_BUILD_TYPE={_BUILD_TYPES[word]}'"
+    # The dashes that all options have in common would make short ones similar to each other.
+    names = {option.lstrip("-"): option for option in options if option.startswith("--")}
+    near = nearest(word.lstrip("-"), names)
+    return f"did you mean '{names[near]}'?" if near else None

@@ -54,6 +54,7 @@ class JobOptions:
         "MAKEFLAGS, else the available CPUs)",
         parse=_positive,
         metavar="N",
+        short="-j",
     )
     parallel_workers: int = option(
         "maximum number of packages to process in parallel (default: the number of jobs)",

@@ -62,6 +62,7 @@ class TestOptions:
         default=(),
         metavar="ARG",
         takes_options=True,
+        takes_short=("-j",),
         group=_RUNNERS,
     )
     python_testing: str | None = option(

@@ -116,6 +116,24 @@ def test_it_asks_first(
     assert (root / "build").exists() is not gone
 
 
+def test_without_words_it_says_what_it_would_do(forge: Forge, tree: Tree) -> None:
+    root = tree(dict.fromkeys(("build/gone/CMakeCache.txt", "install/.colcon_install_layout", "src/x"), ""))
+    ran = forge("clean", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out == (
+        "- 1 item in build\n- 1 item in install\n"
+        "Nothing was removed. These commands list what they remove and ask first:\n"
+        "  forge clean workspace         all of the above\n"
+        "  forge clean packages PKG ...  the results of these packages\n"
+        "  forge clean stale             the results of packages that left the workspace: 'gone'\n"
+    )
+    assert (root / "build/gone/CMakeCache.txt").exists()
+    assert forge("clean", "-y", "workspace", cwd=root).code == 0
+    assert forge("clean", cwd=root).out == "nothing to remove\n"
+    assert "argument what: invalid choice: 'all'" in forge("clean", "-y", "all", cwd=root).err
+    assert "'clean' does not accept" in forge("clean", "--packages-select", "gone", cwd=root).err
+
+
 def test_words_that_make_no_sense(forge: Forge, tree: Tree) -> None:
     root = tree({"build/a/colcon_build.rc": "0"})
     assert forge("clean", "packages", cwd=root).code == 2

@@ -32,17 +32,49 @@ def test_help_names_every_command(forge: Forge) -> None:
 def test_a_word_that_is_no_command(forge: Forge) -> None:
     ran = forge("xyz")
     assert ran.code == 2
-    assert "'forge --help' lists all options" in ran.err
+    assert "'forge --help' lists all commands" in ran.err
 
 
 def test_greedy_options_take_words_that_look_like_options() -> None:
     parser = main.Parser()
     parser.add_argument("--cmake-args", nargs="*")
     parser.add_argument("--symlink-install", action="store_true")
-    parser.greedy = frozenset({"--cmake-args"})
+    parser.greedy = {"--cmake-args": ()}
     options = parser.parse_args(["--cmake-args", "-DX=1", "--trace", "--symlink-install"])
     assert [argument.lstrip() for argument in options.cmake_args] == ["-DX=1", "--trace"]
     assert options.symlink_install
+
+
+@pytest.mark.parametrize(
+    ("argv", "jobs", "arguments"),
+    [
+        (["-j", "4"], 4, []),
+        (["-j4", "--jobs", "3"], 3, []),
+        (["--cmake-args", "-DX=1", "-j", "4"], 4, ["-DX=1"]),
+        (["--cmake-args", "-DX=1", "-j4"], 4, ["-DX=1"]),
+        (["--ctest-args", "-R", "x", "-j", "4", "-V", "--jobs", "2"], 2, ["-R", "x", "-j", "4", "-V"]),
+        (["--ctest-args", "-j4"], None, ["-j4"]),
+    ],
+)
+def test_jobs_have_a_short_spelling_which_ctest_has_too(
+    argv: list[str], jobs: int | None, arguments: list[str]
+) -> None:
+    verb = "test" if "--ctest-args" in argv else "build"
+    options = main.parser_of([verb]).parse_args([verb, *argv])
+    assert options.jobs == jobs
+    given = options.ctest_args if verb == "test" else options.cmake_args
+    assert [argument.lstrip() for argument in given] == arguments
+
+
+def test_help_may_be_asked_for_in_every_way(forge: Forge) -> None:
+    """Without words, forge prints its own help, as cargo does."""
+    whole = forge("--help")
+    assert whole.code == 0
+    assert forge() == forge("help") == forge("-C", "/") == whole
+    assert forge("help", "build") == forge("build", "--help")
+    assert forge("help", "pkg", "create") == forge("pkg", "create", "--help")
+    ran = forge("help", "biuld")
+    assert (ran.code, ran.err) == (2, "error: unknown command 'biuld'\nhint: did you mean 'build'?\n")
 
 
 class Failing:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.base.names import did_you_mean
+from forge.base.text import listed
 from forge.build.cleaning import (
     BASES,
     built_packages,
@@ -32,7 +33,7 @@ from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
     from contextlib import AbstractContextManager
 
     from forge.base.layout import Layout
@@ -46,9 +47,10 @@ def register(parser: Parser) -> None:
     """Add the options of `forge clean`."""
     parser.add_argument(
         "what",
+        nargs="?",
         choices=["workspace", "packages", "stale"],
         help="what to clean: the whole workspace, the given packages, or packages that are no longer in the "
-        "workspace",
+        "workspace (default: print what can be removed, and remove nothing)",
     )
     parser.add_argument(
         "names",
@@ -74,6 +76,9 @@ def run(options: argparse.Namespace) -> int:
     layout = _as_installed(shared.layout_of(options, root))
     with _locked(layout, wait=not options.no_wait), closing(open_journal(layout.build)) as journal:
         names = _names(options, root, layout, journal)
+        if options.what is None:
+            _preview(options, layout, journal, names)
+            return 0
         if options.what == "workspace":
             litters = list(workspace_removables(layout, journal.records, options.base_select))
         else:
@@ -98,16 +103,39 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
+    """Print how much can be removed, and the commands that do it."""
+    found = list(workspace_removables(layout, journal.records, options.base_select))
+    if not found:
+        print("nothing to remove")
+        return
+    for base in dict.fromkeys(litter.base for litter in found):
+        count = sum(litter.base == base for litter in found)
+        print(f"- {count} item{'' if count == 1 else 's'} in {_displayed(base, options)}")
+    print(
+        "Nothing was removed. These commands list what they remove and ask first:",
+        "  forge clean workspace         all of the above",
+        "  forge clean packages PKG ...  the results of these packages",
+        f"  forge clean stale             the results of packages that left the workspace: {_some(stale)}",
+        sep="\n",
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    return listed(names) if names else "none"
+
+
 def _names(options: argparse.Namespace, root: Path, layout: Layout, journal: Journal) -> tuple[str, ...]:
     """Return the packages to remove; raises SelectionError for invalid combinations of arguments."""
     made = built_packages(layout, journal.records)
     chosen = package_options.has_selection(options)
     if options.what != "packages" and (options.names or chosen):
         hint = "forge clean packages PKG ..."
-        raise SelectionError(Problem(f"'clean {options.what}' does not accept package names", hint=hint))
+        command = f"clean {options.what or ''}".rstrip()
+        raise SelectionError(Problem(f"'{command}' does not accept package names", hint=hint))
     if options.what == "workspace":
         return ()
-    if options.what == "stale":
+    if options.what != "packages":
         return tuple(sorted(made - _load(options, root, layout).packages.keys()))
     if not (options.names or chosen):
         raise SelectionError(

@@ -98,6 +98,8 @@ def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expect
     """Return the completion of positional arguments."""
     if path == ("run",):
         return Expected(INSTALLED)
+    if path == ("help",):
+        return Expected(WORDS, words=tuple(main.COMMANDS))
     if path[:1] == ("pkg",) and actions and actions[0].dest == "package":
         return Expected(INSTALLED)
     if path in {("interface", "package"), ("interface", "docs")}:

@@ -6,11 +6,10 @@ import argparse
 import getpass
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.errors import EnvironmentFault, ForgeError, Problem, print_problem
 from forge.base.files import write_if_changed
 from forge.base.names import did_you_mean, is_email
 from forge.base.xml import parse_xml
@@ -243,7 +242,7 @@ def _warn_about(blueprint: NewPackage) -> None:
 
 
 def _warn(message: str, hint: str | None = None) -> None:
-    print(Problem(message, hint=hint).render("warning"), file=sys.stderr)
+    print_problem(Problem(message, hint=hint), "warning")
 
 
 def _install() -> Path | None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import WarningReporter, WorkspaceError
+from forge.base.errors import WarningReporter, WorkspaceError, print_problem
 from forge.build.events import Finished
 from forge.build.markers import create_output_folders
 from forge.cli import package_options
@@ -109,7 +108,7 @@ def run(namespace: argparse.Namespace) -> int:
 def _fail_unbuilt(problems: Mapping[str, Problem], session: Session) -> None:
     """Report packages that are not built and count them as failed; the others are still tested."""
     for name, problem in problems.items():
-        print(problem.render(), file=sys.stderr)
+        print_problem(problem)
         failed = Finished(name, 1, 0.0)
         session.report.show(failed)
         session.json_events.write(failed, session.report, problem)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem
+from forge.base.errors import Problem, print_problem
 from forge.cli import options as shared
 from forge.testing.collecting import collect
 from forge.testing.failures import as_json, counts_as_json, details, result_line
@@ -50,13 +50,13 @@ def run(options: argparse.Namespace) -> int:
     if options.delete or options.delete_yes:
         return _delete(found.files, options)
     for problem in found.problems:
-        print(problem.render("warning"), file=sys.stderr)
+        print_problem(problem, "warning")
     gone = _gone(options.test_result_base)
     counted = [one for one in found.outcomes if _package_of(one.path, options.test_result_base) not in gone]
     ignored = {_package_of(one.path, options.test_result_base) for one in found.outcomes} & gone
     for name in sorted(ignored):
         message = f"ignoring results of '{name}', which is no longer in the workspace"
-        print(Problem(message, hint="forge clean stale").render("warning"), file=sys.stderr)
+        print_problem(Problem(message, hint="forge clean stale"), "warning")
     named = [replace(one, path=shared.displayed(one.path, options.origin)) for one in counted]
     outcomes = counted_once(named)
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]

@@ -20,7 +20,11 @@ TOPIC = (
     ("argv", "told"),
     [
         (("biuld",), "error: unknown command 'biuld'\nhint: did you mean 'build'?\n"),
-        (("xyz",), "error: unknown command 'xyz'\nhint: 'forge --help' lists all options\n"),
+        (("xyz",), "error: unknown command 'xyz'\nhint: 'forge --help' lists all commands\n"),
+        (
+            ("pkg",),
+            ("error: the following arguments are required: VERB\nhint: 'forge pkg --help' lists all verbs\n"),
+        ),
         (
             ("topic", "list"),
             TOPIC,
@@ -28,6 +32,46 @@ TOPIC = (
         (
             ("build", "--package-select", "talk"),
             "error: unrecognized arguments: --package-select talk\nhint: did you mean '--packages-select'?\n",
+        ),
+        (
+            ("build", "--release"),
+            (
+                "error: unrecognized arguments: --release\n"
+                "hint: to set the build type: '--cmake-args -DCMAKE_BUILD_TYPE=Release'\n"
+            ),
+        ),
+        (
+            ("test", "--release"),
+            "error: unrecognized arguments: --release\nhint: 'forge test --help' lists all options\n",
+        ),
+        (
+            ("build", "--frobnicate"),
+            "error: unrecognized arguments: --frobnicate\nhint: 'forge build --help' lists all options\n",
+        ),
+        (
+            ("build", "--jobs", "many"),
+            (
+                "error: argument -j/--jobs: 'many' is not a positive number of jobs\n"
+                "hint: 'forge build --help' lists all options\n"
+            ),
+        ),
+        (
+            ("pkg", "create", "talk", "--license-typ", "x"),
+            "error: unrecognized arguments: --license-typ x\nhint: did you mean '--license'?\n",
+        ),
+        (
+            ("build", "--event-handlers", "console_cohesion"),
+            (
+                "error: --event-handlers expects names followed by '+' or '-', not 'console_cohesion'\n"
+                "hint: 'console_cohesion+' enables it, 'console_cohesion-' disables it\n"
+            ),
+        ),
+        (
+            ("build", "--event-handlers", "console_choesion-"),
+            (
+                "error: --event-handlers expects names followed by '+' or '-', not 'console_choesion-'\n"
+                "hint: did you mean 'console_cohesion-'?\n"
+            ),
         ),
         (
             ("build", "talk"),
