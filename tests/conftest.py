@@ -66,6 +66,8 @@ REMEDIES = {
     "fish": "apt-get install fish",
     "g++": "apt-get install g++",
     "gcc": "apt-get install gcc",
+    "gcov": "apt-get install gcc",
+    "gcovr": "pip install gcovr",
     "git": "apt-get install git",
     "make": "apt-get install make",
     "ninja": "pip install ninja",

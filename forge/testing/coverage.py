@@ -193,15 +193,16 @@ def _write_report(report: CoverageReport, variables: Mapping[str, str]) -> Cover
     report.pages.parent.mkdir(parents=True, exist_ok=True)
     env = {**variables, "COVERAGE_FILE": str(report.build / DATA_FILE)}
     several = report.combine and any(report.build.glob(f"{DATA_FILE}.*"))
+    said = ""
     for command in ((report.combine,) if several else ()) + report.commands:
         ran = subprocess.run(command, cwd=report.source, env=env, capture_output=True, text=True, check=False)
-        if ran.returncode:
-            last = next(reversed((ran.stdout + ran.stderr).strip().splitlines()), "no message")
-            return Problem(f"cannot measure the coverage of '{report.package}': {last}")
+        said += ran.stdout + ran.stderr
+    # The exit codes also tell of thresholds in the configuration of gcovr.
     root = _ROOT.search(text_or_nothing(report.build / _XML))
     numbers = dict(re.findall(r'(lines-\w+)="(\d+)"', root[0] if root else ""))
-    if numbers.keys() < {"lines-valid", "lines-covered"}:
-        return Problem(f"cannot measure the coverage of '{report.package}': '{_XML}' has no numbers")
+    if not numbers.keys() >= {"lines-valid", "lines-covered"} or not report.pages.is_file():
+        last = next(reversed(said.strip().splitlines()), "no message")
+        return Problem(f"cannot measure the coverage of '{report.package}': {last}")
     return CoveredLines(
         report.package, int(numbers["lines-valid"]), int(numbers["lines-covered"]), report.pages
     )

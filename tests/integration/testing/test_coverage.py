@@ -167,3 +167,16 @@ def test_the_summary_has_a_line_for_all_packages_and_one_for_each() -> None:
         "  longer       - of 0 lines: y",
     ]
     assert re.match("Coverage: - of 0 lines", next(coverage_lines([], [])))
+
+
+@pytest.mark.needs("gcc", "gcov", "gcovr")
+def test_a_threshold_of_the_package_does_not_lose_the_report(tmp_path: Path) -> None:
+    one = task(tmp_path, "half", "cmake")
+    folder = source(tmp_path, "half")
+    (folder / "half.c").write_text(HALF)
+    (folder / "gcovr.cfg").write_text("fail-under-line = 100\n")
+    subprocess.run(["gcc", "--coverage", "-c", str(folder / "half.c")], cwd=one.build_dir, check=True)
+    reports = plan_coverage(BuildPlan({"half": one}), context(tmp_path), os.environ, WarningReporter())
+    found, problems = write_reports(reports, 1, os.environ)
+    assert problems == []
+    assert [(covered.lines, covered.covered) for covered in found] == [(4, 0)]

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 TOPIC = (
     "error: unknown command 'topic'\nhint: 'ros2 topic' is part of a ROS installation: source that first\n"
 )
+CD = (
+    "error: unknown command 'cd'\nhint: a program cannot change the folder of its shell; "
+    "'forge completion' defines 'forge_cd'\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -28,6 +32,10 @@ TOPIC = (
         (
             ("topic", "list"),
             TOPIC,
+        ),
+        (
+            ("cd", "talk"),
+            CD,
         ),
         (
             ("build", "--package-select", "talk"),
