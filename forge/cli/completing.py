@@ -20,8 +20,8 @@ PACKAGES, INSTALLED, INTERFACES, INTERFACE_PACKAGES = (
     *("packages", "installed"),
     *("interfaces", "interface_packages"),
 )
-MIXINS, PROFILES, WORDS, FOLDERS, FILES, ANYTHING = (
-    *("mixins", "profiles", "words"),
+MIXINS, REPOSITORIES, PROFILES, WORDS, FOLDERS, FILES, ANYTHING = (
+    *("mixins", "repositories", "profiles", "words"),
     *("folders", "files", "anything"),
 )
 """Kinds of values: queried names, fixed words, and paths that shells complete themselves."""
@@ -153,9 +153,12 @@ def _fish_flag(flag: str) -> str:
     return f"-l {flag[2:]}" if flag.startswith("--") else f"-s {flag[1:]}"
 
 
+_QUERIED = frozenset({PACKAGES, INSTALLED, INTERFACES, INTERFACE_PACKAGES, MIXINS, REPOSITORIES, PROFILES})
+
+
 def _fish_expected(expected: Expected) -> str:
     match expected.kind:
-        case "packages" | "installed" | "interfaces" | "interface_packages" | "mixins" | "profiles":
+        case kind if kind in _QUERIED:
             return f"-x -a '(__forge_list_names {' '.join((expected.kind, *expected.words))})'"
         case "words":
             return f"-x -a {_fish_quoted(' '.join(expected.words))}"

@@ -35,13 +35,20 @@ _INTERFACES = ("msg", "srv", "action")
 
 
 def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
-    """Print the requested names, one per line."""
+    """Print the requested names, or the root of the workspace, one per line."""
+    if words[:1] == ["root"]:
+        root = find_root(Path.cwd(), Path.home())
+        sys.stdout.write(f"{root}\n" if is_root(root) else "")
+        return 0
+    # A shell inserts the names unquoted.
+    for name in sorted(name for name in set(_names(words, variables)) if _TYPED.fullmatch(name)):
+        sys.stdout.write(f"{name}\n")
+    return 0
+
+
+def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
     names: Iterator[str]
     match list(words):
-        case ["root", *_]:
-            root = find_root(Path.cwd(), Path.home())
-            sys.stdout.write(f"{root}\n" if is_root(root) else "")
-            return 0
         case ["packages", *_]:
             names = package_names(find_root(Path.cwd(), Path.home()), _cache(variables))
         case ["installed", *_]:
@@ -54,14 +61,13 @@ def main(words: Sequence[str], variables: Mapping[str, str]) -> int:
             names = (name for folder in _interface_folders(variables) for name in _interfaces(folder))
         case ["mixins", verb, *_]:
             names = _mixins(verb, variables)
+        case ["repositories", *_]:
+            names = _repositories(variables)
         case ["profiles", *_]:
             names = _profiles(find_root(Path.cwd(), Path.home()))
         case _:
             names = iter(())
-    # A shell inserts the names unquoted.
-    for name in sorted(name for name in set(names) if _TYPED.fullmatch(name)):
-        sys.stdout.write(f"{name}\n")
-    return 0
+    return names
 
 
 def package_names(root: Path, cache: Path | None) -> Iterator[str]:
@@ -172,6 +178,14 @@ def _mixins(verb: str, variables: Mapping[str, str]) -> Iterator[str]:
     from forge.cli.mixins import mixin_folders, read_mixins  # noqa: PLC0415
 
     return (name for command, name in read_mixins(mixin_folders(variables)) if command == verb)
+
+
+def _repositories(variables: Mapping[str, str]) -> Iterator[str]:
+    _add_site_packages()
+    from forge.base.env_vars import home  # noqa: PLC0415
+    from forge.cli.mixin_repositories import MixinRepositories  # noqa: PLC0415
+
+    return iter(MixinRepositories(home(variables)).urls)
 
 
 def _profiles(root: Path) -> Iterator[str]:

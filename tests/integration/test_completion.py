@@ -64,6 +64,7 @@ def workspace(tree: Tree) -> Path:
             "venv/pyvenv.cfg": "",
             "venv/x/package.xml": "<name>installed</name>",
             "web/node_modules/x/package.xml": "<name>installed</name>",
+            "home/.colcon/mixin_repositories.yaml": "team: https://example.org\ntest-bench: file:///x\n",
         }
     )
 
@@ -113,6 +114,7 @@ OFFERS: dict[tuple[str, ...], list[str]] = {
     ("clean", "packages", "alpha", "p"): ["plain_cmake", "python"],
     ("clean", "workspace", "--base-select", ""): ["build", "install", "log"],
     ("pkg", "cr"): ["create"],
+    ("mixin", "update", "te"): ["team", "test-bench"],
     ("pkg", "create", "--build-t"): ["--build-type"],
     ("pkg", "create", "--build-type", "ament_c"): ["ament_cmake"],
     ("test", "--event-handlers", "console_s"): ["console_start_end-", "console_stderr-"],

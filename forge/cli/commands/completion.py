@@ -20,6 +20,7 @@ from forge.cli.completing import (
     MIXINS,
     PACKAGES,
     PROFILES,
+    REPOSITORIES,
     SHELLS,
     WORDS,
     CompletionContext,
@@ -40,6 +41,7 @@ _METAVARS = {
     "PATH": FILES,
     "FILE": FILES,
     "SOURCE_DIR": FOLDERS,
+    "REPOSITORY": REPOSITORIES,
     "TYPE": INTERFACES,
     "TYPE|SOURCE_DIR": INTERFACES,
 }

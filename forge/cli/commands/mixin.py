@@ -39,13 +39,13 @@ def register(parser: Parser) -> None:
     adding.add_argument("url", metavar="URL", help="URL or path of its index, such as '.../index.yaml'")
     adding.set_defaults(verb=_add)
     updating.description = f"fetch the mixins of repositories: {_SIGNS}"
-    updating.add_argument("name", nargs="?", metavar="NAME", help="only this repository (default: all)")
+    updating.add_argument("name", nargs="?", metavar="REPOSITORY", help="only this repository (default: all)")
     updating.set_defaults(verb=_update)
-    removing.add_argument("name", metavar="NAME", help="name of the repository")
+    removing.add_argument("name", metavar="REPOSITORY", help="name of the repository")
     removing.set_defaults(verb=_remove)
     summary = "list repositories, mixin files, and the names of all mixins"
     listing = verbs.add_parser("list", help=summary, description=summary)
-    listing.add_argument("name", nargs="?", metavar="NAME", help="only this repository (default: all)")
+    listing.add_argument("name", nargs="?", metavar="REPOSITORY", help="only this repository (default: all)")
     listing.set_defaults(verb=_list)
     summary = "print the options of mixins"
     showing = verbs.add_parser("show", help=summary, description=summary)
