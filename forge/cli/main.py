@@ -36,7 +36,7 @@ COMMANDS = {
     "graph": "show the dependency graph of the packages",
     "info": "show details of packages",
     "doctor": "diagnose problems of the machine, the shell and the workspace",
-    "deps": "list missing system dependencies of the workspace",
+    "deps": "list missing system dependencies of the workspace, and install them",
     "extensions": "list supported build types, event handlers, executors and shells",
     "mixin": "list, show and fetch mixins (named sets of options)",
     "interface": "compile, list and show .msg, .srv and .action files",
