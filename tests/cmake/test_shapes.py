@@ -64,9 +64,9 @@ class Built:
         return self.run("env", f"PYTHONPATH={ROOT}", sys.executable, "-m", "forge", "build", *self.words)
 
 
-def _workspace(root: Path, *words: str) -> Built:
+def _workspace(root: Path, messages: int, *words: str) -> Built:
     """Copy the shapes, write the many messages, build."""
-    copy_shapes(root, MESSAGES)
+    copy_shapes(root, messages)
     built = Built(root, words)
     built.build()
     return built
@@ -87,14 +87,14 @@ def copy_shapes(root: Path, messages: int) -> None:
 @pytest.fixture(scope="module")
 def copied(tmp_path_factory: pytest.TempPathFactory) -> Built:
     """Build with tests, by copies."""
-    return _workspace(tmp_path_factory.mktemp("copied"))
+    return _workspace(tmp_path_factory.mktemp("copied"), MESSAGES)
 
 
 @pytest.fixture(scope="module")
 def linked(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    """Build without tests, by links, into one prefix."""
+    """Build without tests, by links, into one prefix; with a few of the many messages."""
     root = tmp_path_factory.mktemp("linked")
-    return _workspace(root, "--symlink-install", "--merge-install", "--cmake-args", "-DBUILD_TESTING=OFF")
+    return _workspace(root, 8, "--symlink-install", "--merge-install", "--cmake-args", "-DBUILD_TESTING=OFF")
 
 
 def test_every_shape_is_built_and_installs_what_it_should(copied: Built, golden: Golden) -> None:
