@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 
 from tests.reference import all_parsers
 from tests.snippets import ROOT, TYPED, blocks, commands, run
@@ -27,12 +29,14 @@ RUN = [
     if path != TUTORIAL and path not in TRANSLATIONS
 ]
 
-READ = frozenset({"text", "cmake", "toml", "yaml", "xml", "python", "cpp", "c", "json"})
+READ = frozenset({"text", "cmake", "toml", "yaml", "xml", "python", "cpp", "c", "json", "dockerfile"})
 """Languages of blocks that may be there to be read only; commands are in 'console' or 'bash' blocks."""
 
 PARSERS = dict(all_parsers())
 
 _INLINE = re.compile(r"(?<!`)`(forge(?: [^`]+)?)`(?!`)")
+_IN_FILE = re.compile(r"""(?:^|&& |- |run: |")\s*(forge [a-z][^&|"\n\\>]*)""", re.MULTILINE)
+"""A command in a file for another tool."""
 _HEADING = re.compile(r"^(#+) ", re.MULTILINE)
 
 
@@ -117,6 +121,32 @@ def test_a_translation_has_the_same_commands_and_parts(translation: Path, origin
     assert guides[0] == guides[1]
     assert f"]({translation.name})" in texts[0]
     assert f"]({original.name})" in texts[1]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
+def test_files_for_other_tools_are_well_formed_and_their_commands_known(document: Path) -> None:
+    """Settings of editors and jobs of CI services, which the tests cannot run."""
+    for block in blocks(document.read_text(encoding="utf-8")):
+        if block.language == "yaml":
+            list(yaml.safe_load_all(block.text))
+        if block.language == "json" and block.mark.startswith("write: "):
+            json.loads(block.text)
+        if block.language in {"yaml", "json", "dockerfile"}:
+            wrong = [typed for typed in _IN_FILE.findall(block.text) if not _is_known(typed.strip())]
+            assert wrong == [], f"{document}:{block.line}"
+
+
+def test_commands_are_found_in_files() -> None:
+    lines = ("- forge build", "RUN x && forge test --a \\", '"command": "forge env > .env"', "  forge list")
+    assert [_IN_FILE.findall(line) for line in lines] == [
+        ["forge build"],
+        ["forge test --a "],
+        ["forge env "],
+        ["forge list"],
+    ]
+    assert (
+        _IN_FILE.findall("- name: Install forge\n  path: .forge-cache\n- ln -s /bin/forge /usr/bin\n") == []
+    )
 
 
 def _without_blocks(text: str) -> str:
