@@ -196,10 +196,10 @@ def test_the_completion_of_a_real_colcon_is_kept(forge: Forge, workspace: Path) 
 
 
 def in_terminal(argv: list[str], folder: Path, text: str, until: str) -> str:
-    """Type a text into a shell and return what its terminal shows up to some words, within ten seconds."""
+    """Type a text into a shell and return what its terminal shows up to some words, within a minute."""
     ours, theirs = pty.openpty()
     variables = {**os.environ, "TERM": "dumb", "HOME": str(folder / "home"), "PS1": "> "}
-    seen, end = b"", time.monotonic() + 10
+    seen, end = b"", time.monotonic() + 60
     with subprocess.Popen(
         argv, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=variables
     ) as shell:
