@@ -41,6 +41,9 @@ MISTAKE = "sed -i s,geometry_msgs/,geometry_msg/, src/example_ros2_interfaces/ms
 TYPED = (BUILD, MISTAKE, BUILD)
 """What is typed in a copy of the example workspace: a build, a mistake, and what forge says about it."""
 
+BEFORE = (BUILD, "forge clean packages -y $(forge list --names-only --packages-up-to robot_demo_cpp)")
+"""What is done before, and not shown: embedded packages are built once in the life of a workspace."""
+
 
 _PROGRAM = re.compile(rb"/[^ ]*/bin/(?=cmake|python)")
 """The folder of a program."""
@@ -61,6 +64,8 @@ def main(argv: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "robot_ws"
         shutil.copytree(ROOT / "examples_ws/src", folder / "src")
+        for command in BEFORE:
+            subprocess.run(["bash", "-c", command], cwd=folder, env=surroundings(folder), check=True)
         lines = list(screen(TYPED, folder))
     write_if_changed(Path(argv[0]) if argv else PICTURE, picture(lines))
     return 0
