@@ -268,7 +268,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Write down what has passed; where FORGE_TEST_NOTHING_LEFT_OUT is set, fail if anything was left out."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     file = session.config.getoption("--once")
-    if reporter and file:
+    if reporter and file and not hasattr(session.config, "workerinput"):  # xdist's workers report as well
         with Path(file).open("a", encoding="utf-8") as lines:
             lines.writelines(f"{report.nodeid}\n" for report in reporter.stats.get("passed", []))
     if reporter and os.environ.get("FORGE_TEST_NOTHING_LEFT_OUT") == "1" and any(_left_out(reporter)):
