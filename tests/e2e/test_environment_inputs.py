@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from typing import TYPE_CHECKING
@@ -41,11 +42,11 @@ class Builds:
         self._options = options
 
     def build(self, env: Variables | None = None, *options: str) -> list[str]:
-        """Build; return the packages that were started, those that forge brings along left out."""
-        ran = self._forge("build", *self._options, *options, cwd=self._root, env=env)
+        """Build; return the packages that were started, also those that forge brings along."""
+        ran = self._forge("build", "--json", *self._options, *options, cwd=self._root, env=env)
         assert ran.code == 0, ran.out + ran.err
-        started = [line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")]
-        return sorted(started)
+        events = map(json.loads, ran.out.splitlines())
+        return sorted(event["package"] for event in events if event["event"] == "Started")
 
     def tree(self) -> dict[str, bytes]:
         """Return what is installed."""
