@@ -217,6 +217,8 @@ def pytest_configure(config: pytest.Config) -> None:
     for folder in (Path(sys.executable).parent, GOLDEN.parents[1] / ".venv-peers" / "bin"):
         if folder.is_dir() and str(folder) not in os.environ.get("PATH", "").split(os.pathsep):
             os.environ["PATH"] = os.pathsep.join(filter(None, (os.environ.get("PATH"), str(folder))))
+    if sys.prefix != sys.base_prefix:
+        os.environ["VIRTUAL_ENV"] = sys.prefix
 
 
 def _put_first(cmake: Path, config: pytest.Config) -> None:

@@ -100,8 +100,8 @@ class BuildOptions:
         "forget underlays of earlier builds unless they are sourced now", default=False, first_build_only=True
     )
     python: str | None = option(
-        "interpreter to build with and for (default: that of the active virtual environment, else the one "
-        "that runs forge)",
+        "interpreter to build with and for (default: that of the active virtual environment, else that of "
+        "the sourced underlay, else 'python3' on PATH)",
         metavar="PATH",
     )
     test_result_base: str | None = option(

@@ -61,6 +61,13 @@ def configured(
     return values
 
 
+def configured_python(root: Path, variables: Mapping[str, str], profile: str | None = None) -> str | None:
+    """Return the interpreter that files set for `forge build`, for commands that must agree with it."""
+    sources = _sources("build", {"profile": profile}, root, variables)
+    values = [value for source in sources if isinstance(value := source.options.get("python"), str)]
+    return values[-1] if values else None
+
+
 def _sources(
     verb: str, given: Mapping[str, Any], root: Path, variables: Mapping[str, str]
 ) -> Iterator[OptionFile]:

@@ -20,13 +20,13 @@ from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import relevant_environment
-from forge.environment.install_state import recorded_underlays
+from forge.environment.install_state import recorded_python, recorded_underlays
 from forge.environment.prefixes import find_underlays
 from forge.environment.underlays import lost_underlays
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments
 from forge.toolchain.compiler_launchers.choice import selected_launcher
-from forge.toolchain.interpreter import find_interpreter, own_command, require_modules
+from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.resolve import INTERFACE_GROUP, missing_problems
@@ -116,7 +116,10 @@ def check_plan(
     raise_if_any((p for task in own for p in special_files(context.root, task.package.path)), WorkspaceError)
     if plan.tasks:
         from forge.build.rollback import blocking_paths  # noqa: PLC0415  (not needed if all is up to date)
+        from forge.toolchain.python_modules import require_modules  # noqa: PLC0415  (as above)
 
+        if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
+            require_modules(context.python, ("numpy",))
         found = (p for task in plan.tasks.values() for p in blocking_paths(task, context.layout))
         raise_if_any(found, WorkspaceError)
 
@@ -142,9 +145,8 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     warn(suspicious_arguments([*cmake.cmake_args, *cmake.ament_cmake_args]))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher)
-    interpreter = find_interpreter(options.python, variables)
-    if any(INTERFACE_GROUP in package.manifest.groups for package in packages):
-        require_modules(interpreter, ("numpy",))
+    interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)
+    warn(other_than_recorded(recorded_python(layout.install), interpreter))
     through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
     # Only the worker of a watch has loaded the modules that build Python packages.
     warm = through_worker if options.is_rebuild else own_command()
@@ -176,6 +178,17 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     return context, interpreter
+
+
+def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Interpreter:
+    """Return `python` if given, else the interpreter of the last build, else that which a build would use."""
+    variables = build_variables(layout, os.environ)
+    recorded = recorded_python(layout.install)
+    if not (python or recorded):
+        from forge.cli.config import configured_python  # noqa: PLC0415  (only needed before the first build)
+
+        python = configured_python(root, variables)
+    return find_interpreter(python, variables, find_underlays(variables, layout.install).chain, recorded)
 
 
 def _has_fast_rosidl(options: BuildOptions, loaded: LoadedWorkspace) -> bool:

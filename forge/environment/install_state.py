@@ -22,8 +22,18 @@ def forget_underlays(root: Path) -> None:
 
 def recorded_python(root: Path) -> str | None:
     """Return the recorded interpreter of an install tree if it exists."""
-    python = _recorded(root)[0]
+    python = recorded_path(root)
     return python if python and Path(python).exists() else None
+
+
+def recorded_path(root: Path) -> str | None:
+    """Return the path of the recorded interpreter of an install tree, which may have been removed."""
+    return _recorded(root)[0]
+
+
+def python_of(prefix: Path) -> str | None:
+    """Return the recorded interpreter of the install tree around the prefix of a package."""
+    return recorded_python(prefix) or recorded_python(prefix.parent)
 
 
 def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
@@ -17,6 +17,7 @@ from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
 from forge.execution.worker_client import DECLINED_PREFIX
 from forge.output.known_names import cmake_commands, installed_headers
+from forge.toolchain.python_modules import install_command
 from forge.workspace.cmake_metadata import cmake_dependencies, targets
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS
@@ -300,12 +301,11 @@ def _module_not_found(module: str, context: FailureContext) -> str | None:
     if name in context.packages:
         depend = f"add <depend>{name}</depend> to {context.manifest}"
         return None if context.declares(name) else f"'{name}' is a package of the workspace: {depend}"
-    known = {"em": "'empy<4'", "yaml": "PyYAML", "catkin_pkg": "catkin_pkg", "cv2": "opencv-python"}
-    return f"{context.python} -m pip install {known.get(name, name)}"
+    return install_command(Path(context.python), (name,))
 
 
 def _other_empy(_: str, context: FailureContext) -> str:
-    return f"this ROS distribution needs empy 3: {context.python} -m pip install 'empy<4'"
+    return f"this ROS distribution needs empy 3: {install_command(Path(context.python), ('em',))}"
 
 
 def _out_of_memory(_: str, _context: FailureContext) -> str:

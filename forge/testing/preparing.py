@@ -20,8 +20,9 @@ from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.testing.detection import inspect_tests
 from forge.testing.recipes import TEST_RECIPES, PackageTests, TestContext, framework
-from forge.toolchain.interpreter import find_interpreter, missing_modules
+from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.programs import CMAKE_TYPES, find_ctest
+from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
 
 if TYPE_CHECKING:
@@ -139,13 +140,18 @@ def _is_python(loaded: LoadedWorkspace, name: str) -> bool:
 
 
 def prepare_context(
-    options: TestOptions, loaded: LoadedWorkspace, names: Sequence[str], layout: Layout
+    options: TestOptions,
+    loaded: LoadedWorkspace,
+    names: Sequence[str],
+    layout: Layout,
+    variables: Mapping[str, str],
 ) -> TestContext:
     """Return the programs and options of the tests; raises EnvironmentFault for missing programs."""
     types = {loaded.packages[name].build_type for name in names}
     ctest = find_ctest(os.environ) if types & CMAKE_TYPES else None
-    interpreter = find_interpreter(options.python or recorded_python(layout.install), os.environ)
-    missing = missing_modules(interpreter, _TEST_MODULES) if types - CMAKE_TYPES else ()
+    recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
+    interpreter = find_interpreter(options.python, variables, chain, recorded)
+    missing = missing_modules(interpreter.path, _TEST_MODULES) if types - CMAKE_TYPES else ()
     return TestContext(
         root=loaded.workspace.root,
         layout=layout,
@@ -209,5 +215,6 @@ def _without_pytest(
     ]
     if wanting and "pytest" not in context.modules:
         packages_text = ", ".join(f"'{name}'" for name in wanting)
-        hint = f"{context.python} -m pip install pytest; or test with unittest: --python-testing unittest"
+        command = install_command(context.python, ("pytest",))
+        hint = f"{command}; or test with unittest: --python-testing unittest"
         yield Problem(f"'{context.python}' has no pytest, which is required by {packages_text}", hint=hint)

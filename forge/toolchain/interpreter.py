@@ -1,52 +1,76 @@
-"""Finds the Python interpreter of a workspace and checks its modules."""
+"""Chooses the Python interpreter of a workspace, the same for all commands.
+
+Only the option, the environment and the underlays decide: never how forge itself was installed. Programs of
+the workspace keep the interpreter in their first line, and would break with the tool's own environment.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import importlib.util
+import os
+import re
+import shlex
 import shutil
 import sys
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
+from forge.environment.underlay_python import python_versions, underlay_python
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping, Sequence
 
 OLDEST = (3, 10)
 
-_TRAITS = """import importlib.metadata as m, importlib.util as u, os, sys, sysconfig
-print("version=%d.%d.%d" % sys.version_info[:3])
-header = sysconfig.get_path("include") + "/Python.h"
-os.path.exists(header) and print("header=" + header)
-for name in sys.argv[1:]:
-    u.find_spec(name) and print(name + "=there")
-try:
-    print("setuptools=" + m.version("setuptools"))
-except m.PackageNotFoundError:
-    pass
-"""
+_VERSIONED = re.compile(r"python(\d+)\.(\d+)")
+_RECEIPTS = ("uv-receipt.toml", "pipx_metadata.json")
+"""Files by which uv and pipx mark the environments of the tools that they install."""
+_CACHED_BY_UV = "archive-v0"
+"""The folder of uv's cache that holds the environments of `uvx`."""
+_BASE_OF_CONDA = frozenset({"base", "root"})
+_PROGRAM = "import sys; print(*sys.version_info[:2]); print(sys.executable)"
+
+OPTION = "'--python'"
+ON_PATH = "'python3' on PATH"
+LAST_BUILD = "the last build"
+_ENVIRONMENT = "the active virtual environment"
+_CONDA = "the active conda environment"
+_KEPT = frozenset({OPTION, LAST_BUILD, _ENVIRONMENT, _CONDA})
+"""Choices of one program, also if that is a script which starts another one."""
 
 
 @frozen
 class Interpreter:
-    """A Python program and its version."""
+    """A Python program, its version, and what chose it."""
 
     path: Path
     version: tuple[int, int]
+    origin: str = field(default="", compare=False)
 
     @property
     def site_packages(self) -> str:
         """Return the folder for Python code below a prefix, such as 'lib/python3.11/site-packages'."""
-        return f"lib/python{self.version[0]}.{self.version[1]}/site-packages"
+        return f"lib/python{self.release}/site-packages"
+
+    @property
+    def release(self) -> str:
+        """Return the version as text, such as '3.11'."""
+        return "{}.{}".format(*self.version)
 
     @property
     def own(self) -> bool:
         """Tell whether this interpreter runs forge."""
-        return self.path in {own_path(), Path(sys.executable)}
+        return is_own(self.path)
+
+
+@frozen
+class _Choice:
+    path: Path
+    origin: str
 
 
 def own_path() -> Path:
@@ -54,118 +78,69 @@ def own_path() -> Path:
     return _usual_name(Path(sys.executable))
 
 
+def is_own(path: Path) -> bool:
+    """Tell whether an interpreter runs forge."""
+    return path in {own_path(), Path(sys.executable)}
+
+
 def own_command(*words: str) -> tuple[str, ...]:
     """Return the command that starts forge, or with '-m' one of its modules, regardless of PYTHONPATH."""
     return (sys.executable, str(PACKAGE.parent / "_ros_forge.py"), *words)
 
 
-def find_interpreter(python: str | None, variables: Mapping[str, str]) -> Interpreter:
-    """Return the workspace's interpreter: the option's, else the virtual environment's, else forge's own.
+def find_interpreter(
+    python: str | None,
+    variables: Mapping[str, str],
+    underlays: Sequence[Path] = (),
+    recorded: str | None = None,
+) -> Interpreter:
+    """Return the workspace's interpreter.
 
-    `python` is a path, or a name on PATH. Raises EnvironmentFault if it is missing, does not run or is too
-    old.
+    That is `python`, a path or a name on PATH; else `recorded`, that of the last build; else that of the
+    active virtual environment; else that of the sourced underlay, the highest one first; else python3 on
+    PATH. Environments that uv or pipx made for forge do not count. `underlays` are roots, lowest first.
+    Raises EnvironmentFault if the interpreter is missing, does not run, is too old, or of another version
+    than an underlay.
     """
-    path = _locate(python, variables)
-    if path in {own_path(), Path(sys.executable)}:
-        return Interpreter(path, sys.version_info[:2])
-    interpreter = Interpreter(path, _ask_version(path))
+    choice = (
+        (_Choice(_named(python, variables), OPTION) if python else None)
+        or (_Choice(Path(recorded), LAST_BUILD) if recorded and not _is_of_tool(Path(recorded)) else None)
+        or _active(variables)
+        or _of_underlays(underlays, variables)
+        or _on_path(variables)
+    )
+    interpreter = _examined(choice)
     if interpreter.version < OLDEST:
-        version = "{}.{}".format(*interpreter.version)
         problem = Problem(
-            f"python {version} at '{path}' is too old", hint="forge requires python 3.10 or newer"
+            f"python {interpreter.release} at '{interpreter.path}' is too old",
+            hint="forge requires python 3.10 or newer",
         )
         raise EnvironmentFault(problem)
+    _refuse_other_version(interpreter, underlays)
     return interpreter
 
 
-def require_modules(interpreter: Interpreter, names: Iterable[str]) -> None:
-    """Raise EnvironmentFault with the modules that `interpreter` lacks and how to install them."""
-    missing = missing_modules(interpreter, names)
-    if missing:
-        raise EnvironmentFault(missing_modules_problem(interpreter, missing))
+def other_than_recorded(recorded: str | None, interpreter: Interpreter) -> tuple[Problem, ...]:
+    """Return a warning if the last build used another interpreter, which still exists."""
+    if recorded is None or Path(recorded) == interpreter.path:
+        return ()
+    message = f"the interpreter is now '{interpreter.path}' ({interpreter.origin}) instead of '{recorded}'"
+    hint = "packages that depend on it are rebuilt; to keep the former one, activate its environment or pass "
+    return (Problem(message, hint=f"{hint}--python {shlex.quote(recorded)}"),)
 
 
-def missing_modules_problem(interpreter: Interpreter, modules: Iterable[str]) -> Problem:
-    """Return a problem for modules that the build needs and an interpreter lacks."""
-    names = list(modules)
-    wanted = " ".join({"em": "'empy<4'", "yaml": "PyYAML"}.get(name, name) for name in names)
-    return Problem(
-        f"'{interpreter.path}' lacks modules required by the build: {', '.join(map(repr, names))}",
-        hint=f"{interpreter.path} -m pip install {wanted}",
-    )
+def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False) -> str:
+    """Run Python code in another interpreter and return its output; raises EnvironmentFault.
 
-
-def interpreter_properties(interpreter: Interpreter, names: Iterable[str]) -> Mapping[str, str]:
-    """Return properties of an interpreter; raises EnvironmentFault if it does not run.
-
-    The keys are 'version'; 'header', if C extensions can be compiled; 'setuptools', its version; and the
-    names of those modules in `names` that exist.
+    `isolated` code starts faster, with the standard library only.
     """
-    return dict(line.split("=", 1) for line in _ask(interpreter.path, _TRAITS, *names).splitlines())
-
-
-def missing_modules(interpreter: Interpreter, names: Iterable[str]) -> list[str]:
-    """Return the modules that an interpreter lacks; raises EnvironmentFault if it does not run."""
-    wanted = list(names)
-    if interpreter.own:
-        return [name for name in wanted if not _has_module(name)]
-    return _ask_missing(interpreter, wanted)
-
-
-def _locate(python: str | None, variables: Mapping[str, str]) -> Path:
-    """Return the interpreter's absolute path without resolving links, which identify virtual environments."""
-    if python:
-        found = shutil.which(python, path=variables.get("PATH"))
-        if found is None:
-            problem = Problem(f"python '{python}' not found", hint="pass an existing program to '--python'")
-            raise EnvironmentFault(problem)
-        return Path(found).absolute()
-    active = variables.get("VIRTUAL_ENV")
-    if not active or Path(active).resolve() == Path(sys.prefix).resolve():
-        return own_path()
-    path = _usual_name(Path(active).absolute() / "bin" / "python")
-    if not path.exists():
-        raise EnvironmentFault(
-            Problem(
-                f"the active virtual environment '{active}' has no 'bin/python'",
-                hint="run 'deactivate', or choose an interpreter with '--python'",
-            )
-        )
-    return path
-
-
-def _usual_name(path: Path) -> Path:
-    """Return the python3 next to a program if both are the same file, for a stable path."""
-    usual = path.with_name("python3")
-    with contextlib.suppress(OSError):
-        if usual.samefile(path):
-            return usual
-    return path
-
-
-def _ask_version(path: Path) -> tuple[int, int]:
-    """Return the version that the interpreter reports."""
-    answer = _ask(path, "import sys; print(*sys.version_info[:2])").split()
-    if len(answer) == 2 and all(word.isdecimal() for word in answer):  # noqa: PLR2004  (major and minor)
-        return int(answer[0]), int(answer[1])
-    raise EnvironmentFault(Problem(f"'{path}' is not a python interpreter"))
-
-
-def _ask_missing(interpreter: Interpreter, names: list[str]) -> list[str]:
-    """Return the modules that another interpreter does not find."""
-    program = "import importlib.util as u, sys; print(*(n for n in sys.argv[1:] if not u.find_spec(n)))"
-    return _ask(interpreter.path, program, *names).split()
-
-
-def _ask(path: Path, program: str, *arguments: str) -> str:
-    """Run Python code in another interpreter and return its output."""
     import subprocess  # noqa: PLC0415  (not needed for forge's own interpreter)
 
+    argv = [path, *(("-I", "-S") if isolated else ()), "-c", program, *arguments]
+    # Python would import modules from the working directory, unless it is isolated; shims depend on it.
+    folder = None if isolated else "/"
     try:
-        # Python would import modules from the working directory.
-        done = subprocess.run(
-            [path, "-c", program, *arguments], cwd="/", capture_output=True, text=True, check=True
-        )
+        done = subprocess.run(argv, cwd=folder, capture_output=True, text=True, check=True)
     except OSError as error:
         raise EnvironmentFault(
             Problem(f"cannot run the Python interpreter '{path}': {error.strerror}")
@@ -176,6 +151,173 @@ def _ask(path: Path, program: str, *arguments: str) -> str:
     return done.stdout
 
 
-def _has_module(name: str) -> bool:
-    """Tell whether forge's own interpreter finds a module, without importing it."""
-    return importlib.util.find_spec(name) is not None
+def _named(python: str, variables: Mapping[str, str]) -> Path:
+    """Return the path of an option without resolving links, which identify virtual environments."""
+    found = shutil.which(python, path=variables.get("PATH"))
+    if found is None:
+        problem = Problem(f"python '{python}' not found", hint="pass an existing program to '--python'")
+        raise EnvironmentFault(problem)
+    return Path(found).absolute()
+
+
+def _active(variables: Mapping[str, str]) -> _Choice | None:
+    """Return the interpreter of the active virtual or conda environment.
+
+    conda's base environment is active in every shell, whether it is wanted or not: it counts only as python3
+    on PATH. conda environments may lack Python.
+    """
+    active = variables.get("VIRTUAL_ENV")
+    if active and Path(active).resolve() != _own_tool():
+        path = _program_in(Path(active))
+        if path is None:
+            raise EnvironmentFault(
+                Problem(
+                    f"the active virtual environment '{active}' has no 'bin/python'",
+                    hint="run 'deactivate', or choose an interpreter with '--python'",
+                )
+            )
+        return _Choice(path, _ENVIRONMENT)
+    conda = variables.get("CONDA_PREFIX")
+    if not conda or variables.get("CONDA_DEFAULT_ENV") in _BASE_OF_CONDA:
+        return None
+    path = _program_in(Path(conda))
+    return _Choice(path, _CONDA) if path else None
+
+
+def _program_in(environment: Path) -> Path | None:
+    """Return the interpreter of a virtual environment; the name of forge's own stays the same."""
+    if environment.resolve() == Path(sys.prefix).resolve():
+        return own_path()
+    path = _usual_name(environment.absolute() / "bin" / "python")
+    return path if path.exists() else None
+
+
+def _of_underlays(underlays: Sequence[Path], variables: Mapping[str, str]) -> _Choice | None:
+    """Return the interpreter of the highest underlay that tells one.
+
+    Raises EnvironmentFault if the interpreter for its modules is missing.
+    """
+    for root in reversed(underlays):
+        path = underlay_python(root)
+        if path is None or _is_of_tool(path):
+            path = _of_version(root, variables)
+        if path is not None:
+            return _Choice(_usual_name(path), f"the underlay '{root}'")
+    return None
+
+
+def _of_version(root: Path, variables: Mapping[str, str]) -> Path | None:
+    """Return the program for the version of an underlay's modules, None without modules."""
+    versions = python_versions(root)
+    if not versions:
+        return None
+    with contextlib.suppress(EnvironmentFault):
+        usual = _examined(_on_path(variables))
+        if usual.version in versions:
+            return usual.path
+    name = "python{}.{}".format(*max(versions))
+    found = _which(name, variables)
+    if found is None:
+        message = f"the underlay '{root}' is for {_listed(versions)}, but '{name}' is not on PATH"
+        raise EnvironmentFault(
+            Problem(message, hint="install it, or pass the path of such an interpreter to '--python'")
+        )
+    return found
+
+
+def _on_path(variables: Mapping[str, str]) -> _Choice:
+    path = _which("python3", variables) or _which("python", variables)
+    if path is None:
+        hint = "install Python, activate a virtual environment, or pass an interpreter to '--python'"
+        raise EnvironmentFault(Problem("'python3' is not on PATH", hint=hint))
+    return _Choice(_usual_name(path), ON_PATH)
+
+
+def _which(program: str, variables: Mapping[str, str]) -> Path | None:
+    """Return a program on PATH, except in the environment of a tool, which `uvx` prepends."""
+    tool = _own_tool()
+    folders = filter(None, variables.get("PATH", os.defpath).split(os.pathsep))
+    kept = [folder for folder in folders if tool is None or Path(folder).parent.resolve() != tool]
+    found = shutil.which(program, path=os.pathsep.join(kept))
+    return Path(found).absolute() if found else None
+
+
+def _is_of_tool(python: Path) -> bool:
+    """Tell whether an interpreter is in the environment that uv or pipx made for forge."""
+    return python.parent.parent.resolve() == _own_tool()
+
+
+def _own_tool() -> Path | None:
+    """Return the environment in which forge runs if uv or pipx made it for forge."""
+    prefix = Path(sys.prefix).resolve()
+    marked = any((prefix / name).is_file() for name in _RECEIPTS)
+    return prefix if marked or _CACHED_BY_UV in prefix.parts else None
+
+
+def _examined(choice: _Choice) -> Interpreter:
+    """Return the interpreter with its version, and without a process if a name tells the version."""
+    path = choice.path
+    if is_own(path):
+        return Interpreter(path, sys.version_info[:2], choice.origin)
+    version = _version_by_name(path)
+    if version is not None:
+        return Interpreter(path, version, choice.origin)
+    answer = ask_python(path, _PROGRAM, isolated=True).splitlines()
+    words = answer[0].split() if answer else []
+    if len(words) != 2 or not all(word.isdecimal() for word in words):  # noqa: PLR2004  (major and minor)
+        raise EnvironmentFault(Problem(f"'{path}' is not a python interpreter"))
+    # The shims of pyenv, asdf and mise start another program, which depends on the current folder.
+    if choice.origin not in _KEPT and answer[1:] and Path(answer[1]).is_file():
+        path = _usual_name(Path(answer[1]))
+    return Interpreter(path, (int(words[0]), int(words[1])), choice.origin)
+
+
+def _version_by_name(path: Path) -> tuple[int, int] | None:
+    """Return the version in the name of the program that a path leads to, None for a script."""
+    real = path.resolve()
+    match = _VERSIONED.fullmatch(real.name)
+    with contextlib.suppress(OSError):
+        if match and os.access(real, os.X_OK):
+            with real.open("rb") as stream:
+                return None if stream.read(2) == b"#!" else (int(match[1]), int(match[2]))
+    return None
+
+
+def _refuse_other_version(interpreter: Interpreter, underlays: Sequence[Path]) -> None:
+    """Raise EnvironmentFault if the modules of an underlay are for another version."""
+    for root in underlays:
+        versions = python_versions(root)
+        if versions and interpreter.version not in versions:
+            message = f"the underlay '{root}' is for {_listed(versions)}, but {interpreter.origin} is python "
+            raise EnvironmentFault(
+                Problem(
+                    f"{message}{interpreter.release} ('{interpreter.path}')",
+                    hint=_remedy(interpreter.origin, max(versions)),
+                )
+            )
+
+
+def _remedy(origin: str, version: tuple[int, int]) -> str:
+    program = "python{}.{}".format(*version)
+    if origin == OPTION:
+        return f"pass '--python {program}'"
+    if origin == _ENVIRONMENT:
+        return (
+            f"run 'deactivate', or activate one of {program}: {program} -m venv --system-site-packages .venv"
+        )
+    if origin == _CONDA:
+        return "run 'conda deactivate', or source an underlay for this environment"
+    return "source only underlays for the same version, or rebuild one of them"
+
+
+def _listed(versions: frozenset[tuple[int, int]]) -> str:
+    return " and ".join("python {}.{}".format(*version) for version in sorted(versions))
+
+
+def _usual_name(path: Path) -> Path:
+    """Return the python3 next to a program if both are the same file, for a stable path."""
+    usual = path.with_name("python3")
+    with contextlib.suppress(OSError):
+        if usual.samefile(path):
+            return usual
+    return path

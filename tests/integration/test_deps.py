@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.doctor.system_deps.system import os_release, system_of
+from forge.doctor.system_deps.system import system_of
+from forge.toolchain.os_release import os_release
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:

@@ -277,15 +277,14 @@ def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
     low, high = root / "low", root / "high"
     (high / ".forge.json").write_text(json.dumps({"python": sys.executable, "underlays": [str(low)]}))
     env = {"COLCON_PREFIX_PATH": f"{low}:{high}"}
-    messages = [
-        f["message"] for f in of_topic(findings(forge, root, "--base-paths", "src", env=env), "underlays")
-    ]
-    ours = "{}.{}".format(*sys.version_info[:2])
-    assert messages == [
+    found = findings(forge, root, "--base-paths", "src", env=env)
+    assert [finding["message"] for finding in of_topic(found, "underlays")] == [
         f"'y' in '{high}' needs 'lost_driver', which no sourced underlay contains",
-        f"the underlay '{low}' has modules for python 3.{OTHER[-1]}, but the build uses python {ours}",
         f"'{high}' was built on '{low}', but is sourced before it",
     ]
+    (refusal,) = of_topic(found, "python")
+    assert refusal["severity"] == "error"
+    assert refusal["message"].startswith(f"the underlay '{low}' is for python 3.{OTHER[-1]}, but the active ")
 
 
 def test_many_findings_of_one_kind_are_one_paragraph(forge: Forge, tree: Tree) -> None:

@@ -22,6 +22,7 @@ from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, ext
 from forge.build.inputs.fingerprints import source_files
 from forge.build.wheels.backend_inputs import external_files, parse_list, parse_make_rules, parse_trace
 from forge.toolchain.bundled_setuptools import setuptools_path
+from forge.toolchain.python_modules import install_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -89,7 +90,7 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
             warnings.simplefilter("always")
             wheel = caller.build_wheel(str(out))
     except pyproject_hooks.BackendUnavailable:
-        hint = f"install it there: {python} -m pip install {backend.split('.')[0]}"
+        hint = f"install it there: {install_command(Path(python), (backend.split('.')[0],))}"
         message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
         raise EnvironmentFault(Problem(message, hint=hint)) from None
     except subprocess.CalledProcessError:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
-from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
+from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean
 from forge.base.text import listed
 from forge.build.cleaning import (
@@ -27,7 +27,7 @@ from forge.build.journal import open_journal
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables
-from forge.environment.install_state import recorded_python
+from forge.environment.install_state import recorded_path
 from forge.execution.lock import lock_build_dir
 from forge.workspace.load import load_workspace
 
@@ -198,5 +198,6 @@ def _report_rest(paths: Iterable[Path], options: argparse.Namespace) -> None:
 
 def _write_scripts(layout: Layout) -> None:
     """Rewrite the setup scripts without the removed packages; colcon's scripts search the folder."""
-    if (layout.install / INSTALL_STATE_FILE).is_file():
-        finish_workspace(layout, (), Path(recorded_python(layout.install) or sys.executable))
+    python = recorded_path(layout.install)
+    if python:
+        finish_workspace(layout, (), Path(python))

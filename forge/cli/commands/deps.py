@@ -19,14 +19,15 @@ from forge.base.errors import (
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
+from forge.cli.preparation import workspace_interpreter
 from forge.doctor.system_deps.installing import install_commands, run_commands
 from forge.doctor.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
 from forge.doctor.system_deps.package_names import find_package_names
 from forge.doctor.system_deps.report import named, ros_remedy, satisfied, unnamed
 from forge.doctor.system_deps.rosdep import read_databases
-from forge.doctor.system_deps.system import installed_names, os_release, system_of
+from forge.doctor.system_deps.system import installed_names, system_of
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
-from forge.toolchain.interpreter import find_interpreter
+from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace
 from forge.workspace.model import DependencyKind
@@ -100,7 +101,10 @@ def register(parser: Parser) -> None:
         help="install folder of the workspace (default: install)",
     )
     parser.add_argument(
-        "--python", metavar="PATH", help="interpreter whose installed Python packages to check"
+        "--python",
+        metavar="PATH",
+        help="interpreter whose installed Python packages to check (default: that of the last build, else as "
+        "for 'forge build')",
     )
 
 
@@ -123,7 +127,7 @@ def run(options: argparse.Namespace) -> int:
     found = needs_of(selected, kinds, _provider(loaded, root / options.install_base), names.resolve)
     needs = tuple(need for need in found if need.key not in options.skip_keys)
     print_warnings(_unresolved(needs, names, system))
-    python = _python(options)
+    python = _python(options, root)
     # It is unknown what is installed on another system.
     have = frozenset() if options.os else _installed(needs, python)
     if options.json:
@@ -190,10 +194,12 @@ def _provider(loaded: LoadedWorkspace, install: Path) -> Callable[[str], str | N
     return find
 
 
-def _python(options: argparse.Namespace) -> str:
+def _python(options: argparse.Namespace, root: Path) -> str:
+    layout = shared.FolderOptions(install_base=options.install_base).layout(root)
     try:
-        return str(find_interpreter(options.python, os.environ).path)
-    except EnvironmentFault:
+        return str(workspace_interpreter(options.python, layout, root).path)
+    except EnvironmentFault as fault:
+        print_warnings(fault.problems)
         return options.python or "python3"
 
 

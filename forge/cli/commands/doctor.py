@@ -11,6 +11,7 @@ from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
 from forge.cli import options as shared
 from forge.cli import package_options
+from forge.cli.config import configured_python
 from forge.cli.preparation import build_variables, without_own
 from forge.doctor.checks import machine, naming, packages, programs, surroundings
 from forge.doctor.checks.model import CheckContext, CheckResult, files_of
@@ -41,7 +42,9 @@ def register(parser: Parser) -> None:
     """Add the options of `forge doctor`."""
     package_options.add(parser)
     shared.add_options(parser, "output folders", shared.FolderOptions)
-    parser.add_argument("--python", metavar="PATH", help="interpreter to check, as for 'forge build'")
+    parser.add_argument(
+        "--python", metavar="PATH", help="interpreter to check (default: as for 'forge build')"
+    )
     parser.add_argument(
         "--all",
         action="store_true",
@@ -77,7 +80,7 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
         variables: Mapping[str, str] = build_variables(layout, os.environ)
     except ForgeError:
         variables = outside  # the state of an earlier build is unreadable, which another check reports
-    python = options.python
+    python = options.python or configured_python(root, os.environ)
     bare = CheckContext(root, layout, variables, outside, python, find_underlays(variables, layout.install))
     if root in {Path.home(), Path(root.anchor)} and "base_paths" not in options.given and not options.paths:
         return CheckResult(

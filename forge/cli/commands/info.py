@@ -7,10 +7,13 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, SelectionError, print_warnings
+from forge.base.errors import EnvironmentFault, Problem, SelectionError, print_warnings
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
+from forge.cli.options import FolderOptions
+from forge.cli.preparation import build_variables, workspace_interpreter
+from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
@@ -29,10 +32,16 @@ def register(parser: Parser) -> None:
     """Add the options of `forge info`."""
     package_options.add_listing(parser)
     parser.add_argument("names", nargs="*", metavar="PKG", help="packages to show (default: all)")
+    parser.add_argument(
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="install folder of the workspace (default: install)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the details of each package, sorted by name."""
+    """Print the workspace unless packages are given, and the details of each package, sorted by name."""
     loaded = load_workspace(
         Path.cwd(), package_options.query_of(options), os.environ, embedded=options.embedded
     )
@@ -42,9 +51,26 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps([_plain(package, options) for package in packages], indent=2, default=str))
         return 0
+    if not options.names:
+        print(*_workspace(options), sep="\n")
     for package in packages:
         print(*_paragraph(package, options), sep="\n")
     return 0
+
+
+def _workspace(options: argparse.Namespace) -> Iterator[str]:
+    """Yield the interpreter of the workspace with what chose it, and the underlays."""
+    root = Path.cwd()
+    layout = FolderOptions(install_base=options.install_base).layout(root)
+    yield f"workspace: {root}"
+    try:
+        python = workspace_interpreter(None, layout, root)
+        yield f"  python: {python.path} ({python.release}, {python.origin})"
+    except EnvironmentFault as fault:
+        print_warnings(fault.problems)
+    chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
+    if chain:
+        yield f"  underlays: {' '.join(map(str, chain))}"
 
 
 def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]:

@@ -14,12 +14,16 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
+from forge.environment.install_state import python_of
 from forge.environment.installed import executables, find_package, is_unsourced
 from forge.workspace.root import find_install
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from types import FrameType
+
+
+_BY_ENV = ([b"#!/usr/bin/env", b"python3"], [b"#!/usr/bin/env", b"python"])
 
 
 def register(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +50,8 @@ def run(options: argparse.Namespace) -> int:
     prefix = find_package(package, os.environ, install)
     variables = _environment(package, install)
     path = _choose(package, name, prefix)
-    code = _wait_for((*_words(options.prefix), str(path), *arguments), variables)
+    program = (*_interpreter(path, prefix, variables), str(path))
+    code = _wait_for((*_words(options.prefix), *program, *arguments), variables)
     if code:
         print(f"[ros2run]: {_ending(code)}", file=sys.stderr)
     return code
@@ -74,6 +79,26 @@ def _choose(package: str, name: str, prefix: Path) -> Path:
         raise ForgeError(Problem(f"multiple executables found:{listing}"))
     refuse_windows_line_endings(matches[0])
     return matches[0]
+
+
+def _interpreter(path: Path, prefix: Path, variables: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the interpreter of the workspace for a script that leaves it to `env`, nothing for others.
+
+    An active virtual environment comes first: its python3 is the one that `env` finds.
+    """
+    if any(variables.get(name) for name in ("VIRTUAL_ENV", "CONDA_PREFIX")) or not _by_env(path):
+        return ()
+    python = python_of(prefix)
+    return (python,) if python else ()
+
+
+def _by_env(path: Path) -> bool:
+    """Tell whether a script starts with '#!/usr/bin/env python3'."""
+    try:
+        with path.open("rb") as stream:
+            return stream.readline(512).split() in _BY_ENV
+    except OSError:
+        return False
 
 
 def _words(command: str | None) -> list[str]:

@@ -78,7 +78,7 @@ def run(namespace: argparse.Namespace) -> int:
     built = [name for name in names if name not in absent]
     warn(not_built_here(built, loaded, layout))
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
-    context = prepare_context(options, loaded, names, layout)
+    context = prepare_context(options, loaded, names, layout, variables)
     plan = make_test_plan(built, loaded, context, warn)
     with (
         lock_build_dir(layout.build, wait=not folders.no_wait),

@@ -8,10 +8,11 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem, Several
+from forge.base.errors import EnvironmentFault, Location, Problem, Several, WorkspaceError
 from forge.doctor.checks.model import CheckResult, graded
+from forge.environment.install_state import recorded_python
 from forge.environment.shells import SHELLS
-from forge.toolchain.interpreter import find_interpreter, interpreter_properties, missing_modules_problem
+from forge.toolchain.interpreter import find_interpreter, other_than_recorded
 from forge.toolchain.programs import (
     CMAKE_TYPES,
     compiled_packages,
@@ -23,6 +24,7 @@ from forge.toolchain.programs import (
     no_cmake,
     no_compiler,
 )
+from forge.toolchain.python_modules import interpreter_properties, missing_modules_problem
 from forge.workspace.cmake_metadata import calls
 from forge.workspace.resolve import INTERFACE_GROUP
 
@@ -100,16 +102,26 @@ def builder(subject: CheckContext) -> CheckResult:
 def python(subject: CheckContext) -> CheckResult:
     """Check the interpreter of a build and its modules."""
     try:
-        interpreter = find_interpreter(subject.python, subject.variables)
-        known = interpreter_properties(interpreter, ("numpy", "em", "catkin_pkg", "lark"))
+        interpreter = find_interpreter(subject.python, subject.variables, subject.underlays.chain)
+        known = interpreter_properties(interpreter.path, ("numpy", "em", "catkin_pkg", "lark"))
     except EnvironmentFault as fault:
         return CheckResult("python", "none", errors=fault.problems)
     has = frozenset(known)
     errors = [*_missing_modules(subject, interpreter, has), *_missing_header(subject, interpreter, has)]
     setuptools = known.get("setuptools", "")
     errors += _old_setuptools(subject, interpreter, setuptools)
-    lent = "setuptools " + (setuptools or "lent by forge")
-    return CheckResult("python", f"{known['version']} ({interpreter.path}), {lent}", errors=tuple(errors))
+    summary = f"{known['version']} ({interpreter.path}, {interpreter.origin}), "
+    summary += f"setuptools {setuptools or 'lent by forge'}"
+    warnings = other_than_recorded(_recorded(subject), interpreter)
+    return CheckResult("python", summary, errors=tuple(errors), warnings=warnings)
+
+
+def _recorded(subject: CheckContext) -> str | None:
+    """Return the interpreter of the last build; an invalid record is reported by another check."""
+    try:
+        return recorded_python(subject.layout.install)
+    except WorkspaceError:
+        return None
 
 
 def shells(subject: CheckContext) -> CheckResult:
@@ -165,7 +177,7 @@ def _missing_modules(
         wanted += ["em", "lark"]
     missing = [name for name in wanted if name not in has]
     if missing:
-        yield missing_modules_problem(interpreter, missing)
+        yield missing_modules_problem(interpreter.path, missing)
 
 
 def _has_package(name: str, prefixes: Iterable[Path]) -> bool:

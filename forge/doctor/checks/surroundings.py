@@ -32,12 +32,11 @@ _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 
 
 def underlays(subject: CheckContext) -> CheckResult:
-    """Check that each sourced workspace exists, is complete, in order, and for the same Python."""
+    """Check that each sourced workspace exists, is complete, and in order."""
     chain = subject.underlays.chain
     warnings = list(lost_underlays(subject.layout.install, subject.variables))
     for root in chain:
         warnings += _without_scripts(root)
-        warnings += _other_python(root, subject)
         warnings += _without_needs(root, subject)
     warnings += _out_of_order(chain)
     said = ", ".join(f"{root} ({_maker(root)})" for root in chain) or "none sourced"
@@ -86,33 +85,6 @@ def _without_scripts(root: Path) -> Iterator[Problem]:
     if not any(root.glob("local_setup.*")) and not any(root.glob("setup.*")):
         hint = "rebuild that workspace, and source it in a new terminal"
         yield Problem(f"the underlay '{root}' has no setup scripts: its build did not complete", hint=hint)
-
-
-def _other_python(root: Path, subject: CheckContext) -> Iterator[Problem]:
-    """Yield a warning if modules exist only for another Python."""
-    try:
-        ours = find_interpreter(subject.python, subject.variables).version
-    except EnvironmentFault:
-        return
-    prefixes = dict.fromkeys((root, *(package.prefix for package in installed_packages(root))))
-    folders = (
-        path
-        for prefix in prefixes
-        for place in _MODULES
-        for path in (prefix / place).glob("python3.*/*-packages")
-    )
-    versions = {
-        (int(match[1]), int(match[2]))
-        for path in folders
-        if (match := _PYTHON_FOLDER.fullmatch(path.parent.name))
-    }
-    if versions and ours not in versions:
-        theirs = ", ".join("{}.{}".format(*version) for version in sorted(versions))
-        version = theirs.partition(",")[0]
-        hint = f"build with '--python python{version}', or rebuild the underlay for the same Python"
-        used = f"python {ours[0]}.{ours[1]}"
-        message = f"the underlay '{root}' has modules for python {theirs}, but the build uses {used}"
-        yield Problem(message, hint=hint)
 
 
 def _without_needs(root: Path, subject: CheckContext) -> Iterator[Problem]:
@@ -165,7 +137,7 @@ def _of_another_python(variables: Mapping[str, str], subject: CheckContext) -> I
     if variables.get("PYTHONHOME"):
         yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
     try:
-        ours = find_interpreter(subject.python, variables).version
+        ours = find_interpreter(subject.python, variables, subject.underlays.chain).version
     except EnvironmentFault:
         return
     others = [

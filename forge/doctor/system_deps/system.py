@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.toolchain.os_release import DEBIAN, RED_HAT, families
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Mapping
 
-OS_RELEASE = (Path("/etc/os-release"), Path("/usr/lib/os-release"))
 DPKG_STATUS = Path("/var/lib/dpkg/status")
 
 _APT = ("apt", "pip", "gem", "npm", "source")
 _DNF = ("pip", "dnf", "yum", "source")
-_DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})
-_RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "openeuler", "amzn"})
 _MANAGERS = {"alpine": "apk", "arch": "pacman", "gentoo": "portage", "opensuse": "zypper"}
 """The package manager of other systems that rosdep knows."""
 
@@ -48,33 +46,21 @@ class System:
 def system_of(fields: Mapping[str, str], asked: str | None = None) -> System:
     """Return the system described by /etc/os-release, or NAME:VERSION if given."""
     name, version = fields.get("ID", "linux").lower(), fields.get("VERSION_ID", "")
-    kin = (name, *fields.get("ID_LIKE", "").lower().split())
+    kin = families(fields)
     if asked:
         name, _, version = asked.lower().partition(":")
         kin = (name,)
-    elif not _DEBIAN.isdisjoint(kin):
+    elif not DEBIAN.isdisjoint(kin):
         codename = fields.get("UBUNTU_CODENAME") or fields.get("VERSION_CODENAME")
         version = codename or version
         # rosdep's files use codenames for versions of Ubuntu and Debian.
         name = name if name in {"debian", "ubuntu"} else "ubuntu" if "UBUNTU_CODENAME" in fields else "debian"
-    elif not _RED_HAT.isdisjoint(kin) and name not in {"fedora", "openeuler"}:
+    elif not RED_HAT.isdisjoint(kin) and name not in {"fedora", "openeuler"}:
         name, version = "rhel", version.partition(".")[0]
     else:
         name = next((family for family in _MANAGERS if family in kin), name)
-    manager = "apt" if not _DEBIAN.isdisjoint(kin) else "dnf" if not _RED_HAT.isdisjoint(kin) else ""
+    manager = "apt" if not DEBIAN.isdisjoint(kin) else "dnf" if not RED_HAT.isdisjoint(kin) else ""
     return System(name, version, manager or _MANAGERS.get(name, name))
-
-
-def os_release(files: Iterable[Path] = OS_RELEASE) -> dict[str, str]:
-    """Return the unquoted fields of os-release; empty without such a file."""
-    for file in files:
-        try:
-            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError:
-            continue
-        pairs = (line.partition("=") for line in lines if "=" in line and not line.startswith("#"))
-        return {name.strip(): value.strip().strip("\"'") for name, _, value in pairs}
-    return {}
 
 
 def installed_names(manager: str, names: Collection[str], python: str) -> frozenset[str]:

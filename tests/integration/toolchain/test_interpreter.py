@@ -1,13 +1,12 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import EnvironmentFault
-from forge.toolchain.interpreter import Interpreter, find_interpreter, own_path, require_modules
+from forge.toolchain.interpreter import Interpreter, find_interpreter, own_path
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
@@ -53,21 +52,8 @@ def test_what_is_no_python_is_a_message(program: str, message: str, tree: Tree) 
     assert str(caught.value) == message.replace("'P'", f"'{path}'")
 
 
-def test_modules_that_are_there_say_nothing() -> None:
-    """In our own interpreter, without starting it again, and in another."""
-    require_modules(OWN, ["numpy", "json"])
-    require_modules(Interpreter(Path(sys.executable).parent / ".." / "bin" / "python3", (3, 11)), ["json"])
-
-
-def test_missing_modules_are_one_message_with_the_command() -> None:
-    """For the interpreter that lacks them."""
-    for path in (
-        Path(sys.executable),
-        Path(sys.executable).parent / ".." / "bin" / Path(sys.executable).name,
-    ):
-        with pytest.raises(EnvironmentFault) as caught:
-            require_modules(Interpreter(path, OWN.version), ["json", "no_such_one", "no_such_two"])
-        assert str(caught.value) == (
-            f"error: '{path}' lacks modules required by the build: 'no_such_one', 'no_such_two'\n"
-            f"hint: {path} -m pip install no_such_one no_such_two"
-        )
+def test_shims_are_followed_to_the_program_that_they_start(tree: Tree) -> None:
+    """Those of pyenv depend on the folder, and must not be in the first line of programs."""
+    root = tree({"shims/python3": f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n"})
+    assert find_interpreter(None, {"PATH": str(root / "shims")}) == OWN
+    assert find_interpreter(str(root / "shims/python3"), {}).path == root / "shims/python3"

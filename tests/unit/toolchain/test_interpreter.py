@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,12 +8,36 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import EnvironmentFault
-from forge.toolchain.interpreter import Interpreter, find_interpreter, own_path
+from forge.toolchain.interpreter import (
+    Interpreter,
+    find_interpreter,
+    other_than_recorded,
+    own_path,
+)
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
 OWN = Interpreter(own_path(), (sys.version_info.major, sys.version_info.minor))
+PATH = {"PATH": str(Path(sys.executable).parent)}
+OTHER = f"python3.{sys.version_info.minor + 1}"
+
+
+def path_of(*folders: Path) -> str:
+    return os.pathsep.join(map(str, folders))
+
+
+def environment(root: Path, name: str, version: str = OTHER) -> Path:
+    """Make an environment whose python leads to a program that has its version as name and is no script."""
+    base = root / "base" / version
+    base.parent.mkdir(exist_ok=True)
+    base.write_bytes(b"\x7fELF")
+    base.chmod(0o755)
+    folder = root / name
+    (folder / "bin").mkdir(parents=True)
+    (folder / "bin/python3").symlink_to(base)
+    (folder / "bin/python").symlink_to("python3")
+    return folder
 
 
 def test_code_goes_where_the_version_says() -> None:
@@ -20,11 +45,71 @@ def test_code_goes_where_the_version_says() -> None:
     assert Interpreter(Path("/x/python3"), (3, 12)).site_packages == "lib/python3.12/site-packages"
 
 
-@pytest.mark.parametrize("variables", [{}, {"VIRTUAL_ENV": ""}, {"VIRTUAL_ENV": sys.prefix}])
-def test_without_a_word_it_is_our_own(variables: dict[str, str]) -> None:
-    """Also in the virtual environment that forge itself runs in."""
+@pytest.mark.parametrize("variables", [PATH, {"VIRTUAL_ENV": "", **PATH}, {"VIRTUAL_ENV": sys.prefix}])
+def test_without_a_word_it_is_python3_on_path(variables: dict[str, str]) -> None:
+    """Here the one that forge itself runs in, as after `pip install ros-forge` in an active environment."""
     assert find_interpreter(None, variables) == OWN
     assert OWN.own
+
+
+def test_the_order(tree: Tree) -> None:
+    """An option, the active environment, the highest underlay, PATH; and the last build, where it counts."""
+    root = tree({})
+    names = ("option", "venv", "conda", "path", "built", "low", "high")
+    pythons = {name: environment(root, name) / "bin/python3" for name in names}
+    for name in ("low", "high"):
+        record = f'{{"python": "{pythons[name]}", "underlays": []}}'
+        (root / name / ".forge.json").write_text(record)
+    underlays = (root / "low", root / "high")
+    variables = {
+        "VIRTUAL_ENV": str(root / "venv"),
+        "CONDA_PREFIX": str(root / "conda"),
+        "CONDA_DEFAULT_ENV": "work",
+        "PATH": path_of(root / "path/bin"),
+    }
+    option, built = str(pythons["option"]), str(pythons["built"])
+    found = [find_interpreter(option, variables, underlays, built)]
+    found.append(find_interpreter(None, variables, underlays, built))
+    found.append(find_interpreter(None, variables, underlays))
+    del variables["VIRTUAL_ENV"]
+    found.append(find_interpreter(None, variables, underlays))
+    variables["CONDA_DEFAULT_ENV"] = "base"  # active in every shell, and not by choice
+    found.append(find_interpreter(None, variables, underlays))
+    found.append(find_interpreter(None, variables, underlays[:1]))
+    found.append(find_interpreter(None, variables))
+    assert [(str(each.path.relative_to(root)), each.origin) for each in found] == [
+        ("option/bin/python3", "'--python'"),
+        ("built/bin/python3", "the last build"),
+        ("venv/bin/python3", "the active virtual environment"),
+        ("conda/bin/python3", "the active conda environment"),
+        ("high/bin/python3", f"the underlay '{root}/high'"),
+        ("low/bin/python3", f"the underlay '{root}/low'"),
+        ("path/bin/python3", "'python3' on PATH"),
+    ]
+    assert {each.version for each in found} == {(3, sys.version_info.minor + 1)}
+
+
+def test_a_conda_environment_without_python_does_not_count(tmp_path: Path) -> None:
+    assert find_interpreter(None, {"CONDA_PREFIX": str(tmp_path), **PATH}) == OWN
+
+
+@pytest.mark.parametrize("receipt", ["tool/uv-receipt.toml", "tool/pipx_metadata.json", "archive-v0/x/CACHE"])
+def test_the_environment_of_the_tool_is_never_chosen(
+    receipt: str, tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not as the active one, or on PATH, where `uvx` puts it, or of the underlay or the last build."""
+    root = tree({receipt: ""})
+    tool = environment(root, str(Path(receipt).parent))
+    system = environment(root, "system")
+    own = tool / "bin/python3"
+    (tool / ".forge.json").write_text(f'{{"python": "{own}", "underlays": []}}')
+    monkeypatch.setattr(sys, "prefix", str(tool))
+    monkeypatch.setattr(sys, "executable", str(own))
+    variables = {"VIRTUAL_ENV": str(tool), "PATH": path_of(tool / "bin", system / "bin")}
+    assert find_interpreter(None, variables, [tool], str(own)).path == system / "bin/python3"
+    assert find_interpreter(str(own), variables).path == own
+    with pytest.raises(EnvironmentFault, match="'python3' is not on PATH"):
+        find_interpreter(None, {"PATH": path_of(tool / "bin")})
 
 
 def test_the_name_it_was_started_by_makes_no_other(monkeypatch: pytest.MonkeyPatch, tree: Tree) -> None:
@@ -35,6 +120,93 @@ def test_the_name_it_was_started_by_makes_no_other(monkeypatch: pytest.MonkeyPat
     assert own_path() == root / "bin/python3"
     monkeypatch.setattr(sys, "executable", str(root / "other/python"))
     assert own_path() == root / "other/python"
+
+
+def test_the_underlay_tells_by_its_modules_which_version_it_needs(tree: Tree) -> None:
+    """In isolated layouts as well; python3 comes before a program with the version in its name."""
+    root = tree(
+        {
+            "low/.colcon_install_layout": "isolated\n",
+            f"low/a/lib/{OTHER}/site-packages/a.py": "",
+            f"low/a/lib/{OTHER}/empty": "",
+            "low/b/lib/python3.1/site-packages/.keep": "",
+        }
+    )
+    first, second = environment(root, "first"), environment(root, "second")
+    usual = environment(root, "usual", "python3.9")
+    (second / "bin" / OTHER).symlink_to("python3")
+    both = {"PATH": path_of(usual / "bin", second / "bin")}
+    low = root / "low"
+    assert find_interpreter(None, {"PATH": path_of(first / "bin")}, [low]).path == first / "bin/python3"
+    assert find_interpreter(None, both, [low]).path == second / "bin/python3"
+    with pytest.raises(EnvironmentFault) as caught:
+        find_interpreter(None, {"PATH": path_of(usual / "bin")}, [low])
+    version = OTHER.replace("python", "python ")
+    assert str(caught.value) == (
+        f"error: the underlay '{low}' is for {version}, but '{OTHER}' is not on PATH\n"
+        "hint: install it, or pass the path of such an interpreter to '--python'"
+    )
+
+
+def test_the_scripts_of_an_underlay_tell_its_interpreter(tree: Tree) -> None:
+    """As those in /opt/ros, where conda's python3 may come first on PATH."""
+    root = tree(
+        {"ros/bin/a": "#!/usr/bin/env python3\n", "ros/bin/b": "#!/gone/bin/python3\n", "ros/bin/c/d": ""}
+    )
+    python = environment(root, "system") / "bin/python3"
+    (root / "ros/bin/ros2").write_text(f"#!{python}\n")
+    assert find_interpreter(None, PATH, [root / "ros"]).path == python
+
+
+def test_an_invalid_record_of_an_underlay_tells_nothing(tree: Tree) -> None:
+    """Another check reports it."""
+    assert find_interpreter(None, PATH, [tree({"low/.forge.json": "{"}) / "low"]) == OWN
+
+
+@pytest.mark.parametrize(
+    ("variables", "option", "used", "hint"),
+    [
+        ({}, "R/venv/bin/python3", "'--python'", "pass '--python python3.1'"),
+        (
+            {"VIRTUAL_ENV": "R/venv"},
+            None,
+            "the active virtual environment",
+            "run 'deactivate', or activate one of python3.1: python3.1 -m venv --system-site-packages .venv",
+        ),
+        (
+            {"CONDA_PREFIX": "R/venv"},
+            None,
+            "the active conda environment",
+            "run 'conda deactivate', or source an underlay for this environment",
+        ),
+        (
+            {},
+            None,
+            "the underlay 'R/venv'",
+            "source only underlays for the same version, or rebuild one of them",
+        ),
+    ],
+)
+def test_another_version_than_that_of_the_underlay_is_refused(
+    variables: dict[str, str],
+    option: str | None,
+    used: str,
+    hint: str,
+    tree: Tree,
+) -> None:
+    """With the remedy for what chose it."""
+    root = tree({"low/lib/python3.1/site-packages/a.py": ""})
+    venv = environment(root, "venv")
+    python = venv / "bin/python3"
+    (venv / ".forge.json").write_text(f'{{"python": "{python}", "underlays": []}}')
+    given = {name: value.replace("R", str(root)) for name, value in variables.items()}
+    with pytest.raises(EnvironmentFault) as caught:
+        find_interpreter(option and str(python), given, [root / "low", venv])
+    used, version = used.replace("R", str(root)), OTHER.removeprefix("python")
+    assert str(caught.value) == (
+        f"error: the underlay '{root}/low' is for python 3.1, but {used} is python {version} ('{python}')\n"
+        f"hint: {hint}"
+    )
 
 
 @pytest.mark.parametrize(
@@ -53,6 +225,14 @@ def test_the_name_it_was_started_by_makes_no_other(monkeypatch: pytest.MonkeyPat
                 "hint: run 'deactivate', or choose an interpreter with '--python'"
             ),
         ),
+        (
+            None,
+            {"PATH": "/not/there"},
+            (
+                "error: 'python3' is not on PATH\n"
+                "hint: install Python, activate a virtual environment, or pass an interpreter to '--python'"
+            ),
+        ),
     ],
 )
 def test_a_missing_python_is_a_message(python: str | None, variables: dict[str, str], message: str) -> None:
@@ -60,3 +240,16 @@ def test_a_missing_python_is_a_message(python: str | None, variables: dict[str, 
     with pytest.raises(EnvironmentFault) as caught:
         find_interpreter(python, variables)
     assert str(caught.value) == message
+
+
+def test_a_change_of_the_interpreter_is_told_with_the_way_back() -> None:
+    """Most often somebody forgot to activate an environment."""
+    now = Interpreter(Path("/usr/bin/python3"), (3, 11), "'python3' on PATH")
+    assert other_than_recorded(None, now) == other_than_recorded("/usr/bin/python3", now) == ()
+    (problem,) = other_than_recorded("/a b/bin/python3", now)
+    assert problem.render("warning") == (
+        "warning: the interpreter is now '/usr/bin/python3' ('python3' on PATH) instead of "
+        "'/a b/bin/python3'\n"
+        "hint: packages that depend on it are rebuilt; to keep the former one, activate its environment or "
+        "pass --python '/a b/bin/python3'"
+    )

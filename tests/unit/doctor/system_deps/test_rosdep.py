@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from forge.doctor.system_deps.rosdep import Resolved, covers, known_databases, resolve
-from forge.doctor.system_deps.system import System, os_release, system_of
+from forge.doctor.system_deps.system import System, system_of
+from forge.toolchain.os_release import os_release
 
 if TYPE_CHECKING:
     from pathlib import Path

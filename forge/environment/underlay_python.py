@@ -1,0 +1,74 @@
+"""Finds out for which Python an underlay was built: its versions, and its interpreter."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import WorkspaceError
+from forge.base.layout import LAYOUT_MARKER
+from forge.environment.install_state import recorded_python
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+Version = tuple[int, int]
+
+_FOLDER = re.compile(r"python(\d+)\.(\d+)")
+_SHEBANG = re.compile(rb"#!\s*(/\S*/python3?(?:\.\d+)?)\s")
+_LIBRARIES = ("lib", "local/lib")
+_MODULES = ("site-packages", "dist-packages")
+_SCRIPTS_READ = 20
+"""Scripts of one prefix that are read at most: most are alike."""
+
+
+def python_versions(root: Path) -> frozenset[Version]:
+    """Return the Python versions of an underlay's modules in lib/pythonX.Y; empty without modules."""
+    found = (versions for prefix in _prefixes(root) if (versions := frozenset(_versions(prefix))))
+    return next(found, frozenset())
+
+
+def underlay_python(root: Path) -> Path | None:
+    """Return the interpreter that an underlay was built with: as recorded by forge, else of its scripts."""
+    with suppress(WorkspaceError):  # an invalid record, which commands that need it report
+        recorded = recorded_python(root)
+        if recorded is not None:
+            return Path(recorded)
+    return next((python for prefix in _prefixes(root) for python in _interpreters(prefix)), None)
+
+
+def _prefixes(root: Path) -> Iterator[Path]:
+    """Yield the prefixes of an install tree: its root, then those of packages in an isolated layout."""
+    yield root
+    if (root / LAYOUT_MARKER).is_file():
+        yield from (root / name for name in _entries(f"{root}"))
+
+
+def _versions(prefix: Path) -> Iterator[Version]:
+    for library in _LIBRARIES:
+        for name in _entries(f"{prefix}/{library}"):
+            match = _FOLDER.fullmatch(name)
+            # Empty folders of that name also belong to underlays without modules.
+            if match and any(_entries(f"{prefix}/{library}/{name}/{folder}") for folder in _MODULES):
+                yield int(match[1]), int(match[2])
+
+
+def _interpreters(prefix: Path) -> Iterator[Path]:
+    """Yield the existing interpreters of the first scripts of a prefix, without those found on PATH."""
+    for name in _entries(f"{prefix}/bin")[:_SCRIPTS_READ]:
+        with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
+            match = _SHEBANG.match(stream.readline(512))
+            python = Path(os.fsdecode(match[1])) if match else None
+            if python is not None and python.exists():
+                yield python
+
+
+def _entries(folder: str) -> list[str]:
+    """Return the names in a folder, sorted; empty if it is missing, unreadable or a file."""
+    try:
+        return sorted(os.listdir(folder))  # noqa: PTH208  (called for every prefix: no Path objects)
+    except OSError:
+        return []

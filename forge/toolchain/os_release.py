@@ -1,0 +1,31 @@
+"""Reads /etc/os-release: the fields, and the family of the operating system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+OS_RELEASE = (Path("/etc/os-release"), Path("/usr/lib/os-release"))
+
+DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})
+RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "openeuler", "amzn"})
+
+
+def os_release(files: Iterable[Path] = OS_RELEASE) -> dict[str, str]:
+    """Return the unquoted fields of os-release; empty without such a file."""
+    for file in files:
+        try:
+            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            continue
+        pairs = (line.partition("=") for line in lines if "=" in line and not line.startswith("#"))
+        return {name.strip(): value.strip().strip("\"'") for name, _, value in pairs}
+    return {}
+
+
+def families(fields: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the name of the system and of those that it is like."""
+    return (fields.get("ID", "linux").lower(), *fields.get("ID_LIKE", "").lower().split())

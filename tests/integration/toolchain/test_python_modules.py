@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import EnvironmentFault
+from forge.toolchain.python_modules import install_command, require_modules
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
+
+BIN = Path(sys.executable).parent
+SUDO = "" if os.geteuid() == 0 else "sudo "
+
+
+def test_modules_that_are_there_say_nothing() -> None:
+    """In our own interpreter, without starting it again, and in another."""
+    require_modules(Path(sys.executable), ["numpy", "json"])
+    require_modules(BIN / ".." / "bin" / "python3", ["json"])
+
+
+def test_missing_modules_are_one_message_with_the_command() -> None:
+    """For the interpreter that lacks them."""
+    for path in (Path(sys.executable), BIN / ".." / "bin" / Path(sys.executable).name):
+        with pytest.raises(EnvironmentFault) as caught:
+            require_modules(path, ["json", "no_such_one", "no_such_two"])
+        assert str(caught.value) == (
+            f"error: '{path}' lacks modules required by the build: 'no_such_one', 'no_such_two'\n"
+            f"hint: {path} -m pip install no_such_one no_such_two"
+        )
+
+
+@pytest.mark.needs("/usr/bin/python3")
+@pytest.mark.parametrize(
+    ("system", "modules", "command"),
+    [
+        ({"ID": "ubuntu", "ID_LIKE": "debian"}, ["numpy", "em"], "apt install python3-numpy python3-empy"),
+        ({"ID": "mint", "ID_LIKE": "ubuntu debian"}, ["pytest"], "apt install python3-pytest"),
+        ({"ID": "openEuler"}, ["numpy", "yaml"], "dnf install python3-numpy python3-pyyaml"),
+        ({"ID": "rocky", "ID_LIKE": "rhel centos fedora"}, ["numpy"], "dnf install python3-numpy"),
+    ],
+)
+def test_a_system_python_gets_packages_of_the_system(
+    system: dict[str, str], modules: list[str], command: str
+) -> None:
+    """Pip would refuse to change it."""
+    assert install_command(Path("/usr/bin/python3"), modules, system) == SUDO + command
+
+
+def test_others_get_pip(tree: Tree) -> None:
+    """A module without a known package, an unknown system, an environment, one without pip by uv."""
+    root = tree({"a b/pyvenv.cfg": "home = /usr/bin\n", "uv/pyvenv.cfg": "home = /usr/bin\nuv = 0.9\n"})
+    debian, python = {"ID": "debian"}, Path("/usr/bin/python3")
+    assert install_command(python, ["numpy", "foo"], debian) == f"{python} -m pip install numpy foo"
+    assert install_command(python, ["numpy"], {"ID": "plan9"}) == f"{python} -m pip install numpy"
+    older = Path("/usr/bin/python3.0")
+    assert install_command(older, ["numpy"], debian) == f"{older} -m pip install numpy"
+    spaced = root / "a b/bin/python3"
+    assert install_command(spaced, ["em"], debian) == f"'{spaced}' -m pip install 'empy<4'"
+    by_uv = root / "uv/bin/python3"
+    assert install_command(by_uv, ["numpy"], debian) == f"uv pip install --python {by_uv} numpy"
+    (root / "uv/lib/python3.12/site-packages/pip").mkdir(parents=True)
+    assert install_command(by_uv, ["numpy"], debian) == f"{by_uv} -m pip install numpy"
