@@ -16,6 +16,7 @@ from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.files import remove_tree, text_or_nothing
 from forge.base.frozen import frozen
 from forge.toolchain.programs import CMAKE_TYPES, find_program
+from forge.toolchain.python_modules import install_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -80,7 +81,7 @@ def plan_coverage(
             Problem("gcovr, which measures the coverage of C and C++, is not installed", hint=hint)
         )
     if python and "coverage" not in context.modules:
-        hint = f"{context.python} -m pip install coverage; or 'sudo apt install python3-coverage'"
+        hint = install_command(context.python, ("coverage",))
         problems.append(
             Problem(f"'{context.python}' has no coverage.py, which --coverage requires", hint=hint)
         )

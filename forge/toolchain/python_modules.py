@@ -33,6 +33,7 @@ _ON_INDEX = {"cv2": "opencv-python", "em": "empy<4", "pytest_cov": "pytest-cov",
 """Distributions on PyPI that have another name than their module."""
 _DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
     "catkin_pkg": ("python3-catkin-pkg", "python3-catkin_pkg"),
+    "coverage": ("python3-coverage", "python3-coverage"),
     "cv2": ("python3-opencv", "python3-opencv"),
     "em": ("python3-empy", "python3-empy"),
     "lark": ("python3-lark", "python3-lark-parser"),

@@ -15,6 +15,7 @@ from forge.base.layout import Layout
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.testing.coverage import CoveredLines, coverage_lines, plan_coverage, write_reports
 from forge.testing.recipes import TestContext
+from forge.toolchain.python_modules import install_command
 from tests.packages import package
 
 HALF = """int half(int number)
@@ -128,7 +129,7 @@ def test_missing_programs_are_named_with_the_command_that_installs_them(
     assert gcovr.message.startswith("gcovr, ")
     assert "uv tool install gcovr" in str(gcovr.hint)
     assert coverage.message.startswith("'/usr/bin/python3' has no coverage.py")
-    assert str(coverage.hint).startswith("/usr/bin/python3 -m pip install coverage")
+    assert coverage.hint == install_command(Path("/usr/bin/python3"), ("coverage",))
 
 
 @pytest.mark.parametrize(
