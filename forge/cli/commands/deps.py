@@ -101,10 +101,7 @@ def register(parser: Parser) -> None:
         help="install folder of the workspace (default: install)",
     )
     parser.add_argument(
-        "--python",
-        metavar="PATH",
-        help="interpreter whose installed Python packages to check (default: that of the last build, else as "
-        "for 'forge build')",
+        "--python", metavar="PATH", help="interpreter to check (default: that of the last or next build)"
     )
 
 
