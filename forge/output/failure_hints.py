@@ -25,7 +25,6 @@ from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
 
     from forge.workspace.model import Package
 
