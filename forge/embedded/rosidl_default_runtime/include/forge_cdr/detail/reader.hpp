@@ -58,7 +58,11 @@ public:
   template<typename Message>
   FORGE_CDR_INLINE void message(Message & value)
   {
-    Members<Message>::visit(*this, value);
+    if constexpr (Swap) {
+      message_swapped(value);
+    } else {
+      Members<Message>::visit(*this, value);
+    }
   }
 
   template<typename Value, std::size_t Size>
@@ -111,6 +115,13 @@ public:
   }
 
 private:
+  /// Not inlined: data of the other byte order is rare, and inlining doubles the compile time of large messages.
+  template<typename Message>
+  FORGE_CDR_COLD void message_swapped(Message & value)
+  {
+    Members<Message>::visit(*this, value);
+  }
+
   /// Read and check the length of a sequence.
   template<typename Sequence>
   FORGE_CDR_INLINE std::size_t length(const Sequence & values)
@@ -208,11 +219,12 @@ private:
         values.erase(values.begin() + static_cast<std::ptrdiff_t>(count), values.end());
       }
       values.reserve(count);
-      for (Value & value : values) {
-        message(value);
-      }
-      while (values.size() < count) {
-        message(values.emplace_back(::rosidl_runtime_cpp::MessageInitialization::SKIP));
+      // One call for existing and new elements: what it inlines is compiled once.
+      for (std::size_t position = 0; position < count; ++position) {
+        if (position == values.size()) {
+          values.emplace_back(::rosidl_runtime_cpp::MessageInitialization::SKIP);
+        }
+        message(values[position]);
       }
     }
   }
