@@ -21,7 +21,7 @@ from forge.toolchain.python_modules import install_command
 from forge.workspace.cmake_metadata import cmake_dependencies, targets
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS
-from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name
+from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name, similar_package
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -160,10 +160,13 @@ def _package_not_found(name: str, context: FailureContext) -> str | None:
         if context.declares(name):
             return None
         return f"dependency on '{name}' is not declared: add {context.depend(name)} to {context.manifest}"
+    near = similar_package(name, context.packages.keys() - {context.package.name})
+    question = f"did you mean '{near}'? otherwise " if near else ""
     if is_ros_name(name) or (context.declares(name) and resembles_ros_name(name)):
-        return f"source a ROS installation that contains '{name}', or add its sources to the workspace"
+        remedy = f"source a ROS installation that contains '{name}', or add its sources to the workspace"
+        return question + remedy
     return (
-        f"install the system package that contains {name}Config.cmake "
+        f"{question}install the system package that contains {name}Config.cmake "
         f"(Debian: apt-file search -x '/({name}Config|{name.lower()}-config).cmake$')"
     )
 

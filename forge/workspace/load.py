@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+from forge.base import ament_index
 from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
@@ -110,7 +111,10 @@ def _resolve(
     # If this workspace is sourced, its own results are on PATH.
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
     return resolve_dependencies(
-        workspace.packages, discover_embedded(), cache(lambda name: provider(name, underlays, system))
+        workspace.packages,
+        discover_embedded(),
+        cache(lambda name: provider(name, underlays, system)),
+        lambda: ament_index.resources("packages", underlays.prefixes),
     )
 
 

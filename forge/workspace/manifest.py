@@ -91,6 +91,18 @@ def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> 
     return _Reader(parse_xml(content, path), content, path, variables).read()
 
 
+def declaration(path: Path, name: str) -> Location:
+    """Return the position at which a manifest first declares a dependency, else the manifest."""
+    try:
+        content = path.read_bytes()
+        children = parse_xml(content, path).children
+    except (OSError, WorkspaceError):
+        return Location(path)
+    tags = (child for child in children if child.tag in DEPENDENCY_KINDS and child.text.strip() == name)
+    element = next(tags, None)
+    return _location(path, element, _lines(content)) if element else Location(path)
+
+
 class _Reader:
     """Parses one manifest and collects problems."""
 
@@ -308,8 +320,16 @@ class _Reader:
 
     def place(self, element: Element) -> Location:
         if not self.lines:
-            self.lines = self.content.decode(errors="replace").split("\n")
-        return Location(self.path, element.line, element.column, self.lines[element.line - 1].rstrip("\r"))
+            self.lines = _lines(self.content)
+        return _location(self.path, element, self.lines)
+
+
+def _lines(content: bytes) -> list[str]:
+    return content.decode(errors="replace").split("\n")
+
+
+def _location(path: Path, element: Element, lines: list[str]) -> Location:
+    return Location(path, element.line, element.column, lines[element.line - 1].rstrip("\r"))
 
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:

@@ -14,6 +14,8 @@ from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import order, weak_edges_on_cycles
 from forge.base.layout import docs_url
+from forge.base.names import nearest
+from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
@@ -45,6 +47,9 @@ _ROS_NAMES = frozenset(
     | {"pluginlib", "robot_state_publisher", "rqt", "rviz2", "turtlesim", "urdf", "xacro"}
 )
 
+_SIMILAR = 0.82
+"""Required similarity of names; 'geometry' and 'tf2_geometry' have 0.8."""
+
 
 @frozen
 class DependencyResolution:
@@ -54,7 +59,7 @@ class DependencyResolution:
     unresolved dependencies that look like ROS packages. `superseded` are embedded packages that must not be
     installed, because another package provides their names. `postponed` are test dependencies left out of
     `needs` to avoid cycles. `withheld` maps names of embedded packages whose family is not used to the
-    reason.
+    reason. `known` returns the names of all packages that a dependency can be resolved to, for suggestions.
     """
 
     packages: Mapping[str, Package]
@@ -63,16 +68,19 @@ class DependencyResolution:
     superseded: frozenset[str] = frozenset()
     postponed: Mapping[str, frozenset[str]] = field(default_factory=dict)
     withheld: Mapping[str, str] = field(default_factory=dict)
+    known: Callable[[], Iterable[str]] = tuple
 
 
 def resolve_dependencies(
     workspace: Mapping[str, Package],
     embedded: Mapping[str, Package],
     provider: Callable[[str], object | None],
+    installed: Callable[[], Iterable[str]] = tuple,
 ) -> DependencyResolution:
     """Return the workspace's packages with the embedded ones that they depend on, recursively.
 
-    `provider(name)` returns the prefix in which an underlay or the system has a package, else None.
+    `provider(name)` returns the prefix in which an underlay or the system has a package, else None;
+    `installed()` returns the names of the packages in underlays.
     """
     reasons = _provided_families(workspace, provider)
     answers, withheld = _embedded_providers(embedded, reasons)
@@ -101,7 +109,12 @@ def resolve_dependencies(
     standing = {package.name for package in answers.values()}
     superseded = (name for name in embedded if name not in standing or provider(name))
     return DependencyResolution(
-        packages, needs, missing, frozenset(superseded) - workspace.keys(), withheld=withheld
+        packages,
+        needs,
+        missing,
+        frozenset(superseded) - workspace.keys(),
+        withheld=withheld,
+        known=lambda: (*workspace, *answers, *installed()),
     )
 
 
@@ -147,6 +160,18 @@ def is_ros_name(name: str) -> bool:
 def resembles_ros_name(name: str) -> bool:
     """Tell whether a dependency is spelled like a ROS package; rosdep keys separate words by '-'."""
     return is_ros_name(name) or ("_" in name and "-" not in name)
+
+
+def similar_package(name: str, known: Iterable[str]) -> str | None:
+    """Return the known package whose name an unknown one probably misspells, or None.
+
+    An ending such as '_msgs' that both have is not compared: 'std_msgs' is not a misspelt 'test_msgs'.
+    """
+    ending = next(filter(name.endswith, _ROS_ENDINGS), "")
+    others = [other for other in known if other != name]
+    stems = {other.removesuffix(ending): other for other in others if other.endswith(ending)}
+    near = nearest(name.removesuffix(ending), stems, _SIMILAR) if ending else nearest(name, others, _SIMILAR)
+    return (stems[near] if ending else near) if near else None
 
 
 def missing_problems(
@@ -239,22 +264,32 @@ def _resolve(
 
 
 def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) -> list[Problem]:
-    """Return one problem for all dependencies that the same packages lack for the same reason."""
-    groups: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    """Return one problem for all dependencies that the same packages lack for the same reason.
+
+    Names that are probably misspelt have a problem each.
+    """
+    known = tuple(resolution.known()) if found else ()
+    groups: dict[tuple[tuple[str, ...], str, str | None], list[str]] = {}
     for dependency, users in sorted(found.items()):
         reason = resolution.withheld.get(dependency, "")
-        groups.setdefault((tuple(sorted(users)), reason), []).append(dependency)
-    return [_missing(names, users, reason, resolution) for (users, reason), names in groups.items()]
+        near = similar_package(dependency, known)
+        groups.setdefault((tuple(sorted(users)), reason, near), []).append(dependency)
+    return [
+        _missing(names, resolution.packages[users[0]], _dependents(users), reason, near)
+        for (users, reason, near), names in groups.items()
+    ]
 
 
-def _missing(
-    names: Sequence[str], users: Sequence[str], reason: str, resolution: DependencyResolution
-) -> Problem:
-    quoted = ", ".join(f"'{name}'" for name in names)
-    dependents = ", ".join(f"'{user}'" for user in users) + (" needs" if len(users) == 1 else " need")
-    which = "which is" if len(names) == 1 else "which are"
+def _dependents(users: Sequence[str]) -> str:
+    return _quoted(users) + (" needs" if len(users) == 1 else " need")
+
+
+def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, near: str | None) -> Problem:
+    """Return the problem of dependencies that `user` and others lack; `near` is a similar known name."""
+    quoted = _quoted(names)
+    which, them, their = ("which is", "it", "its") if len(names) == 1 else ("which are", "them", "their")
     message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
-    location = Location(resolution.packages[users[0]].manifest.path)
+    location = declaration(user.manifest.path, names[0])
     if reason:
         return Problem(
             f"{message}; the embedded packages cannot be used, because {reason}",
@@ -262,9 +297,7 @@ def _missing(
             f"add {quoted} from the same source, or remove that package to use the embedded ones for all; "
             f"see {docs_url('explanation/embedded.md')}",
         )
-    return Problem(
-        f"{message}, nor embedded in forge",
-        location,
-        "source an installation that contains them, or add their sources to the workspace; "
-        f"see {docs_url('how-to/rclcpp.md')}",
-    )
+    remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
+    question = f"did you mean '{near}'? otherwise " if near else ""
+    hint = f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"
+    return Problem(f"{message}, nor embedded in forge", location, hint)

@@ -284,7 +284,7 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
     root = tree(files("node", "<depend>rclcpp</depend>"))
     ran = forge("build", cwd=root)
     assert ran.code == 2
-    assert ran.err.startswith("src/node/package.xml: error: 'node' needs 'rclcpp', which is neither")
+    assert ran.err.startswith("src/node/package.xml:8:3: error: 'node' needs 'rclcpp', which is neither")
     assert ran.err.endswith(f"; see {docs_url('how-to/rclcpp.md')}\n")
     assert not (root / "build").exists()
 

@@ -102,6 +102,16 @@ def test_a_dependency_that_is_written_like_a_ros_package_is_not_looked_for_in_th
     assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
 
 
+def test_a_misspelt_package_is_not_looked_for_in_the_system_first() -> None:
+    said = 'asked CMake to find a package configuration file provided by "{}", but'
+    scene = FailureContext(package("mine"), {name: package(name) for name in ("mine", "my_msgs", "rclcpp")})
+    hint = str(hint_of(said.format("my_mgs"), scene))
+    assert hint.startswith("did you mean 'my_msgs'? otherwise install the system package that contains my_m")
+    ros = str(hint_of(said.format("rclccp"), scene))
+    assert ros.startswith("did you mean 'rclcpp'? otherwise source a ROS installation")
+    assert "did you mean" not in str(hint_of(said.format("mine2"), scene))
+
+
 @pytest.mark.parametrize(
     "said",
     [

@@ -1,11 +1,20 @@
 """Resolving dependencies: embedded packages, missing packages and cycles."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
 
 from forge.base.graph import order
+from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Export, Package
-from forge.workspace.resolve import break_test_cycles, missing_problems, resolve_dependencies
-from tests.packages import package
+from forge.workspace.resolve import break_test_cycles, missing_problems, resolve_dependencies, similar_package
+from tests.packages import manifest_text, package
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
 
 
 def by_name(*packages: Package) -> dict[str, Package]:
@@ -130,6 +139,48 @@ def test_what_the_same_packages_lack_is_said_in_one_sentence() -> None:
         "'a', 'b' need 'rclcpp', 'rclcpp_action', which are",
         "'b' needs 'tf2', which is",
     ]
+
+
+def test_a_misspelt_dependency_has_its_line_and_a_suggestion(tree: Tree) -> None:
+    text = manifest_text("a", "<!-- geomtry_msgs -->", "<depend>x</depend>", "<depend>geomtry_msgs</depend>")
+    path = tree({"package.xml": text}) / "package.xml"
+    workspace = {"a": Package(path.parent, parse_manifest(text.encode(), path, {}))}
+    made = resolve_dependencies(workspace, EMBEDDED, nobody, lambda: ["geometry_msgs"])
+    (error,), _ = missing_problems(made, workspace)
+    assert error.location is not None
+    assert error.location.line == 1 + text[: text.index("<depend>geom")].count("\n")
+    assert error.location.source is not None
+    assert "<depend>geomtry_msgs</depend>" in error.location.source
+    hint = "did you mean 'geometry_msgs'? otherwise source an installation that contains it, or add its"
+    assert str(error.hint).startswith(hint)
+
+
+def test_misspelt_dependencies_are_compared_with_the_workspace_and_underlays() -> None:
+    workspace = by_name(package("a", "my_interfces", "rclcppp", "rmw_x", "rmw_y"), package("my_interfaces"))
+    made = resolve_dependencies(workspace, EMBEDDED, nobody, lambda: ["rclcpp"])
+    errors, warnings = missing_problems(made, workspace)
+    assert [(problem.message.split(",")[0], str(problem.hint)[:30]) for problem in (*errors, *warnings)] == [
+        ("'a' needs 'rclcppp'", "did you mean 'rclcpp'? otherwi"),
+        ("'a' needs 'rmw_x'", "source an installation that co"),
+        ("'a' needs 'my_interfces'", "did you mean 'my_interfaces'? "),
+    ]
+    assert "contains them, or add their sources" in str(errors[1].hint)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("my_mgs", "my_msgs"),
+        ("geomtry_msgs", "geometry_msgs"),
+        ("test_msgs", None),
+        ("nmea_msgs", None),
+        ("tf2_geometry_msgs", None),
+        ("rclpy", None),
+    ],
+)
+def test_other_packages_with_the_same_ending_are_not_misspelt(name: str, expected: str | None) -> None:
+    known = ("my_msgs", "std_msgs", "nav_msgs", "geometry_msgs", "rclcpp")
+    assert similar_package(name, known) == expected
 
 
 def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with() -> None:
