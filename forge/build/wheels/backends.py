@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
 from forge.build.inputs.fingerprints import source_files
 from forge.build.wheels.backend_inputs import external_files, parse_list, parse_make_rules, parse_trace
+from forge.build.wheels.entry_points import invalid_scripts_of_setup
 from forge.toolchain.bundled_setuptools import setuptools_path
 from forge.toolchain.python_modules import install_command
 
@@ -31,6 +33,8 @@ _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy_
 _OURS = "setuptools.build_meta"
 _NOT_UTF8 = "surrogates not allowed"
 """The text of Python's error for a name that is not UTF-8."""
+_OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point", re.IGNORECASE)
+"""The errors of setuptools for an invalid entry point."""
 _START = """\
 import sys
 if sys.path[:1] == [""]:
@@ -252,6 +256,8 @@ def _run_backend(
     trace.output += done.stdout
     if done.returncode and _NOT_UTF8 in done.stdout:
         raise_if_any(_non_utf8_names(Path(cwd or ".")), WorkspaceError)
+    if done.returncode and _OF_ENTRY_POINT.search(done.stdout):
+        raise_if_any(invalid_scripts_of_setup(Path(cwd or ".") / "setup.py"), WorkspaceError)
     print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
     done.check_returncode()
 

@@ -21,10 +21,11 @@ from installer.exceptions import InstallerError
 from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
-from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import listed_paths, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.build.wheels.backends import build_wheel
+from forge.build.wheels.entry_points import ENTRY_POINTS, invalid_scripts
 from forge.build.wheels.links import Wheel, link_to_sources
 from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
 
@@ -84,6 +85,10 @@ def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tupl
     """Install the wheel's files into the prefix and return their paths."""
     site = options.prefix / options.site_packages
     with WheelFile.open(wheel) as source:
+        if ENTRY_POINTS in source.dist_info_filenames:
+            # The library only has an assertion for them.
+            points = source.read_dist_info(ENTRY_POINTS)
+            raise_if_any(invalid_scripts(points, options.source), WorkspaceError)
         _remove_links(options.build / MANIFEST)
         destination = _Prefix(
             schemes, interpreter=options.python, script_kind="posix", overwrite_existing=True

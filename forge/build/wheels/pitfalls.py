@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import configparser
 import re
 import sys
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, text_or_nothing
 from forge.base.names import did_you_mean
+from forge.build.wheels.entry_points import ENTRY_POINTS, defining_file, scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -49,7 +49,7 @@ def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Itera
             if problem:
                 broken.add(name)
                 yield problem
-    points = next((path for path in installed if path.name == "entry_points.txt"), None)
+    points = next((path for path in installed if path.name == ENTRY_POINTS), None)
     for script, module, function in _entry_points(points):
         if module in modules and module not in broken:
             yield from _missing_function(source, script, module, function, modules[module])
@@ -66,7 +66,7 @@ def _missing_module(source: Path, script: str, module: str, modules: dict[str, P
     missing_init = folder.is_dir() and not (folder / "__init__.py").exists()
     hint = f"add an empty {folder}/__init__.py" if missing_init else did_you_mean(module, modules)
     message = f"the script '{script}' starts '{module}', which the package does not install"
-    yield Problem(message, Location(_defining_file(source)), hint)
+    yield Problem(message, Location(defining_file(source)), hint)
 
 
 def _missing_function(source: Path, script: str, module: str, function: str, path: Path) -> Iterator[Problem]:
@@ -77,7 +77,7 @@ def _missing_function(source: Path, script: str, module: str, function: str, pat
     if not complete or function in names:
         return
     message = f"'{script}' calls '{function}', which '{module}' does not define"
-    yield Problem(message, Location(_defining_file(source)), did_you_mean(function, names))
+    yield Problem(message, Location(defining_file(source)), did_you_mean(function, names))
 
 
 def _defined(tree: ast.Module) -> tuple[set[str], bool]:
@@ -96,17 +96,10 @@ def _defined(tree: ast.Module) -> tuple[set[str], bool]:
 
 def _entry_points(path: Path | None) -> Iterator[tuple[str, str, str]]:
     """Yield script, module and function of each entry point."""
-    parser = configparser.RawConfigParser(delimiters=("=",))
-    parser.optionxform = str  # type: ignore[assignment, method-assign]  # (names have upper case, too)
-    try:
-        parser.read_string(text_or_nothing(path) if path else "")
-    except configparser.Error:
-        return
-    for section in ("console_scripts", "gui_scripts"):
-        for script, target in parser[section].items() if parser.has_section(section) else ():
-            match = _POINT.match(target)
-            if match:
-                yield script, match[1], match[2]
+    for script, target in scripts(text_or_nothing(path) if path else ""):
+        match = _POINT.match(target)
+        if match:
+            yield script, match[1], match[2]
 
 
 def _syntax_problem(path: Path, shown: Path) -> Problem | None:
@@ -135,14 +128,6 @@ def _origin(source: Path, site: Path, path: Path) -> Path:
     """Return the source file of a module if it has the same relative path, else the module itself."""
     name = path.relative_to(site)
     return next((at / name for at in (source, source / "src") if (at / name).is_file()), path)
-
-
-def _defining_file(source: Path) -> Path:
-    """Return the file that defines the entry points."""
-    names = ("setup.py", "pyproject.toml", "setup.cfg")
-    return next(
-        (source / name for name in names if "_scripts" in text_or_nothing(source / name)), source / names[0]
-    )
 
 
 def _same_version(site: Path) -> bool:

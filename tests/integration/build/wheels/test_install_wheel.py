@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.errors import Location
+from forge.build.wheels.entry_points import invalid_scripts, invalid_scripts_of_setup
 from forge.cli.install_wheel import main
 
 if TYPE_CHECKING:
@@ -301,6 +303,56 @@ def test_what_no_backend_tells(
     assert "Traceback" not in err
     for part in told:
         assert part.format(source) in err
+
+
+@pytest.mark.parametrize(
+    ("point", "problem", "meant"),
+    [
+        ("hello = talk.hello", "lacks ':FUNCTION'", "hello = talk.hello:main"),
+        ("hello talk.hello:run", "lacks '='", "hello = talk.hello:run"),
+        (
+            "hello = talk/hello:main()",
+            "is not of the form 'NAME = MODULE:FUNCTION'",
+            "hello = talk.hello:main",
+        ),
+    ],
+)
+def test_an_invalid_entry_point_of_setup_py_is_one_message(
+    point: str, problem: str, meant: str, tree: Tree, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Whether setuptools or only the installation rejects it."""
+    setup = SETUP["src/talk/setup.py"].replace("hello = talk.hello:main", point)
+    root = tree(SETUP | {"src/talk/setup.py": setup})
+    assert install(root) == 2
+    first, quoted, *rest = capfd.readouterr().err.splitlines()
+    place, _, message = first.partition(": ")
+    assert place.startswith(f"{root}/src/talk/setup.py:4")
+    assert message.startswith(f"error: the entry point '{point}' {problem}")
+    assert f"'{point}'" in quoted.replace('"', "'")
+    assert rest[-1] == f"hint: write '{meant}'"
+
+
+def test_an_invalid_entry_point_of_another_backend_is_one_message(
+    tree: Tree, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """With its line in pyproject.toml, or only the file if the line is computed."""
+    project = PROJECT["src/talk/pyproject.toml"].replace("hello:main", "hello")
+    root = tree(PROJECT | {"src/talk/pyproject.toml": project})
+    assert install(root) == 2
+    assert capfd.readouterr().err == (
+        f"{root}/src/talk/pyproject.toml:8: error: the entry point 'hello = talk.hello' lacks ':FUNCTION'\n"
+        '    hello = "talk.hello"\n'
+        "hint: write 'hello = talk.hello:main'\n"
+    )
+
+
+def test_the_place_of_a_computed_entry_point_is_the_file(tree: Tree) -> None:
+    setup = "package = 'talk'\nsetup(entry_points={'console_scripts': ['hello = ' + package + '.hello']})\n"
+    source = tree({"setup.py": setup})
+    assert list(invalid_scripts_of_setup(source / "setup.py")) == []
+    (problem,) = invalid_scripts("[console_scripts]\nhello = talk.hello\n", source)
+    assert problem.location == Location(source / "setup.py")
+    assert not list(invalid_scripts("no section\n", source))
 
 
 def test_a_correct_package_has_no_messages(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
