@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import pytest
@@ -134,6 +135,37 @@ def test_files_for_other_tools_are_well_formed_and_their_commands_known(document
         if block.language in {"yaml", "json", "dockerfile"}:
             wrong = [typed for typed in _IN_FILE.findall(block.text) if not _is_known(typed.strip())]
             assert wrong == [], f"{document}:{block.line}"
+
+
+@pytest.mark.parametrize(
+    "name", ["README.md", "README.zh-CN.md", "docs/tutorial.md", "docs/tutorial.zh-CN.md"]
+)
+def test_the_packages_to_install_are_all_that_the_commands_need(name: str) -> None:
+    """A Debian with nothing else can then build interfaces, run cmake and test Python packages."""
+    text = (ROOT / name).read_text(encoding="utf-8")
+    typed = "\n".join(block.text for block in blocks(text) if commands(block))
+    needed = {"python3-venv", "python3-numpy", "make", "g++"}
+    needed |= {"cmake"} if "$ cmake " in typed else set()
+    needed |= {"python3-pytest"} if "$ forge test" in typed else set()
+    installed = re.search(r"`sudo apt install ([^`]+)`", text)
+    assert installed is not None
+    assert set(installed[1].split()) == needed
+
+
+def test_the_tutorial_shows_whole_definitions() -> None:
+    """What 'forge interface show' prints begins with the file that the reader has written, constants too."""
+    parts = blocks(TUTORIAL.read_text(encoding="utf-8"))
+    written = {
+        block.mark.partition("src/")[2]: block.text for block in parts if block.mark.startswith("write: ")
+    }
+    shown = {
+        command.text.split()[-1]: "\n".join(command.expected)
+        for command in chain.from_iterable(map(commands, parts))
+        if command.text.startswith("forge interface show ")
+    }
+    assert len(shown) == 3
+    for name, text in shown.items():
+        assert text.startswith(written[f"{name}.{name.split('/')[1]}"].rstrip()), name
 
 
 def test_commands_are_found_in_files() -> None:
