@@ -31,6 +31,7 @@ LICENSES = {
 """License templates by SPDX identifier, as known to ament."""
 
 VERSION = "0.0.0"
+UNDECLARED_LICENSE = "TODO: License declaration"
 EXAMPLE_INTERFACES = ("Example.msg", "Example.srv", "Example.action")
 
 _SCHEMA = "http://download.ros.org/schema/package_format{}.xsd"
@@ -67,7 +68,7 @@ class NewPackage:
     build_type: str = "ament_cmake"
     format: int = 3
     description: str = "TODO: Package description"
-    license: str = "TODO: License declaration"
+    license: str = UNDECLARED_LICENSE
     dependencies: tuple[str, ...] = ()
     node: str | None = None
     library: str | None = None

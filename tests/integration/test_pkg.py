@@ -105,6 +105,14 @@ def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: P
     assert (tmp_path / "walker/src/x_node.cpp").is_file()
 
 
+def test_create_without_a_licence_notes_how_to_choose_one(forge: Forge, tmp_path: Path) -> None:
+    """It has not gone wrong: package.xml then has a TODO, as with 'ros2 pkg create'."""
+    ran = forge("pkg", "create", "walker", cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.err == "note: no license yet: choose one with --license, such as --license MIT\n"
+    assert "<license>TODO: License declaration</license>" in (tmp_path / "walker/package.xml").read_text()
+
+
 def test_create_warns_of_an_unusual_name_and_a_missing_licence(forge: Forge, tmp_path: Path) -> None:
     ran = forge("pkg", "create", "Walker", "--license", "apache-2.0", cwd=tmp_path)
     assert ran.code == 0

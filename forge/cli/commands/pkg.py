@@ -18,6 +18,7 @@ from forge.workspace.creation import (
     BUILD_TYPES,
     EXAMPLE_INTERFACES,
     LICENSES,
+    UNDECLARED_LICENSE,
     VERSION,
     GeneratedFile,
     NewPackage,
@@ -90,7 +91,7 @@ def _register_create(parser: argparse.ArgumentParser) -> None:
     license_help = (
         "license as an SPDX identifier; '?' lists those with a LICENSE template (default: a line with TODO)"
     )
-    add("--license", action=_License, default="TODO: License declaration", help=license_help)
+    add("--license", action=_License, default=UNDECLARED_LICENSE, help=license_help)
     add(
         "--destination-directory",
         metavar="DIR",
@@ -236,7 +237,9 @@ def _warn_about(blueprint: NewPackage) -> None:
     name = blueprint.name
     if not name[0].isalpha() or name != name.lower():
         _warn(f"'{name}' is an unusual name: package names start with a letter and are lower case")
-    if blueprint.license not in LICENSES:
+    if blueprint.license == UNDECLARED_LICENSE:
+        print_problem(Problem("no license yet: choose one with --license, such as --license MIT"), "note")
+    elif blueprint.license not in LICENSES:
         hint = did_you_mean(blueprint.license, LICENSES) or f"supported licenses are {', '.join(LICENSES)}"
         _warn(f"no LICENSE file created: unknown license '{blueprint.license}'", hint)
 
