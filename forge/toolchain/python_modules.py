@@ -41,6 +41,7 @@ _DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
     "pytest": ("python3-pytest", "python3-pytest"),
     "pytest_cov": ("python3-pytest-cov", "python3-pytest-cov"),
     "setuptools": ("python3-setuptools", "python3-setuptools"),
+    "wheel": ("python3-wheel", "python3-wheel"),
     "yaml": ("python3-yaml", "python3-pyyaml"),
 }
 """The packages of Debian and Fedora, and of systems like them, that contain a module."""
@@ -67,15 +68,21 @@ def install_command(python: Path, modules: Sequence[str], system: Mapping[str, s
     """Return the shell command that installs modules for an interpreter.
 
     The interpreter of Debian, Fedora and systems like them has packages of the system, since pip refuses to
-    install into it. All others have pip, except for environments made by uv. `system` are the fields of
-    os-release, by default this machine's.
+    install into it; for other modules, they may have a package of the usual name, else a virtual environment
+    is needed. All others have pip, except for environments made by uv. `system` are the fields of os-release,
+    by default this machine's.
     """
     column, manager = _manager(python, system)
-    if manager and all(name in _DISTRIBUTIONS for name in modules):
-        sudo = "" if os.geteuid() == 0 else "sudo "
-        return f"{sudo}{manager} install {' '.join(_DISTRIBUTIONS[name][column] for name in modules)}"
     words = " ".join(shlex.quote(_ON_INDEX.get(name, name)) for name in modules)
     program = shlex.quote(str(python))
+    if manager:
+        sudo = "" if os.geteuid() == 0 else "sudo "
+        names = (_DISTRIBUTIONS[name][column] if name in _DISTRIBUTIONS else _usual(name) for name in modules)
+        command = f"{sudo}{manager} install {shlex.join(names)}"
+        if all(name in _DISTRIBUTIONS for name in modules):
+            return command
+        activated = f"{program} -m venv --system-site-packages .venv && . .venv/bin/activate"
+        return f"{command}; if there is no such package: {activated} && pip install {words}"
     if _has_no_pip(python):
         return f"uv pip install --python {program} {words}"
     return f"{program} -m pip install {words}"
@@ -95,6 +102,11 @@ def missing_modules(python: Path, names: Iterable[str]) -> list[str]:
     if is_own(python):
         return [name for name in names if importlib.util.find_spec(name) is None]
     return ask_python(python, _MISSING, *names).split()
+
+
+def _usual(module: str) -> str:
+    """Return the name that a module's package has on most systems."""
+    return f"python3-{module.lower().replace('_', '-')}"
 
 
 def _manager(python: Path, system: Mapping[str, str] | None) -> tuple[int, str]:

@@ -22,6 +22,7 @@ from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
 from forge.build.inputs.fingerprints import source_files
 from forge.build.wheels.backend_inputs import external_files, parse_list, parse_make_rules, parse_trace
+from forge.build.wheels.backend_output import progress_and_failure
 from forge.build.wheels.entry_points import invalid_scripts_of_setup
 from forge.toolchain.bundled_setuptools import setuptools_path
 from forge.toolchain.python_modules import install_command
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
-_OURS = "setuptools.build_meta"
+_NO_WHEEL = "invalid command 'bdist_wheel'"
+"""The error of a setuptools that needs the distribution 'wheel'."""
 _NOT_UTF8 = "surrogates not allowed"
 """The text of Python's error for a name that is not UTF-8."""
 _OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point", re.IGNORECASE)
@@ -98,9 +100,9 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
         message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
         raise EnvironmentFault(Problem(message, hint=hint)) from None
     except subprocess.CalledProcessError:
-        remedy = f"if it lacks 'bdist_wheel': {python} -m pip install -U setuptools"
+        remedy = install_command(Path(python), ("wheel",)) if _NO_WHEEL in trace.output else None
         message = f"the package's build backend '{backend}' failed; see its output above"
-        raise EnvironmentFault(Problem(message, hint=remedy if backend == _OURS else None)) from None
+        raise EnvironmentFault(Problem(message, hint=remedy)) from None
     for warning in warned:
         # Warnings of pyproject_hooks about the backend.
         print(f"{warning.category.__name__}: {warning.message}")
@@ -240,7 +242,7 @@ def _run_backend(
 ) -> None:
     """Run the backend with its output on stdout, since backends also write to stderr on success.
 
-    Raises CalledProcessError after printing the output to stderr.
+    Raises CalledProcessError after printing the reason to stderr.
     """
     done = subprocess.run(
         trace.argv(cmd),
@@ -258,7 +260,11 @@ def _run_backend(
         raise_if_any(_non_utf8_names(Path(cwd or ".")), WorkspaceError)
     if done.returncode and _OF_ENTRY_POINT.search(done.stdout):
         raise_if_any(invalid_scripts_of_setup(Path(cwd or ".") / "setup.py"), WorkspaceError)
-    print(done.stdout, end="", file=sys.stderr if done.returncode else sys.stdout)
+    progress, failure = done.stdout, ""
+    if done.returncode:
+        progress, failure = progress_and_failure(done.stdout, Path(cwd or ".") / "setup.py")
+    print(progress, end="", flush=True)
+    print(failure, end="", file=sys.stderr)
     done.check_returncode()
 
 

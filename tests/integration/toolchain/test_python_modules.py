@@ -51,11 +51,20 @@ def test_a_system_python_gets_packages_of_the_system(
     assert install_command(Path("/usr/bin/python3"), modules, system) == SUDO + command
 
 
+@pytest.mark.needs("/usr/bin/python3")
+def test_a_system_python_gets_an_environment_for_other_modules() -> None:
+    """Unless there is a package of the usual name."""
+    assert install_command(Path("/usr/bin/python3"), ["numpy", "Foo_Bar"], {"ID": "debian"}) == (
+        f"{SUDO}apt install python3-numpy python3-foo-bar; if there is no such package: "
+        "/usr/bin/python3 -m venv --system-site-packages .venv && . .venv/bin/activate "
+        "&& pip install numpy Foo_Bar"
+    )
+
+
 def test_others_get_pip(tree: Tree) -> None:
-    """A module without a known package, an unknown system, an environment, one without pip by uv."""
+    """An unknown system, an older version, an environment, one without pip by uv."""
     root = tree({"a b/pyvenv.cfg": "home = /usr/bin\n", "uv/pyvenv.cfg": "home = /usr/bin\nuv = 0.9\n"})
     debian, python = {"ID": "debian"}, Path("/usr/bin/python3")
-    assert install_command(python, ["numpy", "foo"], debian) == f"{python} -m pip install numpy foo"
     assert install_command(python, ["numpy"], {"ID": "plan9"}) == f"{python} -m pip install numpy"
     older = Path("/usr/bin/python3.0")
     assert install_command(older, ["numpy"], debian) == f"{older} -m pip install numpy"

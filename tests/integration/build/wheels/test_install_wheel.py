@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,10 +12,9 @@ import pytest
 from forge.base.errors import Location
 from forge.build.wheels.entry_points import invalid_scripts, invalid_scripts_of_setup
 from forge.cli.install_wheel import main
+from forge.toolchain.python_modules import install_command
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tests.conftest import Tree
 
 SITE = "lib/python3/site-packages"
@@ -204,12 +204,39 @@ def test_a_backend_that_is_not_there_is_named(tree: Tree, capsys: pytest.Capture
     assert "the build backend 'no_such.backend' is not installed" in capsys.readouterr().err
 
 
-def test_a_setup_py_that_fails_shows_its_own_words(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
-    root = tree({"src/talk/setup.py": "raise RuntimeError('my own words')\n"})
+def test_the_traceback_of_a_setup_py_starts_in_it(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """Neither forge nor setuptools is the reason."""
+    root = tree({"src/talk/setup.py": "def fail():\n    raise RuntimeError('my own words')\nfail()\n"})
     assert install(root) == 2
-    err = capsys.readouterr().err
-    assert "RuntimeError: my own words" in err
-    assert "error: the package's build backend 'setuptools.build_meta' failed" in err
+    assert capfd.readouterr().err == (
+        "Traceback (most recent call last):\n"
+        f'  File "{root}/src/talk/setup.py", line 3, in <module>\n'
+        "    fail()\n"
+        '  File "<string>", line 2, in fail\n'
+        "RuntimeError: my own words\n"
+        "error: the package's build backend 'setuptools.build_meta' failed; see its output above\n"
+    )
+
+
+def test_the_progress_before_an_error_is_not_shown(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """It is in the log; setuptools has the command that makes wheels."""
+    root = tree(SETUP)
+    (root / "src/talk/launch/talk.launch.py").unlink()
+    assert install(root) == 2
+    said = capfd.readouterr()
+    assert said.err == (
+        "error: can't copy 'launch/talk.launch.py': doesn't exist or not a regular file\n"
+        "error: the package's build backend 'setuptools.build_meta' failed; see its output above\n"
+    )
+    assert "running install_data\n" in said.out
+
+
+def test_a_setuptools_without_wheels_gets_its_remedy(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """An older one needs the distribution 'wheel'."""
+    root = tree({"src/talk/setup.py": "raise SystemExit(\"error: invalid command 'bdist_wheel'\")\n"})
+    assert install(root) == 2
+    hint = install_command(Path(sys.executable), ("wheel",))
+    assert capfd.readouterr().err.splitlines()[-1] == f"hint: {hint}"
 
 
 def test_warnings_of_a_backend_are_not_shown(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
