@@ -13,7 +13,7 @@ from forge.environment.install_state import recorded_underlays
 from forge.environment.prefixes import package_prefixes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterator, Mapping
 
 
 def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
@@ -40,8 +40,13 @@ def known_packages(variables: Mapping[str, str], install: Path | None) -> dict[s
     return dict(sorted(ament_index.resources("packages", known_prefixes(variables, install)).items()))
 
 
-def find_package(name: str, variables: Mapping[str, str], install: Path | None) -> Path:
-    """Return the prefix of an installed package.
+def find_package(
+    name: str,
+    variables: Mapping[str, str],
+    install: Path | None,
+    sources: Callable[[], Collection[str]] = tuple,
+) -> Path:
+    """Return the prefix of an installed package; `sources` returns the packages that can be built.
 
     Raises EnvironmentFault if there are no prefixes, ForgeError if none contains the package.
     """
@@ -50,14 +55,22 @@ def find_package(name: str, variables: Mapping[str, str], install: Path | None) 
     prefix = ament_index.prefix_of(name, where) if is_package_name(name) else None
     if prefix is not None:
         return prefix
-    hint = did_you_mean(name, ament_index.resources("packages", where))
+    hint = _remedy(name, install, sources(), ament_index.resources("packages", where))
     if install is None or variables.get("AMENT_PREFIX_PATH") or not is_package_name(name):
         raise ForgeError(Problem(f"package '{name}' not found", hint=hint))
-    if (install / name / "lib").is_dir():
-        hint = "call ament_package() at the end of its CMakeLists.txt, which registers the package"
-    hint = hint or f"build it: forge build --packages-select {name}"
     shown = install.relative_to(Path.cwd()) if install.parent == Path.cwd() else install
     raise ForgeError(Problem(f"package '{name}' is not installed in '{shown}'", hint=hint))
+
+
+def _remedy(
+    name: str, install: Path | None, sources: Collection[str], installed: Collection[str]
+) -> str | None:
+    """Return a hint for a package that is not installed, or None."""
+    if install and is_package_name(name) and (install / name / "lib").is_dir():
+        return "call ament_package() at the end of its CMakeLists.txt, which registers the package"
+    if name in sources:
+        return f"build it: forge build --packages-select {name}"
+    return did_you_mean(name, {*installed, *sources})
 
 
 def is_unsourced(name: str, variables: Mapping[str, str], install: Path | None) -> bool:

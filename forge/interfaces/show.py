@@ -11,7 +11,7 @@ from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.errors import ParseError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
 
 MAX_LINES = 1_000_000
@@ -28,11 +28,17 @@ class Comments(Enum):
     NONE = "none"
 
 
-def parse_type_name(text: str) -> TypeName:
-    """Parse 'package/kind/Name'; raises InterfaceError with the message of `ros2 interface`."""
+def parse_type_name(text: str, known: Callable[[], Iterable[TypeName]] = tuple) -> TypeName:
+    """Parse 'package/kind/Name'; raises InterfaceError with the message of `ros2 interface`.
+
+    `known` returns names for a suggestion.
+    """
     parts = text.split("/")
     if len(parts) != 3:  # noqa: PLR2004  (a full name has three parts)
-        raise InterfaceError(Problem(f"Invalid name '{text}'. Expected three parts separated by '/'"))
+        full = (str(name) for name in known() if f"{name.package}/{name.name}" == text)
+        hint = next((f"did you mean '{name}'?" for name in full), None)
+        message = f"Invalid name '{text}'. Expected three parts separated by '/'"
+        raise InterfaceError(Problem(message, hint=hint))
     if not all(parts):
         raise InterfaceError(Problem(f"Invalid name '{text}'. Must not contain empty parts"))
     if ".." in parts:

@@ -25,6 +25,10 @@ _CALL = re.compile(
     r"|ament_python_install_package|cmake_minimum_required|add_executable|add_library)\s*\(",
     re.IGNORECASE,
 )
+_COMMAND = re.compile(r"\b(\w+)\s*\(")
+_OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_language"})
+"""Commands that may call others."""
+_NO_REGISTRATION = frozenset({"find_package", "ament_python_install_package"})
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
 _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
 
@@ -75,6 +79,12 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     for match in _PKG_CONFIG.finditer(content):
         found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in match[2].split())
     return frozenset(filter(None, found))
+
+
+def may_register_package(text: str) -> bool:
+    """Tell whether ament_package() is called, or may be called by another file or a macro."""
+    commands = {match[1].lower() for match in _COMMAND.finditer(_without_comments(text))}
+    return not commands.isdisjoint(_OPAQUE) or any("package" in name for name in commands - _NO_REGISTRATION)
 
 
 def calls(text: str) -> Iterator[Call]:

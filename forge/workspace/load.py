@@ -25,7 +25,7 @@ from forge.workspace.selection import duplicate_node, ignored, select
 from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.workspace.model import Package, Selection, Workspace
@@ -90,7 +90,14 @@ def load_workspace(
 def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:
     """Return all packages below the search paths; raises WorkspaceError for invalid package options."""
     overrides = read_overrides(root, search.metas, home(variables) if search.user_metas else None)
-    return discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
+    found = discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
+    return found if found.packages else replace(found, notes=(*found.notes, *_missing_folders(root, search)))
+
+
+def _missing_folders(root: Path, search: SearchPaths) -> Iterator[Problem]:
+    for base in search.base_paths:
+        if "*" not in base and not (root / base).exists():
+            yield Problem(f"--base-paths: '{base}' does not exist")
 
 
 def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:

@@ -12,8 +12,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.errors import ForgeError
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
 _INSTALL_MARKER = "install/.colcon_install_layout"
 _ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
@@ -48,6 +50,18 @@ def find_install(start: Path, home: Path) -> Path | None:
     """Return the install folder of the workspace around the absolute folder `start` if it was built."""
     root = find_root(start, home)
     return root / "install" if (root / _INSTALL_MARKER).is_file() else None
+
+
+def source_packages(install: Path | None) -> Collection[str]:
+    """Return the names of the packages in the workspace of an install folder, as far as they can be read."""
+    if install is None:
+        return ()
+    from forge.workspace.load import find_packages  # noqa: PLC0415  (only needed after mistakes)
+    from forge.workspace.selection import SearchPaths  # noqa: PLC0415  (as above)
+
+    with suppress(ForgeError):
+        return find_packages(install.parent, SearchPaths(), os.environ).packages
+    return ()
 
 
 def is_root(folder: Path) -> bool:

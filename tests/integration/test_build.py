@@ -267,7 +267,11 @@ def test_an_empty_folder_gets_a_hint(forge: Forge, tmp_path: Path) -> None:
     assert ran.code == 2
     assert "no packages found below" in ran.err
     assert "forge pkg create" in ran.err
+    assert "--base-paths" not in ran.err
     assert not (tmp_path / "build").exists()
+    ran = forge("build", "--base-paths", "nowhere", cwd=tmp_path)
+    assert ran.code == 2
+    assert "warning: --base-paths: 'nowhere' does not exist" in ran.err
 
 
 def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:

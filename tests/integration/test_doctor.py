@@ -379,10 +379,32 @@ def test_packages_of_ros_need_not_be_there_to_be_missed(forge: Forge, tree: Tree
     ]
 
 
+def test_a_package_that_does_not_register_itself(forge: Forge, tree: Tree) -> None:
+    """Its build succeeds, but nothing finds the package. Other calls may register it."""
+    endings = {
+        "a": "ament_auto_package()",
+        "b": "# ament_package()",
+        "c": "include(cmake/all.cmake)",
+        "d": "ament_python_install_package(d)",
+        "e": "my_package(x)",
+    }
+    root = tree(
+        {
+            **{f"src/{name}/package.xml": manifest_text(name) for name in endings},
+            **{f"src/{name}/CMakeLists.txt": lists(name, line) for name, line in endings.items()},
+        }
+    )
+    found = of_topic(findings(forge, root), "names")
+    assert [(f["severity"], f["file"], f["message"].partition(":")[0]) for f in found] == [
+        ("warning", "src/b/CMakeLists.txt", "'b' does not call ament_package()"),
+        ("warning", "src/d/CMakeLists.txt", "'d' does not call ament_package()"),
+    ]
+
+
 def test_names_that_do_not_agree(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("a"), **python_package("b", ""), **python_package("c", "")})
     (root / "src/a/package.xml").write_text(manifest_text("a"), encoding="utf-8")
-    (root / "src/a/CMakeLists.txt").write_text(lists("b"), encoding="utf-8")
+    (root / "src/a/CMakeLists.txt").write_text(lists("b", "ament_package()"), encoding="utf-8")
     points = "name='x', entry_points={'console_scripts': ['go = c:main']}, packages=['c'])\n"
     (root / "src/c/setup.py").write_text(f"from setuptools import setup\nsetup({points}", encoding="utf-8")
     found = of_topic(findings(forge, root), "names")

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.packages import manifest_text
+
 if TYPE_CHECKING:
     from tests.conftest import Forge, Tree
 
@@ -220,10 +222,11 @@ def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> Non
 
 def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:
     files = {"install/.colcon_install_layout": "isolated\n", "install/half/lib/half/x": ""}
-    root = tree({**files, f"install/walker/{MARK}": ""})
+    manifest = {"src/zzz/package.xml": manifest_text("zzz")}
+    root = tree({**files, **manifest, f"install/walker/{MARK}": ""})
     told = {
         name: forge("run", name, "say", cwd=root, env={"AMENT_PREFIX_PATH": None}).err
-        for name in ("wlaker", "half", "zzz")
+        for name in ("wlaker", "half", "zzz", "nope")
     }
     assert (
         told["wlaker"]
@@ -231,6 +234,9 @@ def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: T
     )
     assert "call ament_package() at the end of its CMakeLists.txt" in told["half"]
     assert "hint: build it: forge build --packages-select zzz" in told["zzz"]
+    assert told["nope"] == "error: package 'nope' is not installed in 'install'\n"
+    sourced = forge("run", "half", "say", cwd=root, env={"AMENT_PREFIX_PATH": str(root / "install/walker")})
+    assert "call ament_package() at the end of its CMakeLists.txt" in sourced.err
 
 
 def test_a_program_of_an_underlay_needs_no_sourcing_either(forge: Forge, tree: Tree) -> None:

@@ -26,7 +26,7 @@ from forge.workspace.creation import (
     render_package,
 )
 from forge.workspace.model import Person
-from forge.workspace.root import find_install
+from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -252,6 +252,12 @@ def _install() -> Path | None:
     return find_install(Path.cwd(), Path.home())
 
 
+def _find(package: str) -> Path:
+    """Return the prefix of an installed package; raises ForgeError with a hint."""
+    install = _install()
+    return find_package(package, os.environ, install, lambda: source_packages(install))
+
+
 def _list(_options: argparse.Namespace) -> None:
     for name in known_packages(os.environ, _install()):
         print(name)
@@ -261,19 +267,19 @@ def _executables(options: argparse.Namespace) -> None:
     if options.package is None:
         packages = known_packages(os.environ, _install())
     else:
-        packages = {options.package: find_package(options.package, os.environ, _install())}
+        packages = {options.package: _find(options.package)}
     for name, prefix in packages.items():
         for path in executables(name, prefix):
             print(path if options.full_path else f"{name} {path.name}")
 
 
 def _prefix(options: argparse.Namespace) -> None:
-    prefix = find_package(options.package, os.environ, _install())
+    prefix = _find(options.package)
     print(prefix / "share" / options.package if options.share else prefix)
 
 
 def _xml(options: argparse.Namespace) -> None:
-    path = find_package(options.package, os.environ, _install()) / "share" / options.package / "package.xml"
+    path = _find(options.package) / "share" / options.package / "package.xml"
     try:
         content = path.read_bytes()
     except OSError:

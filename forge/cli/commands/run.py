@@ -16,7 +16,7 @@ from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.install_state import python_of
 from forge.environment.installed import executables, find_package, is_unsourced
-from forge.workspace.root import find_install
+from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
     package, name, *arguments = words
     install = find_install(Path.cwd(), Path.home())
-    prefix = find_package(package, os.environ, install)
+    prefix = find_package(package, os.environ, install, lambda: source_packages(install))
     variables = _environment(package, install)
     path = _choose(package, name, prefix)
     program = (*_interpreter(path, prefix, variables), str(path))

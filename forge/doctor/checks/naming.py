@@ -1,4 +1,4 @@
-"""Checks that package names agree in manifests and build files, and where executables are installed."""
+"""Checks that package names agree in manifests and build files, and that executables can be found."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem, Several
 from forge.doctor.checks.model import CheckResult
-from forge.workspace.cmake_metadata import project_name
+from forge.workspace.cmake_metadata import may_register_package, project_name
 from forge.workspace.python_metadata import read_setup_py
 
 if TYPE_CHECKING:
@@ -21,9 +21,10 @@ def names(subject: CheckContext) -> CheckResult:
     """Compare manifests, CMakeLists.txt, setup.py and setup.cfg."""
     packages = [package for package in subject.packages.values() if package.ros]
     errors = tuple(problem for package in packages for problem in _project(subject, package))
-    warnings = tuple(problem for package in packages for problem in _setup(subject, package))
+    found = ((*_setup(subject, package), *_registration(subject, package)) for package in packages)
+    warnings = tuple(problem for problems in found for problem in problems)
     count = len(errors) + len(warnings)
-    summary = f"{count} mismatches" if count else "manifests and build files agree"
+    summary = f"{count} problems" if count else "manifests and build files agree"
     return CheckResult("names", summary, errors, warnings)
 
 
@@ -35,6 +36,22 @@ def _project(subject: CheckContext, package: Package) -> Iterator[Problem]:
     if name and name != package.name:
         message = f"the name is '{package.name}' in package.xml, but '{name}' in project()"
         yield Problem(message, Location(package.path / "CMakeLists.txt"), "use the same name in both")
+
+
+def _registration(subject: CheckContext, package: Package) -> Iterator[Problem]:
+    """Yield a problem if the package is not registered in the ament index, so that nothing finds it."""
+    text = subject.text(package, "CMakeLists.txt")
+    if package.build_type == "ament_cmake" and text and not may_register_package(text):
+        yield Problem(
+            f"'{package.name}' does not call ament_package(): 'forge run' and other packages do not find it",
+            Location(package.path / "CMakeLists.txt"),
+            "add ament_package() at its end",
+            Several(
+                "{} do not call ament_package(): 'forge run' and other packages do not find them",
+                package.name,
+                "add ament_package() at the end of each CMakeLists.txt",
+            ),
+        )
 
 
 def _setup(subject: CheckContext, package: Package) -> Iterator[Problem]:

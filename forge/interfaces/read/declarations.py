@@ -127,6 +127,8 @@ def _check_outline(text: str, written: str, rest: str) -> None:
             offset=start,
             hint="remove the leading white space",
         )
+    if written.startswith(("//", "/*")):
+        raise ParseError(f"'{written}' is not a type", hint="comments start with '#'")
     if written.startswith("---"):
         raise ParseError("a separator must be exactly '---', in .srv and .action files only")
     if not rest.strip():

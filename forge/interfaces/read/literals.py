@@ -119,6 +119,8 @@ def _integer(text: str, name: str) -> int:
 def _unreadable(text: str, kind: str, hint: str | None = None) -> ParseError:
     if not text:
         return ParseError(f"expected {kind}", hint=hint)
+    if text.startswith("//"):
+        hint = "comments start with '#'"
     shown = text if text[0] in QUOTES else f"'{text}'"
     return ParseError(f"{shown} is not {kind}", hint=hint)
 

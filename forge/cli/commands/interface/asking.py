@@ -108,7 +108,8 @@ def _show(options: argparse.Namespace) -> int:
     from forge.interfaces.show import Comments, parse_type_name, show  # noqa: PLC0415  (not needed by the lists)
 
     library = known_library()
-    name = parse_type_name(sys.stdin.readline().strip() if options.type == "-" else options.type)
+    text = sys.stdin.readline().strip() if options.type == "-" else options.type
+    name = parse_type_name(text, library.names)
     path = _definition(name, library)
     if path.suffix == ".idl":
         print(path.read_text(encoding="utf-8"), end="")
@@ -126,7 +127,7 @@ def _proto(options: argparse.Namespace) -> int:
     from forge.interfaces.show import parse_type_name  # noqa: PLC0415
 
     library = known_library()
-    name = parse_type_name(options.type)
+    name = parse_type_name(options.type, library.names)
     path = _definition(name, library)
     parsed = library.find(name)
     if not parsed:

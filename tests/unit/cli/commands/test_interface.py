@@ -119,6 +119,12 @@ def test_show_prints_an_interface_that_is_only_idl_as_it_is(forge: Forge, tree: 
     assert ran.out == PREFIX["share/mine/msg/Only.idl"]
 
 
+def test_show_suggests_the_full_name(forge: Forge, tree: Tree) -> None:
+    ran = forge("interface", "show", "mine/Only", env={"AMENT_PREFIX_PATH": str(tree(PREFIX))})
+    assert ran.code == 2
+    assert "hint: did you mean 'mine/msg/Only'?" in ran.err
+
+
 @pytest.mark.parametrize(
     ("name", "text"),
     [
