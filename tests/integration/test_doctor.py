@@ -394,7 +394,9 @@ def test_a_package_that_does_not_register_itself(forge: Forge, tree: Tree) -> No
             **{f"src/{name}/CMakeLists.txt": lists(name, line) for name, line in endings.items()},
         }
     )
-    found = of_topic(findings(forge, root), "names")
+    checked = findings(forge, root)
+    assert {"topic": "names", "summary": "2 problems"} in checked["checked"]
+    found = of_topic(checked, "names")
     assert [(f["severity"], f["file"], f["message"].partition(":")[0]) for f in found] == [
         ("warning", "src/b/CMakeLists.txt", "'b' does not call ament_package()"),
         ("warning", "src/d/CMakeLists.txt", "'d' does not call ament_package()"),

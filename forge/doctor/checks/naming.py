@@ -24,7 +24,7 @@ def names(subject: CheckContext) -> CheckResult:
     found = ((*_setup(subject, package), *_registration(subject, package)) for package in packages)
     warnings = tuple(problem for problems in found for problem in problems)
     count = len(errors) + len(warnings)
-    summary = f"{count} problems" if count else "manifests and build files agree"
+    summary = f"{count} problem{'s' if count > 1 else ''}" if count else "manifests and build files agree"
     return CheckResult("names", summary, errors, warnings)
 
 
