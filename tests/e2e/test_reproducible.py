@@ -9,7 +9,10 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("forge", "templates", "docs", "README.md", "CHANGELOG.md", "LICENSE", "Makefile", "pyproject.toml")
+PARTS = (
+    *("forge", "templates", "docs", "_ros_forge.py", "hatch_build.py"),
+    *("README.md", "CHANGELOG.md", "LICENSE", "Makefile", "pyproject.toml"),
+)
 
 
 def build(folder: Path, umask: int, seconds: int) -> dict[str, bytes]:
