@@ -140,7 +140,7 @@ def test_the_usage_is_a_line(forge: Forge, command: tuple[str, ...], usage: str)
 
 def test_a_reader_that_leaves_early_is_no_error() -> None:
     command = f"'{sys.executable}' -m forge list --base-paths forge/embedded | true; exit ${{PIPESTATUS[0]}}"
-    home = Path(main.__file__).parents[1]
+    home = Path(main.__file__).parents[2]
     ran = subprocess.run(["bash", "-c", command], cwd=home, capture_output=True, check=False)
     assert (ran.returncode, ran.stderr) == (0, b"")
 

@@ -48,6 +48,13 @@ hello = "talk.hello:main"
 }
 
 
+@pytest.fixture(autouse=True)
+def settings_of_setuptools(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Restore the variable that builds of wheels set, for other tests of this process."""
+    monkeypatch.setenv("DIST_EXTRA_CONFIG", "")
+    monkeypatch.delenv("DIST_EXTRA_CONFIG")
+
+
 def install(root: Path, *options: str, python: str = sys.executable) -> int:
     """Install the package talk below root/install with an interpreter."""
     return main(
