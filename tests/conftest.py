@@ -118,6 +118,24 @@ class Golden(Protocol):
         """Hold `files` against CASE/expected, or write them there; a str is below tests/golden."""
 
 
+@pytest.fixture(autouse=True)
+def environment_is_left_alone() -> Iterator[None]:
+    """Restore the variables of this process, and fail a test that left some changed for those after it."""
+    before = _variables()
+    yield
+    after = _variables()
+    if after != before:
+        os.environ.clear()
+        os.environ.update(before)
+        changed = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+        pytest.fail(f"variables were left changed: {' '.join(changed)}", pytrace=False)
+
+
+def _variables() -> dict[str, str]:
+    """Return the environment without the variable that pytest itself changes."""
+    return {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+
+
 @pytest.fixture
 def tree(tmp_path: Path) -> Tree:
     """Make files from a table of paths and texts."""

@@ -60,7 +60,9 @@ def live_view(
     from rich.live import Live  # noqa: PLC0415
 
     no_color = not palette_of(sys.stdout).enabled
-    console = Console(highlight=False, soft_wrap=True, no_color=no_color)
+    # The terminal knows its size. rich would prefer these variables, which do not follow a resized window.
+    variables = {name: value for name, value in os.environ.items() if name not in {"COLUMNS", "LINES"}}
+    console = Console(highlight=False, soft_wrap=True, no_color=no_color, _environ=variables)
     view = LiveView(plan, seconds, console, unlisted)
     with Live(view, console=console, transient=True, refresh_per_second=8, redirect_stdout=False):
         yield view

@@ -115,6 +115,14 @@ def test_what_runs_is_shown_until_it_ends(tree: Tree, size: tuple[int, int]) -> 
         assert words[: size[0]] in last
 
 
+def test_the_size_is_the_terminals_and_not_an_exported_one(tree: Tree) -> None:
+    variables = {"COLUMNS": "80", "LINES": "24"}
+    terminal = build(tree(package("first", 0.3)), size=(30, 8), variables=variables)
+    assert terminal.end() == 0
+    assert "Finished <<< first" in terminal.frames[-1]
+    assert "packages" not in terminal.frames[-1].partition("Summary")[0]
+
+
 def test_a_failure_stays_in_sight_and_its_error_is_whole(tree: Tree) -> None:
     root = tree({**package("bad", 0.1, "exit 3"), **package("good", 1.5)})
     terminal = build(root, "--continue-on-error", "--jobs", "2")
