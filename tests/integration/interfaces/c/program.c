@@ -48,6 +48,8 @@ static void * limited_realloc(void * data, size_t size)
 #include "probe/msg/names.h"
 #include "probe/msg/nest.h"
 #include "probe/msg/wide.h"
+#include "rosidl_runtime_c/sequence_bound.h"
+#include "rosidl_runtime_c/type_hash.h"
 #include "sensor_msgs/msg/image.h"
 #include "std_msgs/msg/float64_multi_array.h"
 #include "std_msgs/msg/string.h"
@@ -76,6 +78,7 @@ static void texts_are_made_and_given_back(void)
   CHECK(!rosidl_runtime_c__String__assign(&message->data, NULL));
   CHECK(!rosidl_runtime_c__String__assignn(&message->data, "", SIZE_MAX));
   CHECK(strcmp(message->data.data, "e") == 0);
+  CHECK(rosidl_runtime_c__String__assign(&message->data, "") && message->data.capacity == 1);
   std_msgs__msg__String__destroy(message);
 }
 
@@ -205,6 +208,10 @@ static void sequences_are_filled_as_ros_programs_do(void)
   CHECK(rosidl_runtime_c__float64__Sequence__init(&numbers, 3) && numbers.data[2] == 0.0);
   numbers.data[1] = NAN;
   CHECK(!rosidl_runtime_c__double__Sequence__are_equal(&numbers, &numbers));
+  rosidl_runtime_c__float64__Sequence same = {NULL, 0, 0};
+  CHECK(rosidl_runtime_c__float64__Sequence__copy(&numbers, &same) && same.size == 3);
+  CHECK(!rosidl_runtime_c__float64__Sequence__are_equal(&numbers, &same));
+  rosidl_runtime_c__float64__Sequence__fini(&same);
   rosidl_runtime_c__float64__Sequence__fini(&numbers);
   CHECK(!rosidl_runtime_c__double__Sequence__init(&numbers, SIZE_MAX) && numbers.data == NULL);
 }
@@ -240,6 +247,27 @@ static void null_is_refused(void)
   std_msgs__msg__String__fini(NULL);
   std_msgs__msg__String__destroy(NULL);
   std_msgs__msg__String__fini(&message);
+}
+
+static void hashes_are_written_and_read(void)
+{
+  static const char text[] = "RIHS01_000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1eff";
+  rosidl_type_hash_t hash = rosidl_get_zero_initialized_type_hash();
+  CHECK(hash.version == ROSIDL_TYPE_HASH_VERSION_UNSET && hash.value[31] == 0);
+  CHECK(forge_read_type_hash(text, &hash) && hash.version == 1 && hash.value[30] == 30 && hash.value[31] == 255);
+  char written[FORGE_TYPE_HASH_TEXT_SIZE + 1];
+  forge_write_type_hash(&hash, written);
+  CHECK(strcmp(written, text) == 0);
+  CHECK(!forge_read_type_hash("RIHS02_00", &hash) && hash.version == 2);
+  CHECK(!forge_read_type_hash("RIHS0", &hash) && !forge_read_type_hash("SHA01_00", &hash));
+  written[20] = 'g';
+  CHECK(!forge_read_type_hash(written, &hash) && hash.version == 1);
+}
+
+static void bounds_are_found_by_identifier(void)
+{
+  const rosidl_runtime_c__Sequence__bound bound = {"mine", NULL, get_sequence_bound_handle_function};
+  CHECK(get_sequence_bound_handle(&bound, "mine") == &bound && !get_sequence_bound_handle(&bound, "other"));
 }
 
 static void services_and_actions_have_their_parts(void)
@@ -338,6 +366,8 @@ int main(void)
   sequences_are_filled_as_ros_programs_do();
   copies_keep_what_they_need();
   null_is_refused();
+  hashes_are_written_and_read();
+  bounds_are_found_by_identifier();
   services_and_actions_have_their_parts();
   memory_may_run_out();
   handles_name_their_types();

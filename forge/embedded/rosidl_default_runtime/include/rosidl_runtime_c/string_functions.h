@@ -36,14 +36,15 @@ static inline void rosidl_runtime_c__String__fini(rosidl_runtime_c__String * str
   str->capacity = 0;
 }
 
-/* Assign the `n` bytes at `value`, which may be a part of the string itself. */
+/* Assign the `n` bytes at `value`, which may be a part of the string itself. The memory is reused if it is large
+ * enough; an empty value releases it. */
 static inline bool rosidl_runtime_c__String__assignn(
   rosidl_runtime_c__String * str, const char * value, size_t n)
 {
   if (!str || !value || n == SIZE_MAX) {
     return false;
   }
-  if (n < str->capacity) {
+  if (n < str->capacity && (n || str->capacity == 1)) {
     memmove(str->data, value, n);
   } else {
     char * data = (char *)malloc(n + 1);

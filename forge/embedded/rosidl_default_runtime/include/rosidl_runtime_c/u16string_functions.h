@@ -37,14 +37,15 @@ static inline void rosidl_runtime_c__U16String__fini(rosidl_runtime_c__U16String
   str->capacity = 0;
 }
 
-/* Assign the `n` code units at `value`, which may be a part of the string itself. */
+/* Assign the `n` code units at `value`, which may be a part of the string itself. The memory is reused if it is
+ * large enough; an empty value releases it. */
 static inline bool rosidl_runtime_c__U16String__assignn(
   rosidl_runtime_c__U16String * str, const uint_least16_t * value, size_t n)
 {
   if (!str || !value || n >= SIZE_MAX / sizeof(*value)) {
     return false;
   }
-  if (n < str->capacity) {
+  if (n < str->capacity && (n || str->capacity == 1)) {
     memmove(str->data, value, n * sizeof(*value));
   } else {
     uint_least16_t * data = (uint_least16_t *)malloc((n + 1) * sizeof(*value));
