@@ -176,13 +176,14 @@ def test_options_of_single_packages_come_from_four_places(forge: Forge, root: Pa
     )
     (root / "forge.toml").write_text('[packages.a]\ncmake-args = ["-D4"]\nctest-args = ["-V"]\n')
     env = {"COLCON_HOME": str(root / "home")}
-    (said,) = json.loads(forge("info", "--json", "a", cwd=root, env=env).out)
+    (said,) = json.loads(forge("info", "--json", "a", cwd=root, env=env).out)["packages"]
     assert said["metadata"]["cmake-args"] == ["-D1", "-D2", "-D4", "-D3"]
     assert said["metadata"]["ctest-args"] == ["-V"]
     assert said["metadata"]["vendor"] == {"k": 1}
     assert said["dependencies"] == {"build": ["x"], "run": ["x", "y"], "test": ["x"]}
     assert said["hooks"] == ["h.sh"]
-    (said,) = json.loads(forge("info", "--json", "a", "--ignore-user-meta", cwd=root, env=env).out)
+    ran = forge("info", "--json", "a", "--ignore-user-meta", cwd=root, env=env)
+    (said,) = json.loads(ran.out)["packages"]
     assert "-D2" not in said["metadata"]["cmake-args"]
     paragraph = forge("info", "a", cwd=root, env=env).out
     assert "  hooks: h.sh\n  metadata:\n    cmake-args: [" in paragraph

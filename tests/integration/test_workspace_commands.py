@@ -132,8 +132,11 @@ def test_list_graph_and_info_speak_json(forge: Forge, workspace: Path) -> None:
     graph = json.loads(forge("graph", "--json", "--packages-skip", "b", cwd=workspace).out)
     assert [row["name"] for row in graph["packages"]] == ["a", "p", "c"]
     assert graph["dependencies"] == [{"from": "c", "to": "a", "categories": ["run"], "direct": False}]
-    (said,) = json.loads(forge("info", "--json", "b", cwd=workspace).out)
-    assert said["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
+    said = json.loads(forge("info", "--json", "b", cwd=workspace).out)
+    assert (said["workspace"], said["underlays"]) == (str(workspace), [])
+    assert said["python"].keys() == {"path", "version", "origin"}
+    (package,) = said["packages"]
+    assert package["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
 
 
 def test_a_graph_shows_what_is_left_out_on_request(forge: Forge, workspace: Path) -> None:

@@ -19,9 +19,10 @@ from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from forge.cli.main import Parser
+    from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package, Person
 
@@ -49,7 +50,8 @@ def run(options: argparse.Namespace) -> int:
     packages = _requested(loaded, tuple(name.lstrip() for name in options.names))
     packages.sort(key=lambda package: (package.name, str(package.path)))
     if options.json:
-        print(json.dumps([_plain(package, options) for package in packages], indent=2, default=str))
+        found = [_plain(package, options) for package in packages]
+        print(json.dumps({**_plain_surroundings(options), "packages": found}, indent=2, default=str))
         return 0
     if not options.names:
         print(*_workspace(options), sep="\n")
@@ -60,17 +62,30 @@ def run(options: argparse.Namespace) -> int:
 
 def _workspace(options: argparse.Namespace) -> Iterator[str]:
     """Yield the interpreter of the workspace with what chose it, and the underlays."""
-    root = Path.cwd()
-    layout = FolderOptions(install_base=options.install_base).layout(root)
-    yield f"workspace: {root}"
-    try:
-        python = workspace_interpreter(None, layout, root)
+    python, chain = _surroundings(options)
+    yield f"workspace: {Path.cwd()}"
+    if python:
         yield f"  python: {python.path} ({python.release}, {python.origin})"
-    except EnvironmentFault as fault:
-        print_warnings(fault.problems)
-    chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
     if chain:
         yield f"  underlays: {' '.join(map(str, chain))}"
+
+
+def _plain_surroundings(options: argparse.Namespace) -> dict[str, object]:
+    python, chain = _surroundings(options)
+    fields = python and {"path": str(python.path), "version": python.release, "origin": python.origin}
+    return {"workspace": str(Path.cwd()), "python": fields, "underlays": list(map(str, chain))}
+
+
+def _surroundings(options: argparse.Namespace) -> tuple[Interpreter | None, Sequence[Path]]:
+    """Return the interpreter, None after a warning if there is none, and the underlays."""
+    root = Path.cwd()
+    layout = FolderOptions(install_base=options.install_base).layout(root)
+    chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
+    try:
+        return workspace_interpreter(None, layout, root), chain
+    except EnvironmentFault as fault:
+        print_warnings(fault.problems)
+        return None, chain
 
 
 def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]:
