@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.interfaces.cpp.text import qualified
-from forge.interfaces.model import Array, Named
+from forge.interfaces.model import Array, Named, String
 from forge.interfaces.wire.layout import (
     UNKNOWN,
     InlineArray,
@@ -119,14 +119,16 @@ class MembersViews:
             case Run(members):
                 for group in _groups(self._leaves(members, wholes)):
                     yield _call("fixed", *(leaf.path for leaf in group))
-            case StringData(path):
-                yield _call("text", path)
+            case StringData(path, type_):
+                yield _call("text", path, bound=type_.bound)
             case PrimitiveElements(path, Array()):
                 yield _call("fixed", path)
-            case Loop(path, Array()):
-                yield _call("array", path)
-            case PrimitiveElements(path) | Loop(path):
+            case PrimitiveElements(path):
                 yield _call("sequence", path)
+            case Loop(path, type_):
+                word = "array" if isinstance(type_, Array) else "sequence"
+                bound = type_.of.bound if isinstance(type_.of, String) else None
+                yield _call(word, path, bound=bound)
             case MessageCall(path):
                 yield _call("message", path)
 
@@ -182,9 +184,11 @@ def _groups(leaves: Iterable[_Leaf]) -> Iterator[list[_Leaf]]:
         yield group
 
 
-def _call(word: str, *paths: Path) -> str:
+def _call(word: str, *paths: Path, bound: int | None = None) -> str:
     """Return a call, with its arguments on as many lines as needed."""
     arguments = [".".join(("message", *path)) for path in paths]
+    if bound is not None:
+        arguments.append(f"{bound}u")
     line = f"cdr.{word}({', '.join(arguments)});"
     if len(line) <= _WIDTH - 4:
         return line

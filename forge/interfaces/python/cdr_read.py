@@ -173,12 +173,20 @@ class _Reader:
         if not last:
             self.cursor.advance("struct.size")
         self.lines.add("if nul:", f"    {text} = _pieces.unterminated({text}, nul)")
-        self.lines.add(f"{self.slots.slot(chars.path)} = {text}.decode()", *conversions)
+        self._store_text(chars, f"{text}.decode()")
+        self.lines.add(*conversions)
 
     def _wide(self, group: StringData, *, last: bool) -> None:
         end = self.cursor.check_available(f"4 * {self.slots.length(group.path)}")
-        self.lines.add(f"{self.slots.slot(group.path)} = _pieces.from_wide(view[o:{end}])")
+        self._store_text(group, f"_pieces.from_wide(view[o:{end}])")
         self.cursor.move_to(end, last=last)
+
+    def _store_text(self, chars: StringData, expression: str) -> None:
+        """Emit the lines that store a string, and check its bound."""
+        slot = self.slots.slot(chars.path)
+        self.lines.add(f"{slot} = {expression}")
+        if chars.type.bound is not None:
+            self.lines.add(f"if len({slot}) > {chars.type.bound}:", "    raise _pieces.Refused")
 
     def _numbers(self, group: PrimitiveElements, *, last: bool) -> None:
         size = SIZES[group.of.name]

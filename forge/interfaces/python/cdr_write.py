@@ -237,8 +237,10 @@ class _Writer:
             made = f"_pieces.{_CONVERSIONS[type_.of.name]}({word})"
             length = f"len({name}) >> 2" if type_.of.name == "wchar" else length
         self.lines.add(f"{name} = {made}", f"{number} = {length}")
-        if isinstance(type_, Sequence) and type_.bound is not None:
-            self.lines.add(f"if {number} > {type_.bound}:", "    raise _pieces.Refused")
+        if type_.bound is not None:
+            # The bound of a string counts characters, which take at least a byte or a code unit each.
+            exact = f" and len({word}) > {type_.bound}" if isinstance(type_, String) else ""
+            self.lines.add(f"if {number} > {type_.bound}{exact}:", "    raise _pieces.Refused")
         self._locals[path] = (name, number)
         return f"{number} + 1" if isinstance(type_, String) and not type_.wide else number
 

@@ -35,6 +35,7 @@
 #include "wire/msg/collections.hpp"
 #include "wire/msg/empty_in.hpp"
 #include "wire/msg/letters.hpp"
+#include "wire/msg/limits.hpp"
 #include "wire/msg/nest.hpp"
 #include "wire/msg/seq.hpp"
 #include "wire/msg/strs.hpp"
@@ -291,6 +292,9 @@ void errors_say_what_and_where()
     refusal<wire::msg::Bnd>(bytes_of("01000000 00 000000 05000000" + std::string(40, '0'))) ==
     "at byte 16: 5 elements, 4 are allowed");
   HOLDS(
+    refusal<wire::msg::Bnd>(bytes_of("0c000000 6161616161616161616161 00 00000000 00")) ==
+    "at byte 8: a string of 11 characters, 10 are allowed");
+  HOLDS(
     refusal<example_interfaces::msg::WString>(bytes_of("01000000 00000100")) ==
     "at byte 8: 65536 is no unit of UTF-16");
   std_msgs::msg::String text = String().set__data("hello");
@@ -392,6 +396,36 @@ void sequences_are_viewed_where_they_are()
     wire::build<wire::msg::Bnd>().s("ab").v({-1, 2}).t(9), &wire::msg::Bnd::v, "view of a bounded sequence");
 }
 
+/// The bounds of strings count characters: not bytes of UTF-8, nor the halves of pairs in UTF-16.
+void bounded_strings_are_checked()
+{
+  wire::msg::Limits message;
+  message.brief = {"\xc3\xa9\xc3\xa9\xc3\xa9"};
+  message.wide = u"\U0001F600\U0001F600";
+  message.two[1] = "abc";
+  round_trip(message, "bounded strings");
+  const auto refused = [](const wire::msg::Limits & changed, const std::string & words) {
+      try {
+        forge_cdr::serialize(changed);
+        return false;
+      } catch (const forge_cdr::Error & error) {
+        return error.what() == words;
+      }
+    };
+  wire::msg::Limits changed = message;
+  changed.brief[0] += "a";
+  HOLDS(refused(changed, "a string of 4 characters, 3 are allowed"));
+  changed = message;
+  changed.two[0] = "abcd";
+  HOLDS(refused(changed, "a string of 4 characters, 3 are allowed"));
+  changed = message;
+  changed.wide += u"a";
+  HOLDS(refused(changed, "a string of 3 characters, 2 are allowed"));
+  HOLDS(
+    refusal<wire::msg::Limits>(bytes_of("00000000 03000000 61000000 61000000 61000000")) ==
+    "at byte 24: a string of 3 characters, 2 are allowed");
+}
+
 void every_bit_of_a_number_survives()
 {
   wire::msg::BasicTypes message;
@@ -416,6 +450,7 @@ int main(int argc, char ** argv)
   errors_say_what_and_where();
   a_used_message_keeps_its_memory();
   sequences_are_viewed_where_they_are();
+  bounded_strings_are_checked();
   every_bit_of_a_number_survives();
   std::mt19937 chance(argc > 2 ? static_cast<unsigned>(std::atoi(argv[2])) : 1u);
   All::round_trips(chance);

@@ -58,7 +58,7 @@ public:
   }
 
   template<typename Text>
-  void text(const Text & value)
+  void text(const Text & value, std::size_t = 0)
   {
     const bool narrow = sizeof(typename Text::value_type) == 1;
     leaf(static_cast<std::uint32_t>(value.size() + (narrow ? 1 : 0)));
@@ -77,7 +77,7 @@ public:
   }
 
   template<typename Range>
-  void array(const Range & values)
+  void array(const Range & values, std::size_t = 0)
   {
     using Value = typename Range::value_type;
     for (const Value & value : values) {
@@ -92,7 +92,7 @@ public:
   }
 
   template<typename Range>
-  void sequence(const Range & values)
+  void sequence(const Range & values, std::size_t = 0)
   {
     leaf(static_cast<std::uint32_t>(values.size()));
     array(values);
@@ -156,9 +156,9 @@ public:
   }
 
   template<typename Text>
-  void text(Text & value)
+  void text(Text & value, std::size_t bound = 39)
   {
-    value.resize(length(40));
+    value.resize(length(bound + 1));
     for (auto & character : value) {
       character = static_cast<typename Text::value_type>('a' + _chance() % 26);
     }
@@ -171,7 +171,7 @@ public:
   }
 
   template<typename Range>
-  void array(Range & values)
+  void array(Range & values, [[maybe_unused]] std::size_t bound = 39)
   {
     using Value = typename Range::value_type;
     for (std::size_t position = 0; position < values.size(); ++position) {
@@ -180,7 +180,7 @@ public:
         leaf(value);
         values[position] = value;
       } else if constexpr (forge_cdr::detail::IsText<Value>::value) {
-        text(values[position]);
+        text(values[position], bound);
       } else {
         message(values[position]);
       }
@@ -188,10 +188,10 @@ public:
   }
 
   template<typename Range>
-  void sequence(Range & values)
+  void sequence(Range & values, std::size_t bound = 39)
   {
     values.resize(length(std::min<std::size_t>(5, values.max_size() + 1)));
-    array(values);
+    array(values, bound);
   }
 
 private:

@@ -47,6 +47,7 @@ DEFINITIONS = {
     "Inner": "uint8 a\nfloat64 b",
     "Large": MANY,
     "Late": "int32 a\nint32 b\nfloat64 c",
+    "Limits": "string<=3[<=2] brief\nwstring<=2 wide\nstring<=3[2] two",
     "Mixed": "float64 a\nuint8 b",
     "Nest": "uint8 p\nInner[2] arr\nInner[<=3] seq\nuint8 q",
     "Seq": "float64[] e\nuint8 b\nfloat64[] f",

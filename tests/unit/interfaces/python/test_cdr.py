@@ -43,6 +43,7 @@ DEFINITIONS = {
     "msg/Big.msg": "uint8 a\nint64 b\nuint8 c\nint32 d\nuint8 e\nint16 f",
     "msg/Arr.msg": "uint8 a\nfloat64[1] b\nuint8[3] c\nuint32[2] d",
     "msg/Bnd.msg": "string<=10 s\nint32[<=4] v\nuint8 t",
+    "msg/Limits.msg": "string<=3[<=2] brief\nwstring<=2 wide\nstring<=3[2] two",
     "msg/EmptyIn.msg": "std_msgs/Empty e\nuint32 x",
     "msg/W.msg": "wstring w\nuint8 t\nwstring[] ws\nwstring[2] wa",
     "msg/BasicTypes.msg": "bool a\nbyte b\nchar c\nfloat32 d\nfloat64 e\nint8 f\nuint8 g\nint16 h\nuint16 i\n"
@@ -399,6 +400,8 @@ def test_whatever_a_field_accepts_can_be_written(cdr: Any) -> None:
     assert cdr.serialize(octets) == body("01 000000 01000000 02 03 04")
     bounded = class_of("vectors/Bnd")(s=UserString("ab"))
     assert cdr.serialize(bounded) == body("03000000 616200 00 00000000 00")
+    limits = class_of("vectors/Limits")(brief=["ééé"], wide="😀😀", two=["abc", ""])
+    assert cdr.deserialize(cdr.serialize(limits), type(limits)) == limits
     strings = class_of("vectors/Strs")(a=("x",), c={True})
     assert cdr.deserialize(cdr.serialize(strings), type(strings)).a == ["x"]
     matrix = class_of("vectors/Arr")(d=np.array([[5], [6]], "uint32").ravel())
@@ -486,6 +489,9 @@ def test_a_service_is_not_a_message(cdr: Any) -> None:
     ("name", "changes", "words"),
     [
         ("vectors/Bnd", {"v": array("i", range(5))}, "'v' has 5 elements, 4 are allowed, at offset 9"),
+        ("vectors/Bnd", {"s": "é" * 11}, "'s' has 11 characters, 10 are allowed, at offset 4"),
+        ("vectors/Limits", {"brief": ["abcd"]}, "'brief[0]' has 4 characters, 3 are allowed, at offset 8"),
+        ("vectors/Limits", {"wide": "abc"}, "'wide' has 3 characters, 2 are allowed, at offset 8"),
         ("vectors/Nest", {"arr": []}, "'arr' has 0 elements, not 2, at offset 5"),
         ("vectors/Arr", {"d": np.zeros(3, "uint32")}, "'d' has 3 elements, not 2, at offset 23"),
         ("vectors/Bulk", {"b": np.zeros(3, "int64")}, "'b' has 3 elements, not 100, at offset 9"),
@@ -542,6 +548,16 @@ def test_what_cannot_be_written_is_named(cdr: Any, name: str, changes: dict[str,
             "vectors/Bnd",
             "00010000 01000000 00 000000 05000000" + 60 * "0",
             "'v' has 5 elements, 4 are allowed, at offset 16",
+        ),
+        (
+            "vectors/Bnd",
+            "00010000 0b000000" + 11 * "61" + "00 00000000 00",
+            "'s' has 11 characters, 10 are allowed, at offset 19",
+        ),
+        (
+            "vectors/Limits",
+            "00010000 00000000 03000000" + 3 * "61000000",
+            "'wide' has 3 characters, 2 are allowed, at offset 24",
         ),
         (
             "vectors/Seq",

@@ -13,7 +13,8 @@ namespace forge_cdr
  * least      the minimum serialized size in bytes
  * packed     the serialized size if it is fixed and without padding, else 0
  * alignment  if packed, the alignment of the first byte
- * visit      passes all members to a sizer, a writer or a reader, in serialization order
+ * visit      passes all members to a sizer, a writer or a reader, in serialization order; bounded strings, alone
+ *            and in an array or a sequence, with their upper bound
  */
 template<typename Message>
 struct Members;

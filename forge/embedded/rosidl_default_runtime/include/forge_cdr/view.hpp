@@ -101,9 +101,9 @@ public:
   }
 
   template<typename Text>
-  void text(Text & value)
+  void text(Text & value, std::size_t bound = unbounded)
   {
-    _reader.text(value);
+    _reader.text(value, bound);
   }
 
   template<typename Message>
@@ -113,13 +113,13 @@ public:
   }
 
   template<typename Array>
-  void array(Array & values)
+  void array(Array & values, std::size_t bound = unbounded)
   {
-    _reader.array(values);
+    _reader.array(values, bound);
   }
 
   template<typename Sequence>
-  void sequence(Sequence & values)
+  void sequence(Sequence & values, std::size_t bound = unbounded)
   {
     if constexpr (std::is_same_v<Sequence, Wanted>) {
       if (&values == _wanted) {
@@ -129,7 +129,7 @@ public:
         return;
       }
     }
-    _reader.sequence(values);
+    _reader.sequence(values, bound);
   }
 
 private:

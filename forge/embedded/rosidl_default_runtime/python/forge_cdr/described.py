@@ -97,6 +97,13 @@ class _Walk:
         path = "".join(self.path).lstrip(".")
         return CdrError(f"'{path}' {problem}" if path else f"the message {problem}", self.offset)
 
+    def checked(self, text: str, type_: Any) -> str:
+        """Return the text, unless it has more characters than the bound of its type."""
+        bound = getattr(type_, "maximum_size", None)
+        if bound is not None and len(text) > bound:
+            raise self.wrong(f"has {len(text)} characters, {bound} are allowed")
+        return text
+
     @contextmanager
     def at(self, step: str) -> Iterator[None]:
         """Enter a field or an element; errors inside refer to it."""
@@ -138,11 +145,11 @@ class _Writer(_Walk):
             case definition.BasicType():
                 self.basic(value, type_.typename)
             case definition.AbstractString():
-                text = self.text(value).encode() + b"\0"
+                text = self.checked(self.text(value), type_).encode() + b"\0"
                 self.add("I", len(text))
                 self.out += text
             case definition.AbstractWString():
-                units = self.text(value).encode("utf-16-le")
+                units = self.checked(self.text(value), type_).encode("utf-16-le")
                 self.add("I", len(units) // 2)
                 self.out += struct.pack(f"<{len(units) // 2}I", *memoryview(units).cast("H"))
             case definition.NamespacedType():
@@ -236,11 +243,11 @@ class _Reader(_Walk):
                 return self.basic(type_.typename)
             case definition.AbstractString():
                 text = self.take(self.number("I"))
-                return str(text[:-1] if len(text) and not text[-1] else text, "utf-8")
+                return self.checked(str(text[:-1] if len(text) and not text[-1] else text, "utf-8"), type_)
             case definition.AbstractWString():
                 size = self.number("I")
                 units = struct.unpack(f"{self.order}{size}I", self.take(4 * size))
-                return array("H", units).tobytes().decode("utf-16")
+                return self.checked(array("H", units).tobytes().decode("utf-16"), type_)
             case definition.NamespacedType():
                 class_ = _class_of(owner, type_)
                 return self.message(class_, class_)

@@ -39,19 +39,22 @@ public:
   }
 
   template<typename Text>
-  FORGE_CDR_INLINE void text(Text & value)
+  FORGE_CDR_INLINE void text(Text & value, std::size_t bound = unbounded)
   {
     const std::size_t length = number();
     if constexpr (std::is_same_v<typename Text::value_type, char>) {
       if (length > _size - _offset) {
         fail_short(length);
       }
-      narrow(value, length);
+      narrow(value, length, bound);
     } else {
       if (length > (_size - _offset) / 4) {
         fail_count(length);
       }
       wide(value, length);
+      if (length > bound) {
+        check_length(characters(value.data(), length), bound);
+      }
     }
   }
 
@@ -66,19 +69,20 @@ public:
   }
 
   template<typename Value, std::size_t Size>
-  FORGE_CDR_INLINE void array(std::array<Value, Size> & values)
+  FORGE_CDR_INLINE void array(
+    std::array<Value, Size> & values, [[maybe_unused]] std::size_t bound = unbounded)
   {
     if constexpr (!Swap && is_packed<Value>()) {
       std::memcpy(values.data(), take<Leaf<Value>::alignment>(sizeof(values)), sizeof(values));
     } else {
       for (Value & value : values) {
-        item(value);
+        item(value, bound);
       }
     }
   }
 
   template<typename Sequence>
-  FORGE_CDR_INLINE void sequence(Sequence & values)
+  FORGE_CDR_INLINE void sequence(Sequence & values, [[maybe_unused]] std::size_t bound = unbounded)
   {
     using Value = typename Sequence::value_type;
     const std::size_t count = length(values);
@@ -96,7 +100,7 @@ public:
         values[position] = value;
       }
     } else {
-      read_each(values, count);
+      read_each(values, count, bound);
     }
   }
 
@@ -157,13 +161,14 @@ private:
 
   /// Read a string of the given size, which usually ends with a NUL.
   template<typename Text>
-  FORGE_CDR_INLINE void narrow(Text & value, std::size_t length)
+  FORGE_CDR_INLINE void narrow(Text & value, std::size_t size, std::size_t bound)
   {
     const auto * const from = reinterpret_cast<const char *>(_body + _offset);
-    _offset += length;
-    if (length > 0 && from[length - 1] == '\0') {
-      --length;
+    const std::size_t length = size > 0 && from[size - 1] == '\0' ? size - 1 : size;
+    if (length > bound) {
+      check_length(characters(from, length), bound);
     }
+    _offset += size;
     if (value.size() == length) {
       copy_short(value.data(), from, length);
     } else if (value.capacity() < length) {
@@ -206,13 +211,14 @@ private:
 
   /// Read strings or messages; existing elements keep their memory.
   template<typename Sequence>
-  FORGE_CDR_INLINE void read_each(Sequence & values, std::size_t count)
+  FORGE_CDR_INLINE void read_each(
+    Sequence & values, std::size_t count, [[maybe_unused]] std::size_t bound)
   {
     using Value = typename Sequence::value_type;
     if constexpr (IsText<Value>::value) {
       values.resize(count);
       for (Value & value : values) {
-        text(value);
+        text(value, bound);
       }
     } else {
       if (count < values.size()) {
@@ -230,10 +236,10 @@ private:
   }
 
   template<typename Value>
-  FORGE_CDR_INLINE void item(Value & value)
+  FORGE_CDR_INLINE void item(Value & value, [[maybe_unused]] std::size_t bound)
   {
     if constexpr (IsText<Value>::value) {
-      text(value);
+      text(value, bound);
     } else {
       message(value);
     }
@@ -299,6 +305,13 @@ private:
   [[noreturn]] FORGE_CDR_COLD void fail_bound(std::size_t count, std::size_t bound) const
   {
     fail(std::to_string(count) + " elements, " + std::to_string(bound) + " are allowed");
+  }
+
+  FORGE_CDR_COLD void check_length(std::size_t length, std::size_t bound) const
+  {
+    if (length > bound) {
+      fail("a string of " + std::to_string(length) + " characters, " + std::to_string(bound) + " are allowed");
+    }
   }
 
   [[noreturn]] FORGE_CDR_COLD void fail_unit(std::uint32_t unit) const

@@ -3,14 +3,16 @@
 
 #include <array>
 #include <cstddef>
+#include <string>
 #include <type_traits>
 
 #include "forge_cdr/detail/types.hpp"
+#include "forge_cdr/error.hpp"
 
 namespace forge_cdr::detail
 {
 
-/// Computes the number of bytes that a Writer writes.
+/// Computes the number of bytes that a Writer writes, and checks the bounds of strings.
 class Sizer
 {
 public:
@@ -27,8 +29,11 @@ public:
   }
 
   template<typename Text>
-  FORGE_CDR_INLINE void text(const Text & value)
+  FORGE_CDR_INLINE void text(const Text & value, std::size_t bound = unbounded)
   {
+    if (value.size() > bound) {
+      check_length(characters(value.data(), value.size()), bound);
+    }
     if constexpr (std::is_same_v<typename Text::value_type, char>) {
       add(4, 4 + value.size() + 1);
     } else {
@@ -43,17 +48,17 @@ public:
   }
 
   template<typename Value, std::size_t Size>
-  FORGE_CDR_INLINE void array(const std::array<Value, Size> & values)
+  FORGE_CDR_INLINE void array(const std::array<Value, Size> & values, std::size_t bound = unbounded)
   {
-    items<Value>(values);
+    items<Value>(values, bound);
   }
 
   template<typename Sequence>
-  FORGE_CDR_INLINE void sequence(const Sequence & values)
+  FORGE_CDR_INLINE void sequence(const Sequence & values, std::size_t bound = unbounded)
   {
     add(4, 4);
     if (!values.empty()) {
-      items<typename Sequence::value_type>(values);
+      items<typename Sequence::value_type>(values, bound);
     }
   }
 
@@ -64,7 +69,7 @@ private:
   }
 
   template<typename Value, typename Range>
-  FORGE_CDR_INLINE void items(const Range & values)
+  FORGE_CDR_INLINE void items(const Range & values, [[maybe_unused]] std::size_t bound)
   {
     if constexpr (std::is_arithmetic_v<Value>) {
       add(Leaf<Value>::alignment, values.size() * Leaf<Value>::size);
@@ -73,11 +78,19 @@ private:
     } else {
       for (const Value & value : values) {
         if constexpr (IsText<Value>::value) {
-          text(value);
+          text(value, bound);
         } else {
           message(value);
         }
       }
+    }
+  }
+
+  FORGE_CDR_COLD static void check_length(std::size_t length, std::size_t bound)
+  {
+    if (length > bound) {
+      throw Error(
+        "a string of " + std::to_string(length) + " characters, " + std::to_string(bound) + " are allowed");
     }
   }
 

@@ -92,6 +92,9 @@ struct Run
   static constexpr std::size_t size = measured();
 };
 
+/// The upper bound of strings that have none.
+constexpr std::size_t unbounded = static_cast<std::size_t>(-1);
+
 template<typename Value>
 struct IsText : std::false_type {};
 
@@ -100,6 +103,21 @@ struct IsText<std::basic_string<char, Traits, Allocator>>: std::true_type {};
 
 template<typename Traits, typename Allocator>
 struct IsText<std::basic_string<char16_t, Traits, Allocator>>: std::true_type {};
+
+/// Return the number of characters in UTF-8 or UTF-16; units that continue a character do not count.
+template<typename Unit>
+FORGE_CDR_COLD inline std::size_t characters(const Unit * text, std::size_t size) noexcept
+{
+  std::size_t count = 0;
+  for (std::size_t position = 0; position < size; ++position) {
+    if constexpr (sizeof(Unit) == 1) {
+      count += (static_cast<unsigned char>(text[position]) & 0xc0u) != 0x80u;
+    } else {
+      count += (text[position] & 0xfc00u) != 0xdc00u;
+    }
+  }
+  return count;
+}
 
 /// The minimum serialized size of a value.
 template<typename Value>

@@ -12,7 +12,8 @@
 namespace forge_cdr::detail
 {
 
-/// Writes members to a buffer of the size computed by a Sizer; little-endian, with zero padding.
+/// Writes members to a buffer of the size computed by a Sizer, which has checked the bounds; little-endian, with
+/// zero padding.
 class Writer
 {
 public:
@@ -31,7 +32,7 @@ public:
   }
 
   template<typename Text>
-  FORGE_CDR_INLINE void text(const Text & value)
+  FORGE_CDR_INLINE void text(const Text & value, std::size_t = unbounded)
   {
     const std::size_t length = value.size();
     if constexpr (std::is_same_v<typename Text::value_type, char>) {
@@ -54,13 +55,13 @@ public:
   }
 
   template<typename Value, std::size_t Size>
-  FORGE_CDR_INLINE void array(const std::array<Value, Size> & values)
+  FORGE_CDR_INLINE void array(const std::array<Value, Size> & values, std::size_t = unbounded)
   {
     items<Value>(values);
   }
 
   template<typename Sequence>
-  FORGE_CDR_INLINE void sequence(const Sequence & values)
+  FORGE_CDR_INLINE void sequence(const Sequence & values, std::size_t = unbounded)
   {
     store(room<4>(4), static_cast<std::uint32_t>(values.size()));
     if (!values.empty()) {
