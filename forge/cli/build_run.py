@@ -200,6 +200,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
         python=str(build.interpreter.path),
         prefix_of=prefix_of,
         named=build.options.query.named,
+        origin=build.options.origin,
     )
 
 

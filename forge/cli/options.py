@@ -155,6 +155,11 @@ def displayed(path: Path | str, origin: str) -> str:
     return os.path.relpath(path, origin)
 
 
+def displayed_below(root: Path, origin: str, path: Path) -> str:
+    """Return an absolute path like `displayed` if it is in the workspace, else as it is."""
+    return displayed(path.relative_to(root), origin) if path.is_relative_to(root) else str(path)
+
+
 def _absolute(path: str, root: Path) -> Path:
     """Return a path from the command line as an absolute path, without resolving links."""
     return Path(os.path.normpath(root / Path(path).expanduser()))

@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from contextlib import closing, contextmanager
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.cli.options import displayed_below
 from forge.execution.loop import execute
 from forge.output.console import ConsoleReporter
 from forge.output.handlers import without_text_output
@@ -19,7 +23,6 @@ from forge.output.logs import open_log
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
-    from pathlib import Path
 
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
@@ -98,13 +101,14 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
     python: str = "python3",
     prefix_of: Callable[[str], Path | None] = lambda _: None,
     named: frozenset[str] = frozenset(),
+    origin: str = os.curdir,
 ) -> Iterator[Session]:
     """Yield the session of a command.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
     `cmake_variables` are those passed to all packages, `python` is the interpreter in hints,
     which look for installed packages with `prefix_of`. Embedded packages that were built before get no lines
-    of their own, except those that the user `named`.
+    of their own, except those that the user `named`. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
     # Later builds of embedded packages follow from a new forge or new options.
@@ -122,6 +126,7 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
         report.python = python
         report.prefix_of = prefix_of
         report.unlisted = unlisted
+        report.displayed = partial(displayed_below, Path.cwd(), origin)
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
         yield Session(began, log, view, report, json_events)

@@ -5,11 +5,13 @@ As in colcon, progress goes to stdout and failures go to stderr.
 
 from __future__ import annotations
 
+import shlex
 import sys
 from typing import TYPE_CHECKING, Protocol
 
 from forge.base.colours import Palette, palette_of
 from forge.base.frozen import frozen
+from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
 from forge.base.text import Excerpt, duration
 from forge.build.events import (
@@ -24,6 +26,7 @@ from forge.build.events import (
 )
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
+from forge.output.compiler_warnings import CompilerWarnings
 from forge.output.repeated_warnings import RepeatedWarnings
 from forge.toolchain.cmake_warnings import UnusedVariables
 
@@ -134,11 +137,14 @@ class ConsoleReporter:
         """The summaries of compiler launchers."""
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
+        self.displayed: Callable[[Path], str] = str
+        """Returns how to display a path, such as relative to the folder in which the command was typed."""
         self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
         self.logs = logs
         self._output: dict[str, Excerpt] = {}
+        self._warnings: dict[str, CompilerWarnings] = {}
         self._unused = UnusedVariables(shared)
         self._repeated = RepeatedWarnings()
         self._configured: set[str] = set()
@@ -202,12 +208,8 @@ class ConsoleReporter:
                 self._skipped.append(task)
             case Fresh(task):
                 self._fresh.append(task)
-            case StepFinished(task, step, code):
-                if step.kind is StepKind.CONFIGURE:
-                    self._configured.add(task)
-                # Of repeated steps, only the last result counts.
-                failed = step.meaning(code) == TEST_FAILURES
-                (self._failed_tests.add if failed else self._failed_tests.discard)(task)
+            case StepFinished():
+                self._end_step(event)
             case StepStarted():
                 pass
 
@@ -259,6 +261,16 @@ class ConsoleReporter:
         if not self.screen.quiet_starts and task not in self.unlisted:
             self._progress(f"Starting >>> {self._label(task)}")
 
+    def _end_step(self, event: StepFinished) -> None:
+        task = event.task
+        if event.step.kind is StepKind.CONFIGURE:
+            self._configured.add(task)
+        if task in self._warnings:
+            self._warnings[task].end_step()
+        # Of repeated steps, only the last result counts.
+        failed = event.step.meaning(event.code) == TEST_FAILURES
+        (self._failed_tests.add if failed else self._failed_tests.discard)(task)
+
     def _list(self) -> None:
         """Print the packages in topological order once, for console_package_list."""
         if self._on["console_package_list"] and not self._listed:
@@ -283,6 +295,8 @@ class ConsoleReporter:
 
     def _take(self, task: str, lines: bytes, *, stderr: bool) -> None:
         self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
+        if not stderr and not self._embedded(task):
+            self._warnings.setdefault(task, CompilerWarnings()).add(lines)
         if self._on["console_direct"] and not self._embedded(task):
             self.screen.write(lines, stderr=stderr)
 
@@ -292,6 +306,8 @@ class ConsoleReporter:
         errors = output.errors
         if task in self._configured:
             errors = self._unused.take(errors)
+        if task in self._warnings and not failed:
+            errors += self._warnings.pop(task).text
         if errors:
             self._stderr.add(task)
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
@@ -350,10 +366,15 @@ class ConsoleReporter:
         if hint:
             lines.append(f"  {palette.paint('hint', 'hint:')} {hint}")
         if self.logs:
-            lines.append(f"  log: {self.logs / task / 'stdout_stderr.log'}")
+            lines.append(f"  log: {self.displayed(self.logs / task / 'stdout_stderr.log')}")
         if repeat:
-            lines.append(f"  repeat: {repeat}")
+            lines.append(f"  repeat: {self._shortened(task) or repeat}")
         self.screen.write(("\n".join(lines) + "\n").encode(), stderr=True)
+
+    def _shortened(self, task: str) -> str | None:
+        """Return a command that runs the file with the failed step of a package if there is one."""
+        file = self._tasks[task].build_dir / self._tasks[task].scratch_dir / LAST_COMMAND
+        return f"sh {shlex.quote(self.displayed(file))}" if file.is_file() else None
 
     def _hint(self, task: str, text: str) -> str | None:
         """Return a remedy if the cause of a failure is known."""

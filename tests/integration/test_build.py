@@ -87,8 +87,13 @@ def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, wor
     assert "--- stderr: b\nCMake Error at src/b/CMakeLists.txt:2 (message):" in ran.err
     assert ran.err.count("CMake Error") == 1
     assert "\n  first error in step 'cmake': see above\n" in ran.err
-    assert f"log: {workspace}/log/build_" in ran.err
-    assert f"repeat: . {workspace}/build/b/.forge/environment.sh && cd {workspace}/build/b && " in ran.err
+    assert "  log: log/build_" in ran.err
+    assert "  repeat: sh build/b/.forge/last_command\n" in ran.err
+    argv = ("sh", "build/b/.forge/last_command")
+    assert b"no luck" in subprocess.run(argv, cwd=workspace, capture_output=True, check=False).stderr
+    below = forge("build", cwd=workspace / "src/b").err
+    assert "  log: ../../log/build_" in below
+    assert "  repeat: sh ../../build/b/.forge/last_command\n" in below
     assert "  1 package failed: b\n" in ran.out
     assert "  1 package not processed\n" in ran.out
     assert not (workspace / "install/b/share/b/package.sh").exists()

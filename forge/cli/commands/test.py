@@ -83,7 +83,9 @@ def run(namespace: argparse.Namespace) -> int:
     with (
         lock_build_dir(layout.build, wait=not folders.no_wait),
         closing(open_test_job_pool(jobs, variables)) as job_pool,
-        open_session("test", plan, loaded.packages, layout.logs, reports, began=began) as session,
+        open_session(
+            "test", plan, loaded.packages, layout.logs, reports, began=began, origin=namespace.origin
+        ) as session,
     ):
         coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
         session.json_events.announce()

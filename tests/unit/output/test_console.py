@@ -9,7 +9,17 @@ from pathlib import Path
 import pytest
 
 from forge.base.text import duration
-from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
+from forge.build.events import (
+    Aborted,
+    Event,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.output.console import ConsoleReporter
 from forge.output.handlers import HANDLERS
@@ -152,6 +162,21 @@ def test_an_invalid_interface_definition_has_exit_code_2(capfd: pytest.CaptureFi
     line = b"src/a/msg/A.msg:1:1: error: unknown type 'a/Nope'\n"
     shown(capfd, report, Output("a", line, stderr=False), Finished("a", 1, 0.1, STEP))
     assert report.exit_code == 2
+
+
+def test_warnings_of_compilers_are_shown_as_with_make(capfd: pytest.CaptureFixture[str]) -> None:
+    """Ninja prints to stdout what compilers print to stderr."""
+    text = "x.cpp:3:5: warning: unused\n    3 | int x;\n"
+    events = (
+        StepStarted("a", STEP),
+        Output("a", f"[1/2] c++\n{text}[2/2] ld\n".encode(), stderr=False),
+        StepFinished("a", STEP, 0),
+        Output("a", b"-- Installing: a\n", stderr=False),
+    )
+    out, err = shown(capfd, report_on("a"), *events, Finished("a", 0, 0.1))
+    assert err == f"--- stderr: a\n{text}---\n"
+    assert out.endswith("  1 package had stderr output: a\n")
+    assert "unused" not in shown(capfd, report_on("a"), *events, Finished("a", 1, 0.1, STEP))[1]
 
 
 def test_direct_and_cohesive_output(capfd: pytest.CaptureFixture[str]) -> None:
