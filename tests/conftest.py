@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
+from unittest.mock import patch
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -129,6 +130,13 @@ def environment_is_left_alone() -> Iterator[None]:
         os.environ.update(before)
         changed = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
         pytest.fail(f"variables were left changed: {' '.join(changed)}", pytrace=False)
+
+
+@pytest.fixture
+def own_environment() -> Iterator[None]:
+    """Restore the environment after a test; setuptools, run in this process, sets variables."""
+    with patch.dict(os.environ):
+        yield
 
 
 def _variables() -> dict[str, str]:
@@ -311,16 +319,16 @@ def _left_out(reporter: pytest.TerminalReporter) -> tuple[Counter[str], Counter[
 @contextmanager
 def _surroundings(cwd: Path | None, env: Variables) -> Iterator[None]:
     """Change the working folder and the environment for a while."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as changes:
         for name in [name for name in os.environ if name.startswith(_FOREIGN)]:
-            patch.delenv(name)
+            changes.delenv(name)
         for name, value in env.items():
             if value is None:
-                patch.delenv(name, raising=False)
+                changes.delenv(name, raising=False)
             else:
-                patch.setenv(name, value)
+                changes.setenv(name, value)
         if cwd is not None:
-            patch.chdir(cwd)
+            changes.chdir(cwd)
         yield
 
 

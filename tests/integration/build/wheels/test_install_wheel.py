@@ -17,6 +17,8 @@ from forge.toolchain.python_modules import install_command
 if TYPE_CHECKING:
     from tests.conftest import Tree
 
+pytestmark = pytest.mark.usefixtures("own_environment")
+
 SITE = "lib/python3/site-packages"
 
 SETUP = {
@@ -46,13 +48,6 @@ hello = "talk.hello:main"
     "src/talk/talk/__init__.py": "",
     "src/talk/talk/hello.py": "def main():\n    print('hello from hatch')\n",
 }
-
-
-@pytest.fixture(autouse=True)
-def settings_of_setuptools(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Restore the variable that builds of wheels set, for other tests of this process."""
-    monkeypatch.setenv("DIST_EXTRA_CONFIG", "")
-    monkeypatch.delenv("DIST_EXTRA_CONFIG")
 
 
 def install(root: Path, *options: str, python: str = sys.executable) -> int:

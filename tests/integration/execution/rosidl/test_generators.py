@@ -106,6 +106,7 @@ def test_modules_from_elsewhere_are_declined(
         shared.run(argv, {"PYTHONPATH": f"{tmp_path}:{environment['PYTHONPATH']}"})
 
 
+@pytest.mark.usefixtures("own_environment")
 def test_setuptools_is_shared(shared: Generators, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "setup.py").write_text("from setuptools import setup\nsetup(name='p', packages=[])\n")
     monkeypatch.chdir(tmp_path)
