@@ -415,6 +415,17 @@ def test_without_forge_the_reason_is_clear(rosidl: Ament) -> None:
     assert "put 'forge' on PATH" in outcome.flat
 
 
+@pytest.mark.parametrize("name", ["rosidl_typesupport_introspection_cpp", "rosidl_typesupport_fastrtps_c"])
+def test_type_support_that_is_not_generated_is_not_found(rosidl: Ament, name: str) -> None:
+    """A package that links it hears the reason when it is configured, and not of missing headers or targets."""
+    demo = rosidl(f'find_package({name})\nmessage(STATUS "found=${{{name}_FOUND}}")')
+    assert demo.configure().said("found") == "0"
+    demo = rosidl(f"find_package({name} REQUIRED)")
+    outcome = demo.configure()
+    assert outcome.code != 0
+    assert f"forge's embedded rosidl generates no code for {name}. Source a ROS" in outcome.flat
+
+
 def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
     """A package that finds PythonExtra needs no headers of Python, and hears of them where they are."""
     demo = rosidl(

@@ -1,6 +1,8 @@
 #ifndef ROSIDL_RUNTIME_CPP__BOUNDED_VECTOR_HPP_
 #define ROSIDL_RUNTIME_CPP__BOUNDED_VECTOR_HPP_
 
+#include "rosidl_runtime_cpp/requires_cpp17.hpp"
+
 #include <cstddef>
 #include <initializer_list>
 #include <iterator>

@@ -3,6 +3,8 @@
 #ifndef ROSIDL_RUNTIME_CPP__MEMBER_TYPES_HPP_
 #define ROSIDL_RUNTIME_CPP__MEMBER_TYPES_HPP_
 
+#include "rosidl_runtime_cpp/requires_cpp17.hpp"
+
 #include <cstddef>
 #include <memory>
 #include <string>
