@@ -417,13 +417,13 @@ def test_without_forge_the_reason_is_clear(rosidl: Ament) -> None:
 
 @pytest.mark.parametrize("name", ["rosidl_typesupport_introspection_cpp", "rosidl_typesupport_fastrtps_c"])
 def test_type_support_that_is_not_generated_is_not_found(rosidl: Ament, name: str) -> None:
-    """A package that links it hears the reason when it is configured, and not of missing headers or targets."""
+    """A package that links it hears the reason when it is configured, not of missing headers or targets."""
     demo = rosidl(f'find_package({name})\nmessage(STATUS "found=${{{name}_FOUND}}")')
     assert demo.configure().said("found") == "0"
     demo = rosidl(f"find_package({name} REQUIRED)")
     outcome = demo.configure()
     assert outcome.code != 0
-    assert f"forge's embedded rosidl generates no code for {name}. Source a ROS" in outcome.flat
+    assert f"forge's embedded rosidl generates no code for {name}. Source a ROS installation, or add the repositories rosidl," in outcome.flat
 
 
 def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
