@@ -423,7 +423,8 @@ def test_type_support_that_is_not_generated_is_not_found(rosidl: Ament, name: st
     demo = rosidl(f"find_package({name} REQUIRED)")
     outcome = demo.configure()
     assert outcome.code != 0
-    assert f"forge's embedded rosidl generates no code for {name}. Source a ROS installation, or add the repositories rosidl," in outcome.flat
+    assert f"forge's embedded rosidl generates no code for {name}. Source a ROS" in outcome.flat
+    assert "or add the repositories rosidl, rosidl_typesupport and" in outcome.flat
 
 
 def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
