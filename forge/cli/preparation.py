@@ -24,7 +24,7 @@ from forge.environment.install_state import recorded_python, recorded_underlays
 from forge.environment.prefixes import find_underlays
 from forge.environment.underlays import lost_underlays
 from forge.execution.makeflags import read_make_flags
-from forge.toolchain.cmake_warnings import suspicious_arguments
+from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers.choice import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
@@ -142,7 +142,9 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     """Return the tools and options shared by all packages; raises EnvironmentFault for missing programs."""
     packages = [loaded.packages[name] for name in names]
     cmake = options.cmake
-    warn(suspicious_arguments([*cmake.cmake_args, *cmake.ament_cmake_args]))
+    cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
+    warn(suspicious_arguments(cmake_args))
+    raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher)
     interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)

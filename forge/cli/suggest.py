@@ -1,4 +1,4 @@
-"""Suggestions for mistyped commands and options."""
+"""Suggestions for mistyped commands, options and values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from forge.base.names import did_you_mean, nearest
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-_CHOICE = re.compile(r"argument COMMAND: invalid choice: '([^']*)'")
+_COMMAND = re.compile(r"argument COMMAND: invalid choice: '([^']*)'")
+_CHOICE = re.compile(r"argument .*?: invalid choice: '([^']*)' \(choose from (.*)\)$")
 _UNKNOWN = re.compile(r"unrecognized arguments: (\S+)")
 _ROS2 = frozenset(
     {"action", "bag", "component", "control", "daemon", "launch", "lifecycle", "multicast", "node", "param"}
@@ -34,15 +35,17 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
 
     `options` are those of the parser that reports the error.
     """
-    choice, unknown = _CHOICE.match(message), _UNKNOWN.match(message)
-    if choice:
-        word = choice[1]
+    command, choice, unknown = (pattern.match(message) for pattern in (_COMMAND, _CHOICE, _UNKNOWN))
+    if command:
+        word = command[1]
         hint = did_you_mean(word, commands)
         if word in _ROS2:
             hint = f"'ros2 {word}' is part of a ROS installation: source that first"
         if word == "cd":
             hint = "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
         return f"unknown command '{word}'", hint
+    if choice:
+        return message, did_you_mean(choice[1], (word.strip("'") for word in choice[2].split(", ")))
     if unknown:
         return message, _instead(unknown[1].partition("=")[0], frozenset(options))
     return message, None

@@ -10,7 +10,7 @@ from forge.base.frozen import frozen
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from forge.testing.outcomes import Case, Counts, Outcome
+    from forge.testing.outcomes import Case, Counts, Outcome, SkippedTest
 
 _SHOWN_LINES = 6
 _SHOWN_FAILURES = 50
@@ -46,6 +46,11 @@ def details(case: Case) -> list[str]:
             lines += [f"  {line}" for text in texts for line in text.strip("\r\n").splitlines()]
             lines.append(">>>")
     return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
+
+
+def skipped_line(test: SkippedTest) -> str:
+    """Return a line with a skipped test and the reason."""
+    return f"- {' '.join(filter(None, (test.suite, test.name)))}: {test.reason}"
 
 
 def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:

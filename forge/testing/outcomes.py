@@ -59,6 +59,15 @@ class Case:
 
 
 @frozen
+class SkippedTest:
+    """A test that was skipped for a reason."""
+
+    name: str
+    suite: str
+    reason: str
+
+
+@frozen
 class Outcome:
     """The contents of one result file. `home` is the folder of its tests.
 
@@ -70,6 +79,7 @@ class Outcome:
     counts: Counts
     cases: tuple[Case, ...] = ()
     by_name: tuple[tuple[str, Counts], ...] = ()
+    skipped: tuple[SkippedTest, ...] = ()
 
     @property
     def test(self) -> str:
@@ -87,8 +97,9 @@ def read_junit(root: Element, path: str, home: str) -> Outcome:
     if suites is None:
         raise NotAResultError(f"the root element is '{root.tag}', not 'testsuite' or 'testsuites'")
     counts = sum((_suite_counts(suite.attributes) for suite in suites), Counts())
-    cases = [case for suite in suites for case in map(_junit_case, suite.all("testcase"))]
-    return Outcome(path, home, counts, tuple(case for case in cases if case.errors or case.failures))
+    elements = [case for suite in suites for case in suite.all("testcase")]
+    failed = tuple(case for case in map(_junit_case, elements) if case.errors or case.failures)
+    return Outcome(path, home, counts, failed, skipped=tuple(filter(None, map(_junit_skip, elements))))
 
 
 def read_ctest(root: Element, path: str, home: str) -> Outcome:
@@ -100,7 +111,9 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
         raise NotAResultError("a 'Test' has no 'Status'")
     verdicts = tuple((_text_of(test, "Name"), _verdict(test.attributes["Status"])) for test in tests)
     failed = tuple(_ctest_case(test) for test in tests if test.attributes["Status"] == "failed")
-    return Outcome(path, home, sum((counts for _, counts in verdicts), Counts()), failed, verdicts)
+    skipped = tuple(map(_ctest_skip, (test for test in tests if test.attributes["Status"] == "notrun")))
+    counts = sum((counts for _, counts in verdicts), Counts())
+    return Outcome(path, home, counts, failed, verdicts, tuple(filter(None, skipped)))
 
 
 def find_junit(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
@@ -133,6 +146,7 @@ def _without_duplicates(outcome: Outcome, named: Mapping[tuple[str, str], list[O
         counts=sum((counts for _, counts in left), Counts()),
         cases=tuple(case for case in outcome.cases if case.name in names),
         by_name=tuple(left),
+        skipped=tuple(test for test in outcome.skipped if test.name in names),
     )
 
 
@@ -172,6 +186,13 @@ def _junit_case(case: Element) -> Case:
     )
 
 
+def _junit_skip(case: Element) -> SkippedTest | None:
+    reasons = (child.attributes.get("message") or child.text for child in case.all("skipped"))
+    reason = " ".join(next(reasons, "").split())
+    fields = case.attributes
+    return SkippedTest(fields.get("name", ""), fields.get("classname", ""), reason) if reason else None
+
+
 def _messages(case: Element, tag: str) -> Iterator[str]:
     return (child.attributes.get("message", "") for child in case.all(tag))
 
@@ -182,6 +203,16 @@ def _ctest_case(test: Element) -> Case:
         for measurement in results.all("Measurement"):
             output = output or _text_of(measurement, "Value")
     return Case(_text_of(test, "Name"), failures=(output,) if output else (), text=output)
+
+
+def _ctest_skip(test: Element) -> SkippedTest | None:
+    """Return the reason that CTest gives, with the last line that the test printed."""
+    measured = (each for results in test.all("Results") for each in results.all("NamedMeasurement"))
+    named = (each for each in measured if each.attributes.get("name") == "Completion Status")
+    status = next((_text_of(each, "Value") for each in named), "")
+    last = "".join(_ctest_case(test).text.rstrip().splitlines()[-1:])
+    reason = last if status in last else ", ".join(filter(None, (status, last)))
+    return SkippedTest(_text_of(test, "Name"), "", reason) if status else None
 
 
 def _text_of(element: Element, tag: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Location, Problem, Several, WorkspaceError, raise_if_any
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
+from forge.base.text import listed
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
@@ -85,11 +86,20 @@ def absent_problems(
             and (need == name or provider(need, underlays) is None)
         ]
         if absent:
+            absent = [name] if name in absent else absent
             quoted = ", ".join(f"'{need}'" for need in absent)
             verb = "is" if len(absent) == 1 else "are"
             message = f"'{name}' cannot be tested: {quoted} {verb} not built"
             found[name] = Problem(message, hint=f"forge build --packages-up-to {name}")
     return found
+
+
+def nothing_built(absent: Mapping[str, Problem]) -> tuple[Problem, ...]:
+    """Return the problems if no package can be tested, joined if there are several."""
+    if len(absent) == 1:
+        return tuple(absent.values())
+    message = f"no package can be tested: {listed(tuple(absent))} or their dependencies are not built"
+    return (Problem(message, hint="run 'forge build' first, with the same options to select packages"),)
 
 
 def not_built_here(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:

@@ -1,4 +1,4 @@
-"""CMake's warning about unused variables.
+"""Definitions on CMake's command line: wrong ones, and CMake's warning about unused variables.
 
 Variables in --cmake-args apply to all packages, but only some of them use each variable. These warnings are
 hidden for single packages, and reported once if no package used a variable.
@@ -7,6 +7,7 @@ hidden for single packages, and reported once if no package used a variable.
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
@@ -33,6 +34,15 @@ def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
         if _WITHOUT_D.match(word) and before not in _WANTING:
             hint = f"write -D{word}"
             yield Problem(f"--cmake-args contains '{word}', which CMake treats as a path", hint=hint)
+
+
+def unset_definitions(words: Sequence[str]) -> Iterator[Problem]:
+    """Yield definitions without a value, which CMake rejects."""
+    for word, following in pairwise((*words, "")):
+        name = following if word == "-D" else word[2:]
+        if word.startswith("-D") and "=" not in name:
+            hint = f"write -D{name}=ON, or another value" if name else "write -DNAME=VALUE"
+            yield Problem(f"--cmake-args contains '-D{name}' without a value", hint=hint)
 
 
 def defined(arguments: Sequence[str]) -> frozenset[str]:

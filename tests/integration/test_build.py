@@ -99,6 +99,17 @@ def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, wor
     assert not (workspace / "install/b/share/b/package.sh").exists()
 
 
+def test_a_definition_without_a_value_is_refused_before_anything_is_built(
+    forge: Forge, workspace: Path
+) -> None:
+    ran = forge("build", "--cmake-args", "-DBUILD_TESTING", cwd=workspace)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == (
+        "error: --cmake-args contains '-DBUILD_TESTING' without a value\n"
+        "hint: write -DBUILD_TESTING=ON, or another value\n"
+    )
+
+
 def test_going_on_after_a_failure(forge: Forge, workspace: Path, tree: Tree) -> None:
     tree(files("d", more='message(FATAL_ERROR "x")'))
     ran = forge("build", "--continue-on-error", "--executor", "sequential", cwd=workspace)

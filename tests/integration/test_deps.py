@@ -83,6 +83,14 @@ def deps(forge: Forge, root: Path, *argv: str, system: str = "ubuntu:jammy") -> 
     return forge("deps", "--rosdep-file", "keys.yaml", "--os", system, *argv, cwd=root, env=env)
 
 
+def test_a_distribution_that_resembles_a_known_one_is_told(forge: Forge, root: Path) -> None:
+    assert deps(forge, root, "--rosdistro", "humbel").err.startswith(
+        "warning: unknown ROS distribution 'humbel'\nhint: did you mean 'humble'?\n"
+    )
+    for name in ("jazzy", "zenith"):
+        assert "unknown ROS distribution" not in deps(forge, root, "--rosdistro", name).err
+
+
 def test_lines_to_paste_name_the_packages_that_need_each_key(forge: Forge, root: Path) -> None:
     ran = deps(forge, root)
     assert (ran.code, ran.err) == (0, "")

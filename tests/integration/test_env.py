@@ -56,6 +56,24 @@ def test_env_is_what_sourcing_would_set(forge: Forge, layout: Layout) -> None:
     assert told["PYTHONPATH"] == f"{layout.prefix('walker')}/{SITE}:/mine"
 
 
+@pytest.mark.parametrize("seen", [True, False])
+def test_env_of_a_sourced_shell_says_that_nothing_changes(layout: Layout, *, seen: bool) -> None:
+    """A script that evaluates the output wants no note."""
+    sourced = sourced_environment(layout.install, os.environ)
+    ours, theirs = pty.openpty()
+    with os.fdopen(ours), os.fdopen(theirs) as terminal:
+        ran = subprocess.run(
+            (sys.executable, "-m", "forge", "env"),
+            cwd=layout.install.parent,
+            env=sourced,
+            stdout=terminal if seen else subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=True,
+        )
+    assert ran.stderr == ("note: this shell has sourced the workspace: nothing changes\n" if seen else "")
+
+
 @pytest.mark.needs("dash")
 def test_sh_may_evaluate_it(forge: Forge, layout: Layout) -> None:
     """Whatever is in a path."""

@@ -26,6 +26,15 @@ RUN = """<Site><Testing><Test Status="failed"><Name>no</Name></Test>
 """
 
 
+SKIPPED = """<testsuite name="s" tests="2" failures="0" skipped="2">
+<testcase classname="a.test" name="why"><skipped message="no
+camera"/></testcase><testcase classname="a.test" name="silent"><skipped/></testcase></testsuite>"""
+_NOT_RUN = """<Test Status="notrun"><Name>{}</Name><Results><NamedMeasurement name="Completion Status">
+<Value>{}</Value></NamedMeasurement><Measurement><Value>{}</Value></Measurement></Results></Test>"""
+_TESTS = (("told", "SKIP_RETURN_CODE=77", "hi\nno lidar"), ("off", "Disabled", "Disabled"), ("odd", "", ""))
+NOT_RUN = f"<Site><Testing>{''.join(_NOT_RUN.format(*test) for test in _TESTS)}</Testing></Site>"
+
+
 @pytest.fixture
 def results(tree: Tree) -> Path:
     """Return a folder with results of three packages, one of them ament's."""
@@ -73,6 +82,25 @@ def test_all_of_them(forge: Forge, results: Path) -> None:
         "Summary: 6 tests, 0 errors, 2 failures, 0 skipped",
         "Files: 7 tests, 0 errors, 3 failures, 0 skipped (ament's tests twice, as CTest and JUnit results)",
     ]
+
+
+def test_verbose_tells_why_tests_were_skipped(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "build/a/pytest.xml": SKIPPED,
+            "build/c/Testing/TAG": "20260101-0000\nExperimental\n",
+            "build/c/Testing/20260101-0000/Test.xml": NOT_RUN,
+        }
+    )
+    ran = forge("test-result", "--verbose", cwd=root)
+    assert ran.out == (
+        "Summary: 5 tests, 0 errors, 0 failures, 5 skipped\n"
+        "Skipped:\n"
+        "- a.test why: no camera\n"
+        "- told: SKIP_RETURN_CODE=77, no lidar\n"
+        "- off: Disabled\n"
+    )
+    assert "Skipped" not in forge("test-result", cwd=root).out
 
 
 def test_paths_alone(forge: Forge, results: Path) -> None:

@@ -22,7 +22,7 @@ from forge.cli import package_options
 from forge.cli.preparation import workspace_interpreter
 from forge.doctor.system_deps.installing import install_commands, run_commands
 from forge.doctor.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
-from forge.doctor.system_deps.package_names import find_package_names
+from forge.doctor.system_deps.package_names import find_package_names, mistyped_distribution
 from forge.doctor.system_deps.report import named, ros_remedy, satisfied, unnamed
 from forge.doctor.system_deps.rosdep import read_databases
 from forge.doctor.system_deps.system import installed_names, system_of
@@ -47,17 +47,33 @@ if TYPE_CHECKING:
 def register(parser: Parser) -> None:
     """Add the options of `forge deps`."""
     package_options.add(parser)
+    _add_actions(parser)
+    _add_sources(parser)
+    parser.add_argument(
+        "--build-base",
+        default="build",
+        metavar="DIR",
+        help="build folder, for results of earlier builds (default: build)",
+    )
+    parser.add_argument(
+        "--install-base",
+        default="install",
+        metavar="DIR",
+        help="install folder of the workspace (default: install)",
+    )
+    parser.add_argument(
+        "--python", metavar="PATH", help="interpreter to check (default: that of the last or next build)"
+    )
+
+
+def _add_actions(parser: Parser) -> None:
+    """Add the options that choose what to print, and what to do with it."""
     parser.add_argument("--install", action="store_true", help="show the install commands, ask, and run them")
     parser.add_argument(
         "-y",
         "--yes",
         action="store_true",
         help="do not ask before '--install', and let package managers not ask either",
-    )
-    parser.add_argument(
-        "--rosdistro",
-        metavar="NAME",
-        help="ROS distribution whose packages to list, such as humble (default: ROS_DISTRO)",
     )
     parser.add_argument("--skip-keys", nargs="+", default=[], metavar="KEY", help="ignore these dependencies")
     parser.add_argument(
@@ -76,6 +92,15 @@ def register(parser: Parser) -> None:
         help="consider only these types: build, buildtool, build_export, buildtool_export, exec, test, "
         "doc (default: all but doc)",
     )
+
+
+def _add_sources(parser: Parser) -> None:
+    """Add the options that choose the names of system packages."""
+    parser.add_argument(
+        "--rosdistro",
+        metavar="NAME",
+        help="ROS distribution whose packages to list, such as humble (default: ROS_DISTRO)",
+    )
     parser.add_argument(
         "--rosdep-file",
         nargs="+",
@@ -88,21 +113,6 @@ def register(parser: Parser) -> None:
         help="list packages of another system, such as ubuntu:jammy or openeuler:24.03; ignores what is "
         "installed on this machine",
     )
-    parser.add_argument(
-        "--build-base",
-        default="build",
-        metavar="DIR",
-        help="build folder, for results of earlier builds (default: build)",
-    )
-    parser.add_argument(
-        "--install-base",
-        default="install",
-        metavar="DIR",
-        help="install folder of the workspace (default: install)",
-    )
-    parser.add_argument(
-        "--python", metavar="PATH", help="interpreter to check (default: that of the last or next build)"
-    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -110,6 +120,7 @@ def run(options: argparse.Namespace) -> int:
     raise_if_any(_conflicts(options), SelectionError)
     root = Path.cwd()
     rosdistro = options.rosdistro or os.environ.get("ROS_DISTRO", "")
+    print_warnings(mistyped_distribution(rosdistro))
     variables = {**os.environ, "ROS_DISTRO": rosdistro} if rosdistro else dict(os.environ)
     kinds = _kinds(options.dependency_types or ())
     system = system_of(os_release(), options.os)

@@ -81,5 +81,7 @@ def run(options: argparse.Namespace) -> int:
                 )
             )
         changed, gone = {name: after[name] for name in options.names}, set()
+    elif not changed and not gone and sys.stdout.isatty():
+        print("note: this shell has sourced the workspace: nothing changes", file=sys.stderr)
     sys.stdout.write(FORMATS[options.format](changed, gone))
     return 0

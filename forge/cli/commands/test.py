@@ -29,6 +29,7 @@ from forge.testing.preparing import (
     make_test_plan,
     needs_of_tests,
     not_built_here,
+    nothing_built,
     open_test_job_pool,
     prepare_context,
     tested_names,
@@ -74,7 +75,7 @@ def run(namespace: argparse.Namespace) -> int:
     create_output_folders(layout)
     absent = absent_problems(needs, layout, variables)
     if absent and len(absent) == len(names):
-        raise WorkspaceError(*absent.values())
+        raise WorkspaceError(*nothing_built(absent))
     built = [name for name in names if name not in absent]
     warn(not_built_here(built, loaded, layout))
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))

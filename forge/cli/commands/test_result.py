@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem, print_problem
 from forge.cli import options as shared
 from forge.testing.collecting import collect
-from forge.testing.failures import as_json, counts_as_json, details, result_line
+from forge.testing.failures import as_json, counts_as_json, details, result_line, skipped_line
 from forge.testing.outcomes import Counts, counted_once
 
 if TYPE_CHECKING:
@@ -36,7 +36,11 @@ def register(parser: Parser) -> None:
     parser.add_argument(
         "--result-files-only", action="store_true", help="print only the paths of result files"
     )
-    parser.add_argument("--verbose", action="store_true", help="show the message of each failed test")
+    parser.add_argument(
+        "--verbose",
+        action="store_true",
+        help="show the message of each failed test, and why tests were skipped",
+    )
     parser.add_argument("--delete", action="store_true", help="delete all result files after confirmation")
     parser.add_argument(
         "--delete-yes", action="store_true", help="delete all result files without confirmation"
@@ -66,11 +70,13 @@ def run(options: argparse.Namespace) -> int:
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
-        _show(shown, total, _sum(counted), verbose=options.verbose)
+        _show(shown, outcomes, total, _sum(counted), verbose=options.verbose)
     return int(total.bad)
 
 
-def _show(shown: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool) -> None:
+def _show(
+    shown: Sequence[Outcome], everything: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool
+) -> None:
     for outcome in shown:
         print(result_line(outcome))
         for case in outcome.cases if verbose else ():
@@ -78,6 +84,9 @@ def _show(shown: Sequence[Outcome], total: Counts, raw: Counts, *, verbose: bool
     if shown:
         print()
     print(f"Summary: {total}")
+    skipped = [test for outcome in everything for test in outcome.skipped] if verbose else []
+    if skipped:
+        print("Skipped:", *map(skipped_line, skipped), sep="\n")
     if verbose and raw != total:
         print(f"Files: {raw} (ament's tests twice, as CTest and JUnit results)")
 

@@ -5,17 +5,25 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from forge.base.errors import Problem
 from forge.base.frozen import frozen
+from forge.base.names import did_you_mean
 from forge.doctor.system_deps import rosdep_library
 from forge.doctor.system_deps.rosdep import Resolved, covers, has_ros_packages, known_databases, resolve
 from forge.workspace.resolve import resembles_ros_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from forge.doctor.system_deps.rosdep import Database
     from forge.doctor.system_deps.system import System
 
+_SURE = 0.7
+_DISTRIBUTIONS = (
+    *("ardent", "bouncy", "crystal", "dashing", "eloquent", "foxy", "galactic", "humble", "iron", "jazzy"),
+    *("kilted", "rolling"),
+)
+"""The distributions of ROS 2 (REP 2000); later ones are unknown here."""
 _PACKAGED = frozenset({"apt", "dnf"})
 """Package managers for which ROS distributions publish packages."""
 
@@ -28,6 +36,13 @@ class PackageNames:
     has_data: bool
     covers_system: bool
     lists_ros_packages: bool
+
+
+def mistyped_distribution(name: str) -> Iterator[Problem]:
+    """Yield a warning if a name only resembles that of a distribution of ROS 2."""
+    hint = None if name in _DISTRIBUTIONS else did_you_mean(name, _DISTRIBUTIONS, _SURE)
+    if hint:
+        yield Problem(f"unknown ROS distribution '{name}'", hint=hint)
 
 
 def find_package_names(

@@ -19,6 +19,10 @@ CD = (
     "'forge completion' defines 'forge_cd'\n"
 )
 
+BUILD_TYPES = "'cmake', 'ament_cmake', 'ament_python')\n"
+AMENT = "did you mean 'ament_cmake'?"
+ALL = "'forge clean --help' lists all options"
+
 
 @pytest.mark.parametrize(
     ("argv", "told"),
@@ -62,6 +66,14 @@ CD = (
                 "error: argument -j/--jobs: 'many' is not a positive number of jobs\n"
                 "hint: 'forge build --help' lists all options\n"
             ),
+        ),
+        *(
+            (argv, f"error: argument {at}: invalid choice: '{argv[-1]}' (choose from {among}hint: {hint}\n")
+            for argv, at, among, hint in (
+                (("pkg", "create", "a", "--build-type", "ament_cmak"), "--build-type", BUILD_TYPES, AMENT),
+                (("env", "--format", "jsn"), "--format", "'sh', 'json', 'dotenv')\n", "did you mean 'json'?"),
+                (("clean", "all"), "what", "'workspace', 'packages', 'stale')\n", ALL),
+            )
         ),
         (
             ("pkg", "create", "talk", "--license-typ", "x"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.toolchain.cmake_warnings import UnusedVariables, defined
+from forge.toolchain.cmake_warnings import UnusedVariables, defined, unset_definitions
 
 
 def complaint(*names: str, kind: str = "") -> bytes:
@@ -18,6 +18,16 @@ def complaint(*names: str, kind: str = "") -> bytes:
 def test_definitions_are_recognised_as_cmake_does() -> None:
     words = ["-DA=1", "-DB:BOOL=ON", "-D", "C=x", "-D", "D:STRING=-DE=2", "-GNinja", "-Wno-dev", "--fresh"]
     assert defined(words) == {"A", "B", "C", "D"}
+
+
+def test_definitions_without_a_value_are_told_before_cmake_rejects_them() -> None:
+    good = ["-DA=", "-D", "B:BOOL=ON", "-Wno-dev", "-DC=-D", "D=1"]
+    told = [(each.message, each.hint) for each in unset_definitions([*good, "-DFOO", "-D", "BAR:BOOL", "-D"])]
+    assert told == [
+        ("--cmake-args contains '-DFOO' without a value", "write -DFOO=ON, or another value"),
+        ("--cmake-args contains '-DBAR:BOOL' without a value", "write -DBAR:BOOL=ON, or another value"),
+        ("--cmake-args contains '-D' without a value", "write -DNAME=VALUE"),
+    ]
 
 
 def test_used_variables_are_not_reported() -> None:
