@@ -41,6 +41,8 @@ class Option:
     """The title of the group in the help, if it is not that of the other fields."""
     conflicts: str = ""
     """Options with the same text cannot be combined."""
+    accumulates: bool = False
+    """Each use of the option adds to its values, and a value may contain several words."""
     takes_options: bool = False
     """Take all arguments up to the next option of the command, even those that start with a dash."""
     takes_short: tuple[str, ...] = ()

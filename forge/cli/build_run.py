@@ -32,7 +32,7 @@ from forge.toolchain.cmake_warnings import defined
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
-from forge.workspace.resolve import missing_problems
+from forge.workspace.missing import missing_dependencies
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -296,7 +296,7 @@ def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
     """Warn about missing dependencies, overridden underlay packages, and packages that left the workspace."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
-    _, missing = missing_problems(loaded.resolution, own)
+    missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys).warnings
     stale = stale_package_warnings(state.journal.records, loaded.packages, layout)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
 

@@ -16,7 +16,7 @@ from forge.base.layout import Layout
 from forge.base.options import declared_options, default_of, option
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from dataclasses import Field
 
     from forge.base.options import Option
@@ -62,6 +62,7 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
     listed = isinstance(default, tuple)
     found = {
         "default": list(default) if isinstance(default, tuple) else default,
+        "action": Accumulate if each.accumulates else None,
         "nargs": "*" if listed else each.nargs,
         "const": each.const,
         "choices": each.choices,
@@ -77,6 +78,22 @@ def _value(declared: Field[Any], each: Option, namespace: argparse.Namespace) ->
         return value
     # A leading space shields what starts with a dash.
     return tuple(word.lstrip() if each.takes_options else word for word in value)
+
+
+class Accumulate(argparse.Action):
+    """Adds the values of each use of the option; a value may contain several words, as in rosdep."""
+
+    def __call__(
+        self,
+        _parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        _option: str | None = None,
+    ) -> None:
+        """Store the values after those of earlier uses."""
+        earlier = getattr(namespace, self.dest)  # not a list before the first use
+        words = (word for value in values or () for word in value.split())
+        setattr(namespace, self.dest, [*(earlier if isinstance(earlier, list) else ()), *words])
 
 
 def argument_type(parse: Callable[[str], object]) -> Callable[[str], object]:

@@ -6,12 +6,14 @@ import contextlib
 import os
 import shlex
 import sys
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
-from forge.base.errors import Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Problem, WorkspaceError, print_problem, raise_if_any, share_hints
+from forge.base.graph import closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
@@ -29,7 +31,8 @@ from forge.toolchain.compiler_launchers.choice import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
 from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
-from forge.workspace.resolve import INTERFACE_GROUP, missing_problems
+from forge.workspace.missing import missing_dependencies
+from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -87,15 +90,51 @@ def require_packages(loaded: LoadedWorkspace) -> None:
         raise WorkspaceError(problem)
 
 
-def check_before_planning(loaded: LoadedWorkspace, names: Sequence[str], layout: Layout) -> None:
-    """Raise WorkspaceError with all problems that would make the build fail."""
-    errors, _ = missing_problems(loaded.resolution, names)
-    problems = [*loaded.workspace.problems, *errors]
+def check_before_planning(
+    loaded: LoadedWorkspace, names: Sequence[str], layout: Layout, options: BuildOptions
+) -> tuple[str, ...]:
+    """Return the packages that can be built; raises WorkspaceError with all problems that prevent the build.
+
+    With --continue-on-error, packages that lack dependencies are reported and left out with their dependents.
+    """
+    missing = missing_dependencies(loaded.resolution, names, options.skip_keys)
+    problems = list(loaded.workspace.problems)
     if not problems:
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
     problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
+    buildable = _without(names, missing.unbuildable, loaded)
+    if not options.continue_on_error:
+        problems += _with_remedy(missing.errors, len(buildable))
     raise_if_any(problems, WorkspaceError)
+    for problem in share_hints(missing.errors):
+        print_problem(problem)
+    return buildable
+
+
+def report_left_out(names: Sequence[str], buildable: Sequence[str]) -> int:
+    """Report the packages that were not built for lack of dependencies; returns 1 if there are any."""
+    left_out = sorted({*names} - {*buildable})
+    if left_out:
+        message = f"not built, because dependencies are missing: {', '.join(left_out)}"
+        print_problem(Problem(message))
+    return int(bool(left_out))
+
+
+def _without(names: Sequence[str], unbuildable: frozenset[str], loaded: LoadedWorkspace) -> tuple[str, ...]:
+    """Return the names without unbuildable packages and their dependents."""
+    if not unbuildable:
+        return tuple(names)
+    needs = loaded.resolution.needs
+    below = closures(needs, ordered_names(needs))
+    return tuple(name for name in names if unbuildable.isdisjoint((name, *below[name])))
+
+
+def _with_remedy(problems: Iterable[Problem], others: int) -> Iterator[Problem]:
+    """Yield the problems with a hint at the option that builds the other packages, if there are any."""
+    rest = "package that does" if others == 1 else f"{others} packages that do"
+    remedy = f"; '--continue-on-error' builds the {rest} not need it" if others else ""
+    return (replace(problem, hint=f"{problem.hint}{remedy}") for problem in problems)
 
 
 def check_plan(

@@ -18,9 +18,9 @@ from forge.build.inputs.fingerprints import own_files
 from forge.execution.worker_client import DECLINED_PREFIX
 from forge.output.known_names import cmake_commands, installed_headers
 from forge.toolchain.python_modules import install_command
-from forge.workspace.cmake_metadata import cmake_dependencies, targets
+from forge.workspace.cmake_metadata import cmake_dependencies, targets, used_by_tests_only
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.model import BUILD_KINDS
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name, similar_package
 
 if TYPE_CHECKING:
@@ -68,6 +68,8 @@ class FailureContext:
     """The targets of its CMakeLists.txt."""
     found: frozenset[str] = frozenset()
     """The packages that its CMakeLists.txt finds."""
+    tested: frozenset[str] = frozenset()
+    """The packages that only the tests in its CMakeLists.txt find."""
     prefix_of: Callable[[str], Path | None] = lambda _: None
     """Returns the prefix that contains an installed package."""
 
@@ -79,6 +81,12 @@ class FailureContext:
     def declares(self, name: str) -> bool:
         """Tell whether the manifest declares a build dependency."""
         return name in self.package.manifest.names(BUILD_KINDS)
+
+    def is_for_tests(self, name: str) -> bool:
+        """Tell whether only tests need a package."""
+        manifest = self.package.manifest
+        declared = name in manifest.names(TEST_KINDS) and name not in manifest.names(BUILD_KINDS | RUN_KINDS)
+        return declared or name in self.tested
 
     def headers(self, name: str) -> frozenset[str]:
         """Return the headers that a package installed."""
@@ -131,7 +139,8 @@ def failure_context(
     text = text_or_nothing(package.path / "CMakeLists.txt")
     every = {**discover_embedded(), **packages}
     found = cmake_dependencies([text])
-    return FailureContext(package, every, python, files, targets(text), found, prefix_of)
+    tested = used_by_tests_only(text)
+    return FailureContext(package, every, python, files, targets(text), found, tested, prefix_of)
 
 
 def hint_of(output: str, context: FailureContext) -> str | None:
@@ -160,6 +169,14 @@ def _package_not_found(name: str, context: FailureContext) -> str | None:
         if context.declares(name):
             return None
         return f"dependency on '{name}' is not declared: add {context.depend(name)} to {context.manifest}"
+    remedy = _ways_to_find(name, context)
+    if context.is_for_tests(name):
+        return f"only tests need '{name}': build without them (--cmake-args -DBUILD_TESTING=OFF), or {remedy}"
+    return remedy
+
+
+def _ways_to_find(name: str, context: FailureContext) -> str:
+    """Return where a package may come from that is not in the workspace."""
     near = similar_package(name, context.packages.keys() - {context.package.name})
     question = f"did you mean '{near}'? otherwise " if near else ""
     if is_ros_name(name) or (context.declares(name) and resembles_ros_name(name)):
@@ -303,6 +320,8 @@ def _module_not_found(module: str, context: FailureContext) -> str | None:
     if name in context.packages:
         depend = f"add <depend>{name}</depend> to {context.manifest}"
         return None if context.declares(name) else f"'{name}' is a package of the workspace: {depend}"
+    if is_ros_name(name):
+        return _ways_to_find(name, context)
     return install_command(Path(context.python), (name,))
 
 

@@ -22,7 +22,8 @@ _PKG_CONFIG = re.compile(
 )
 _CALL = re.compile(
     r"\b(if|elseif|else|endif|find_package|ament_target_dependencies|rosidl_generate_interfaces"
-    r"|ament_python_install_package|cmake_minimum_required|add_executable|add_library)\s*\(",
+    r"|ament_python_install_package|cmake_minimum_required|add_executable|add_library"
+    r"|(?:end)?(?:function|macro)|return)\s*\(",
     re.IGNORECASE,
 )
 _COMMAND = re.compile(r"\b(\w+)\s*\(")
@@ -30,6 +31,8 @@ _OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_
 """Commands that may call others."""
 _NO_REGISTRATION = frozenset({"find_package", "ament_python_install_package"})
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
+_OPENING = frozenset({"if", "elseif", "else", "function", "macro"})
+_CLOSING = frozenset({"elseif", "else", "endif", "endfunction", "endmacro"})
 _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
 
 
@@ -97,11 +100,11 @@ def calls(text: str) -> Iterator[Call]:
         line += content.count("\n", seen, match.start())
         seen = match.start()
         words = _words(content, match.end())
-        if command in {"elseif", "else", "endif"} and conditions:
+        if command in _CLOSING and conditions:
             conditions.pop()
-        if command in {"if", "elseif", "else"}:
+        if command in _OPENING:
             conditions.append(" ".join(words))
-        elif command != "endif":
+        elif command not in _CLOSING:
             yield Call(command, words, line, tuple(conditions))
 
 
@@ -113,8 +116,10 @@ def targets(text: str) -> tuple[str, ...]:
 
 
 def uses(text: str) -> Iterator[PackageReference]:
-    """Yield the packages referenced by a literal name."""
+    """Yield the packages referenced by a literal name; none is required after a return()."""
+    returned = False
     for call in calls(text):
+        returned = returned or call.command == "return"
         testing = any("BUILD_TESTING" in condition for condition in call.conditions)
         names: tuple[str, ...] = ()
         if call.command == "find_package":
@@ -123,10 +128,25 @@ def uses(text: str) -> Iterator[PackageReference]:
             names = call.words[1:]
         elif call.command == "rosidl_generate_interfaces" and "DEPENDENCIES" in call.words:
             names = call.words[call.words.index("DEPENDENCIES") + 1 :]
-        sure = not call.conditions and (call.command != "find_package" or "REQUIRED" in call.words)
+        sure = not (call.conditions or returned) and (
+            call.command != "find_package" or "REQUIRED" in call.words
+        )
         for name in names:
             if _WORD.fullmatch(name) and name not in _SCOPES:
                 yield PackageReference(name, call.line, sure, testing)
+
+
+def requirements(text: str) -> frozenset[str]:
+    """Return the packages without which configuration certainly fails."""
+    return frozenset(use.name for use in uses(text) if use.required)
+
+
+def used_by_tests_only(text: str) -> frozenset[str]:
+    """Return the packages that only tests use."""
+    references = tuple(uses(text))
+    return frozenset(use.name for use in references if use.testing) - {
+        use.name for use in references if not use.testing
+    }
 
 
 def _words(content: str, start: int) -> tuple[str, ...]:

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem
 from forge.base.frozen import frozen
 from forge.base.graph import order, weak_edges_on_cycles
-from forge.base.layout import docs_url
 from forge.base.names import nearest
-from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping
 
 FAMILY_MARKERS = {
     "ament": ("ament_cmake", "ament_cmake_core"),
@@ -132,7 +130,7 @@ def break_test_cycles(
     needs = {name: wanted - dropped.get(name, frozenset()) for name, wanted in resolution.needs.items()}
     warnings = (
         Problem(
-            f"test dependency of '{name}' on {_quoted(sorted(wanted))} closes a cycle and is ignored",
+            f"test dependency of '{name}' on {quoted_names(sorted(wanted))} closes a cycle and is ignored",
             Location(resolution.packages[name].manifest.path),
         )
         for name, wanted in sorted(dropped.items())
@@ -146,7 +144,8 @@ def _only_tested(package: Package) -> set[str]:
     return set(manifest.names(TEST_KINDS)) - set(manifest.names(BUILD_KINDS | RUN_KINDS))
 
 
-def _quoted(names: Iterable[str]) -> str:
+def quoted_names(names: Iterable[str]) -> str:
+    """Return the names in quotes, separated by commas."""
     return ", ".join(f"'{name}'" for name in names)
 
 
@@ -172,32 +171,6 @@ def similar_package(name: str, known: Iterable[str]) -> str | None:
     stems = {other.removesuffix(ending): other for other in others if other.endswith(ending)}
     near = nearest(name.removesuffix(ending), stems, _SIMILAR) if ending else nearest(name, others, _SIMILAR)
     return (stems[near] if ending else near) if near else None
-
-
-def missing_problems(
-    resolution: DependencyResolution, names: Iterable[str]
-) -> tuple[list[Problem], list[Problem]]:
-    """Return errors and warnings for unresolved dependencies of `names`.
-
-    Missing build dependencies are errors for packages that CMake builds. They are warnings for Python
-    packages, for packages without package.xml, and for packages with group dependencies, which use available
-    members only (REP 149). Missing run dependencies are warnings, test dependencies are ignored. Names that
-    merely resemble ROS packages are at most warnings, and only for build dependencies.
-    """
-    errors: dict[str, list[str]] = {}
-    warnings: dict[str, list[str]] = {}
-    for name in names:
-        package = resolution.packages[name]
-        manifest = package.manifest
-        lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
-        required = set() if lenient else set(manifest.names(BUILD_KINDS))
-        used = set(manifest.names(BUILD_KINDS | RUN_KINDS))
-        for dependency in resolution.missing.get(name, ()):
-            sure = is_ros_name(dependency)
-            if dependency in required or (sure and dependency in used):
-                found = errors if sure and dependency in required else warnings
-                found.setdefault(dependency, []).append(name)
-    return _together(errors, resolution), _together(warnings, resolution)
 
 
 def _provided_families(
@@ -261,43 +234,3 @@ def _resolve(
     if name in answers and not provider(name):
         return answers[name]
     return None
-
-
-def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) -> list[Problem]:
-    """Return one problem for all dependencies that the same packages lack for the same reason.
-
-    Names that are probably misspelt have a problem each.
-    """
-    known = tuple(resolution.known()) if found else ()
-    groups: dict[tuple[tuple[str, ...], str, str | None], list[str]] = {}
-    for dependency, users in sorted(found.items()):
-        reason = resolution.withheld.get(dependency, "")
-        near = similar_package(dependency, known)
-        groups.setdefault((tuple(sorted(users)), reason, near), []).append(dependency)
-    return [
-        _missing(names, resolution.packages[users[0]], _dependents(users), reason, near)
-        for (users, reason, near), names in groups.items()
-    ]
-
-
-def _dependents(users: Sequence[str]) -> str:
-    return _quoted(users) + (" needs" if len(users) == 1 else " need")
-
-
-def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, near: str | None) -> Problem:
-    """Return the problem of dependencies that `user` and others lack; `near` is a similar known name."""
-    quoted = _quoted(names)
-    which, them, their = ("which is", "it", "its") if len(names) == 1 else ("which are", "them", "their")
-    message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
-    location = declaration(user.manifest.path, names[0])
-    if reason:
-        return Problem(
-            f"{message}; the embedded packages cannot be used, because {reason}",
-            location,
-            f"add {quoted} from the same source, or remove that package to use the embedded ones for all; "
-            f"see {docs_url('explanation/embedded.md')}",
-        )
-    remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
-    question = f"did you mean '{near}'? otherwise " if near else ""
-    hint = f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"
-    return Problem(f"{message}, nor embedded in forge", location, hint)

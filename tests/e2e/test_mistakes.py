@@ -56,6 +56,14 @@ def broken(
             id="a package of ROS",
         ),
         pytest.param(
+            broken(
+                "include(CTest)\nif(BUILD_TESTING)\nfind_package(launch_testing REQUIRED)\nendif()",
+                languages="CXX",
+            ),
+            "only tests need 'launch_testing': build without them (--cmake-args -DBUILD_TESTING=OFF), or",
+            id="a package that only tests need",
+        ),
+        pytest.param(
             broken("find_package(Qt7Widgets REQUIRED)"),
             "install the system package that contains Qt7WidgetsConfig.cmake (Debian: apt-file search",
             id="a package of the system",
@@ -143,6 +151,39 @@ def test_a_failure_ends_with_a_hint(forge: Forge, tree: Tree, files: dict[str, s
     hints = [line for line in ran.err.splitlines() if line.startswith("  hint: ")]
     assert len(hints) == 1, ran.err
     assert hint in hints[0]
+
+
+def test_a_missing_package_stops_only_what_requires_it(forge: Forge, tree: Tree) -> None:
+    """A manifest may name a package that CMake never looks for; dependents of what fails are left out."""
+    files = {
+        f"src/{name}/{file}": text
+        for name, depend, lines in (
+            ("node", "rclcpp", "find_package(rclcpp REQUIRED)"),
+            ("robot", "node", ""),
+            ("tools", "rclcpp", ""),
+        )
+        for file, text in (
+            ("package.xml", manifest_text(name, f"<depend>{depend}</depend>", build_type="cmake")),
+            ("CMakeLists.txt", PLAIN.format(name=name, languages="NONE", lines=f'{lines}\ninstall(CODE "")')),
+        )
+    }
+    root = tree(files)
+    refused = forge("build", cwd=root)
+    assert refused.code == 2
+    assert "error: 'node' needs 'rclcpp', which is neither in" in refused.err
+    assert "; '--continue-on-error' builds the package that does not need it" in refused.err
+    assert not (root / "build/tools").exists()
+    ran = forge("build", "--continue-on-error", cwd=root)
+    assert (ran.code, sorted(path.name for path in root.glob("install/*/"))) == (1, ["tools"]), ran.err
+    assert "warning: 'tools' needs 'rclcpp'" in ran.err
+    assert ran.err.endswith("error: not built, because dependencies are missing: node, robot\n")
+    again = forge("build", "--continue-on-error", cwd=root)
+    assert again.code == 1
+    assert again.err.endswith("error: not built, because dependencies are missing: node, robot\n")
+    tried = forge("build", "--skip-keys", "rclcpp tf2", "--skip-keys", "rmw", cwd=root)
+    assert tried.code == 1
+    assert "hint: source a ROS installation that contains 'rclcpp'" in tried.err
+    assert "'--continue-on-error' builds" not in tried.err
 
 
 def test_a_package_without_its_cmakelists(forge: Forge, tree: Tree) -> None:

@@ -122,7 +122,7 @@ def test_a_client_library_that_nobody_provides(forge: Forge, tree: Tree) -> None
     root = tree(
         {
             "src/node/package.xml": manifest("node", "rclcpp", build_type="ament_cmake"),
-            "src/node/CMakeLists.txt": cmakelists("node"),
+            "src/node/CMakeLists.txt": cmakelists("node") + "find_package(rclcpp REQUIRED)\n",
         }
     )
     one_message(forge("build", cwd=root), "src/node/package.xml", "'node' needs 'rclcpp'", "rclcpp.md")

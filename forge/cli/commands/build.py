@@ -26,6 +26,7 @@ from forge.cli.preparation import (
     check_plan,
     global_inputs,
     prepare,
+    report_left_out,
     warn_of_lost_underlays,
 )
 from forge.environment.install_state import forget_underlays
@@ -81,8 +82,8 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     warn_of_lost_underlays(layout, os.environ, mode.warn)
     loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     mode.warn(loaded.warnings)
-    names = names_to_build(loaded.selection, loaded.resolution, loaded.resolution.needs)
-    check_before_planning(loaded, names, layout)
+    selected = names_to_build(loaded.selection, loaded.resolution, loaded.resolution.needs)
+    names = check_before_planning(loaded, selected, layout, options)
     context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn)
     audit = _audit(options, layout, variables)
     create_output_folders(layout)
@@ -104,11 +105,11 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
             _report_up_to_date(plan, options, loaded.packages, mode, time.monotonic() - began)
             if options.query.strict:
                 raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
-            return 0
+            return report_left_out(selected, names)
         from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if all is up to date)
 
         prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
-        return run_plan(plan, prepared, state)
+        return max(run_plan(plan, prepared, state), report_left_out(selected, names))
 
 
 def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)

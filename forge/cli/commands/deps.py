@@ -75,7 +75,14 @@ def _add_actions(parser: Parser) -> None:
         action="store_true",
         help="do not ask before '--install', and let package managers not ask either",
     )
-    parser.add_argument("--skip-keys", nargs="+", default=[], metavar="KEY", help="ignore these dependencies")
+    parser.add_argument(
+        "--skip-keys",
+        nargs="+",
+        action=shared.Accumulate,
+        default=[],
+        metavar="KEY",
+        help="ignore these dependencies",
+    )
     parser.add_argument(
         "--json",
         action="store_true",

@@ -18,7 +18,7 @@ from forge.doctor.checks.model import CheckContext, CheckResult, files_of
 from forge.doctor.checks.report import lines, plain
 from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
-from forge.workspace.resolve import missing_problems
+from forge.workspace.missing import missing_dependencies
 
 if TYPE_CHECKING:
     import argparse
@@ -96,13 +96,14 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
 
 
 def _workspace(loaded: LoadedWorkspace) -> CheckResult:
-    errors, warnings = missing_problems(loaded.resolution, loaded.selection.names)
+    missing = missing_dependencies(loaded.resolution, loaded.selection.names)
     names = loaded.selection.names
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
     others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""
     summary = f"{own} package{'' if own == 1 else 's'}{others}" if own else "no packages found"
-    faults = (*loaded.workspace.problems, *errors)
-    return CheckResult("workspace", summary, errors=faults, warnings=(*loaded.warnings, *warnings))
+    faults = (*loaded.workspace.problems, *missing.errors)
+    warnings = (*loaded.warnings, *missing.warnings)
+    return CheckResult("workspace", summary, errors=faults, warnings=warnings)
 
 
 def _subject(bare: CheckContext, loaded: LoadedWorkspace) -> CheckContext:

@@ -39,6 +39,7 @@ SCENE = FailureContext(
             "/venv/bin/python3 -m pip install 'empy<4'",
         ),
         ("ModuleNotFoundError: No module named 'yaml.x'", "/venv/bin/python3 -m pip install PyYAML"),
+        ("ModuleNotFoundError: No module named 'ament_x.y'", "a ROS installation that contains 'ament_x'"),
         (
             "  Failed to clone repository: 'https://x.org/y.git'",
             "clones https://x.org/y.git during the build",

@@ -1,0 +1,111 @@
+"""Reports ROS packages that dependencies name and that exist nowhere.
+
+It is an error only if CMake certainly fails: CMakeLists.txt requires the missing package unconditionally.
+Other packages are built, because a manifest may declare more than the build needs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem
+from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
+from forge.base.layout import docs_url
+from forge.workspace.cmake_metadata import requirements
+from forge.workspace.manifest import declaration
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, Package
+from forge.workspace.resolve import is_ros_name, quoted_names, similar_package
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping, Sequence
+
+    from forge.workspace.resolve import DependencyResolution
+
+
+@frozen
+class MissingDependencies:
+    """Unresolved dependencies: errors of the packages that cannot be built, and warnings of others."""
+
+    errors: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+    unbuildable: frozenset[str] = frozenset()
+    """The packages of `errors`, without their dependents."""
+
+
+def missing_dependencies(
+    resolution: DependencyResolution, names: Iterable[str], skip_keys: Collection[str] = ()
+) -> MissingDependencies:
+    """Return the unresolved dependencies of `names`, except for `skip_keys`.
+
+    Packages that CMakeLists.txt requires are errors. Other build and run dependencies are warnings, test
+    dependencies are ignored. Names that merely resemble ROS packages are at most warnings, and only for build
+    dependencies.
+    """
+    errors: dict[str, list[str]] = {}
+    warnings: dict[str, list[str]] = {}
+    for name in names:
+        unresolved = [other for other in resolution.missing.get(name, ()) if other not in skip_keys]
+        if not unresolved:
+            continue
+        package = resolution.packages[name]
+        manifest = package.manifest
+        # Python packages use most modules at run time; group members may be absent (REP 149).
+        lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
+        required = frozenset() if lenient else _required_by_cmake(package)
+        built_with = () if lenient else manifest.names(BUILD_KINDS)
+        used = manifest.names(BUILD_KINDS | RUN_KINDS)
+        for dependency in unresolved:
+            sure = is_ros_name(dependency)
+            if sure and dependency in required:
+                errors.setdefault(dependency, []).append(name)
+            elif dependency in built_with or (sure and dependency in used):
+                warnings.setdefault(dependency, []).append(name)
+    unbuildable = frozenset(name for users in errors.values() for name in users)
+    return MissingDependencies(_together(errors, resolution), _together(warnings, resolution), unbuildable)
+
+
+def _required_by_cmake(package: Package) -> frozenset[str]:
+    """Return the packages without which configuring fails, except those with a find module in the package."""
+    required = requirements(text_or_nothing(package.path / "CMakeLists.txt"))
+    return frozenset(name for name in required if not any(package.path.rglob(f"Find{name}.cmake")))
+
+
+def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) -> tuple[Problem, ...]:
+    """Return one problem for all dependencies that the same packages lack for the same reason.
+
+    Names that are probably misspelt have a problem each.
+    """
+    known = tuple(resolution.known()) if found else ()
+    groups: dict[tuple[tuple[str, ...], str, str | None], list[str]] = {}
+    for dependency, users in sorted(found.items()):
+        reason = resolution.withheld.get(dependency, "")
+        near = similar_package(dependency, known)
+        groups.setdefault((tuple(sorted(users)), reason, near), []).append(dependency)
+    return tuple(
+        _missing(names, resolution.packages[users[0]], _dependents(users), reason, near)
+        for (users, reason, near), names in groups.items()
+    )
+
+
+def _dependents(users: Sequence[str]) -> str:
+    return quoted_names(users) + (" needs" if len(users) == 1 else " need")
+
+
+def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, near: str | None) -> Problem:
+    """Return the problem of dependencies that `user` and others lack; `near` is a similar known name."""
+    quoted = quoted_names(names)
+    which, them, their = ("which is", "it", "its") if len(names) == 1 else ("which are", "them", "their")
+    message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
+    location = declaration(user.manifest.path, names[0])
+    if reason:
+        return Problem(
+            f"{message}; the embedded packages cannot be used, because {reason}",
+            location,
+            f"add {quoted} from the same source, or remove that package to use the embedded ones for all; "
+            f"see {docs_url('explanation/embedded.md')}",
+        )
+    remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
+    question = f"did you mean '{near}'? otherwise " if near else ""
+    hint = f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"
+    return Problem(f"{message}, nor embedded in forge", location, hint)
