@@ -105,7 +105,9 @@ def check_before_planning(
     problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
     buildable = _without(names, missing.unbuildable, loaded)
     if not options.continue_on_error:
-        problems += _with_remedy(missing.errors, len(buildable))
+        problems += _with_remedy(
+            missing.errors, sum(not loaded.packages[name].embedded for name in buildable)
+        )
     raise_if_any(problems, WorkspaceError)
     for problem in share_hints(missing.errors):
         print_problem(problem)

@@ -301,7 +301,7 @@ def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:
 
 
 def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
-    root = tree(files("node", "<depend>rclcpp</depend>"))
+    root = tree(files("node", "<depend>rclcpp</depend>", more="find_package(rclcpp REQUIRED)"))
     ran = forge("build", cwd=root)
     assert ran.code == 2
     assert ran.err.startswith("src/node/package.xml:8:3: error: 'node' needs 'rclcpp', which is neither")
