@@ -10,10 +10,13 @@ from forge.base import ament_index
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.base.names import did_you_mean, is_package_name
 from forge.environment.install_state import recorded_underlays
-from forge.environment.prefixes import package_prefixes
+from forge.environment.prefixes import PACKAGES, package_prefixes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
+
+PLAIN = "cmake"
+"""The build type of packages without ament, which are not in its index."""
 
 
 def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
@@ -44,9 +47,11 @@ def find_package(
     name: str,
     variables: Mapping[str, str],
     install: Path | None,
-    sources: Callable[[], Collection[str]] = tuple,
+    sources: Callable[[], Mapping[str, str]] = dict,
 ) -> Path:
-    """Return the prefix of an installed package; `sources` returns the packages that can be built.
+    """Return the prefix of an installed package.
+
+    `sources` returns the build types of the packages that can be built.
 
     Raises EnvironmentFault if there are no prefixes, ForgeError if none contains the package.
     """
@@ -63,14 +68,27 @@ def find_package(
 
 
 def _remedy(
-    name: str, install: Path | None, sources: Collection[str], installed: Collection[str]
+    name: str, install: Path | None, sources: Mapping[str, str], installed: Collection[str]
 ) -> str | None:
     """Return a hint for a package that is not installed, or None."""
+    if sources.get(name) == PLAIN and unregistered_prefix(name, install):
+        return "plain CMake packages are not in ament's index; 'forge run' runs their programs nevertheless"
     if install and is_package_name(name) and (install / name / "lib").is_dir():
         return "call ament_package() at the end of its CMakeLists.txt, which registers the package"
     if name in sources:
         return f"build it: forge build --packages-select {name}"
     return did_you_mean(name, {*installed, *sources})
+
+
+def is_registered(name: str, variables: Mapping[str, str], install: Path | None) -> bool:
+    """Tell whether ament's index contains a package, sourced or in the enclosing workspace."""
+    return is_package_name(name) and bool(ament_index.prefix_of(name, known_prefixes(variables, install)))
+
+
+def unregistered_prefix(name: str, install: Path | None) -> Path | None:
+    """Return the prefix of a package that a workspace has installed, in ament's index or not, or None."""
+    prefixes = (install / name, install) if install and is_package_name(name) else ()
+    return next((prefix for prefix in prefixes if (prefix / PACKAGES / name).is_file()), None)
 
 
 def is_unsourced(name: str, variables: Mapping[str, str], install: Path | None) -> bool:
@@ -88,8 +106,17 @@ def executables(package: str, prefix: Path) -> tuple[Path, ...]:
 
     That is every executable file below lib/PACKAGE; hidden and linked folders are not entered.
     """
+    return _executables(prefix / "lib" / package)
+
+
+def plain_executables(package: str, prefix: Path) -> tuple[Path, ...]:
+    """Return the executables of a plain CMake package, also those in bin, the usual folder without ament."""
+    return (*executables(package, prefix), *_executables(prefix / "bin"))
+
+
+def _executables(root: Path) -> tuple[Path, ...]:
     found: list[Path] = []
-    for folder, folders, files in os.walk(prefix / "lib" / package):
+    for folder, folders, files in os.walk(root):
         folders[:] = (name for name in folders if not name.startswith("."))
         found += (Path(folder, name) for name in files if os.access(Path(folder, name), os.X_OK))
     return tuple(sorted(path for path in found if path.is_file()))

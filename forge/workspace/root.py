@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import ForgeError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 _INSTALL_MARKER = "install/.colcon_install_layout"
 _ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
@@ -52,16 +52,20 @@ def find_install(start: Path, home: Path) -> Path | None:
     return root / "install" if (root / _INSTALL_MARKER).is_file() else None
 
 
-def source_packages(install: Path | None) -> Collection[str]:
-    """Return the names of the packages in the workspace of an install folder, as far as they can be read."""
+def source_packages(install: Path | None) -> Mapping[str, str]:
+    """Return the build types of the packages in the workspace of an install folder, by name.
+
+    Without those that cannot be read.
+    """
     if install is None:
-        return ()
+        return {}
     from forge.workspace.load import find_packages  # noqa: PLC0415  (only needed after mistakes)
     from forge.workspace.selection import SearchPaths  # noqa: PLC0415  (as above)
 
     with suppress(ForgeError):
-        return find_packages(install.parent, SearchPaths(), os.environ).packages
-    return ()
+        found = find_packages(install.parent, SearchPaths(), os.environ).packages
+        return {name: package.build_type for name, package in found.items()}
+    return {}
 
 
 def is_root(folder: Path) -> bool:

@@ -239,6 +239,28 @@ def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: T
     assert "call ament_package() at the end of its CMakeLists.txt" in sourced.err
 
 
+@pytest.mark.parametrize("path", ["bin/say", "lib/walker/say"])
+def test_programs_of_plain_cmake_packages_run_though_they_are_not_in_the_index_of_ament(
+    path: str, forge: Forge, tree: Tree
+) -> None:
+    """They run in the environment of the workspace."""
+    script = '#!/bin/sh\necho "$WALKS:$1"\n'
+    root = tree(
+        {
+            "install/.colcon_install_layout": "isolated\n",
+            "install/walker/share/walker/package.dsv": "set;WALKS;yes\n",
+            "install/walker/share/colcon-core/packages/walker": "",
+            f"install/walker/{path}": script,
+            "src/walker/CMakeLists.txt": "project(walker)\n",
+        }
+    )
+    env = {"AMENT_PREFIX_PATH": None}
+    assert forge("run", "walker", "say", "a", cwd=root, env=env).out == "yes:a\n"
+    assert "hint: did you mean 'say'?" in forge("run", "walker", "sya", cwd=root, env=env).err
+    refused = forge("pkg", "executables", "walker", cwd=root, env=env).err
+    assert "hint: plain CMake packages are not in ament's index; 'forge run' runs" in refused
+
+
 def test_a_program_of_an_underlay_needs_no_sourcing_either(forge: Forge, tree: Tree) -> None:
     """It runs in the environment that the workspace would give it."""
     script = '#!/bin/sh\necho "$AMENT_PREFIX_PATH:$1"\n'

@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.install_state import python_of
-from forge.environment.installed import executables, find_package, is_unsourced
+from forge.environment.installed import (
+    PLAIN,
+    executables,
+    find_package,
+    is_registered,
+    is_unsourced,
+    plain_executables,
+    unregistered_prefix,
+)
 from forge.workspace.root import find_install, source_packages
 
 if TYPE_CHECKING:
@@ -47,9 +55,11 @@ def run(options: argparse.Namespace) -> int:
         raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
     package, name, *arguments = words
     install = find_install(Path.cwd(), Path.home())
-    prefix = find_package(package, os.environ, install, lambda: source_packages(install))
-    variables = _environment(package, install)
-    path = _choose(package, name, prefix)
+    plain = _plain_prefix(package, install)
+    prefix = plain or find_package(package, os.environ, install, lambda: source_packages(install))
+    variables = _environment(package, install, plain)
+    paths = (plain_executables if plain else executables)(package, prefix)
+    path = _choose(package, name, prefix, paths)
     program = (*_interpreter(path, prefix, variables), str(path))
     code = _wait_for((*_words(options.prefix), *program, *arguments), variables)
     if code:
@@ -57,18 +67,28 @@ def run(options: argparse.Namespace) -> int:
     return code
 
 
-def _environment(package: str, install: Path | None) -> Mapping[str, str]:
+def _plain_prefix(package: str, install: Path | None) -> Path | None:
+    """Return the prefix of a plain CMake package of the enclosing workspace, None for others.
+
+    `ros2 run` does not find those packages.
+    """
+    if is_registered(package, os.environ, install):
+        return None
+    prefix = unregistered_prefix(package, install)
+    return prefix if prefix and source_packages(install).get(package) == PLAIN else None
+
+
+def _environment(package: str, install: Path | None, plain: Path | None) -> Mapping[str, str]:
     """Return the environment, with the enclosing workspace sourced if only that contains the package."""
-    if install is None or not is_unsourced(package, os.environ, install):
+    if install is None or not (plain or is_unsourced(package, os.environ, install)):
         return os.environ
     from forge.environment.sourcing import sourced_environment  # noqa: PLC0415  (not needed if sourced)
 
     return sourced_environment(install, os.environ)
 
 
-def _choose(package: str, name: str, prefix: Path) -> Path:
+def _choose(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> Path:
     """Return the only executable with this name; raises ForgeError for none or several."""
-    paths = executables(package, prefix)
     matches = [path for path in paths if path.name == name]
     if not matches:
         raise ForgeError(
