@@ -54,7 +54,7 @@ class Option:
 
 
 def option(
-    help: str | None,  # noqa: A002  (argparse's name)
+    help: str | None,  # noqa: A002  (as in parsers of command lines)
     *,
     default: Any = None,  # noqa: ANN401
     default_factory: Callable[[], Any] | None = None,

@@ -247,7 +247,7 @@ def test_a_header_needs_no_other_header_before_it(include: Path, tmp_path: Path)
 def test_older_standards_are_refused_with_the_remedy(header: str, include: Path, tmp_path: Path) -> None:
     source = tmp_path / "main.cpp"
     source.write_text(f'#include "{header}"\n', encoding="utf-8")
-    argv = ["g++", "-std=c++14", "-fsyntax-only", "-I", include, "-I", RUNTIME, source]
+    argv = ("g++", "-std=c++14", "-fsyntax-only", "-I", include, "-I", RUNTIME, source)
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     first = next(line for line in done.stderr.splitlines() if "error:" in line)
     assert "generated messages need C++17: set(CMAKE_CXX_STANDARD 17)" in first
