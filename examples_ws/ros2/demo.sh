@@ -24,8 +24,8 @@ start() {
   shift
   printf '$ %s &\n' "$*"
   : >"$printed/$name"
-  # As Ctrl+C would: `timeout` tells the whole family, and lets nothing stay for longer than a minute.
-  timeout -s INT 60 "$@" >"$printed/$name" 2>&1 &
+  # As Ctrl+C would: `timeout` tells the whole family, and lets nothing stay for longer than two minutes.
+  timeout -s INT 120 "$@" >"$printed/$name" 2>&1 &
   running="$running $!"
 }
 
@@ -97,11 +97,36 @@ expect 'publishing #1' ros2 topic pub --once /command std_msgs/msg/String 'data:
 await subscriber "heard 'backward': -0.2 m/s"
 end_all
 
+section 'topic, in Python'
+start publisher ros2 run example_topic_rclpy topic_publisher_02
+start subscriber ros2 run example_topic_rclpy topic_subscribe_02
+await subscriber "heard 'backward': -0.2 m/s"
+end_all
+
+section 'domain id'
+# Nodes see each other only within one domain.
+start near ros2 run example_topic_rclpy topic_subscribe_02
+start far env ROS_DOMAIN_ID=42 ros2 run example_topic_rclcpp topic_subscribe_01
+start publisher env ROS_DOMAIN_ID=42 ros2 run example_topic_rclcpp topic_publisher_01
+await far "heard 'forward'"
+if grep -F 'heard' "$printed/near"; then
+  printf 'that came from another domain\n' >&2
+  exit 1
+fi
+end_all
+
 section 'service'
 start server ros2 run example_service_rclcpp service_server_01
 expect '5 + 6 = 11' ros2 run example_service_rclcpp service_client_01
 expect '20 + 22 = 42' ros2 run example_service_rclcpp service_client_01 --ros-args -p a:=20 -p b:=22
 expect 'sum=15' ros2 service call /add_two_ints_srv example_interfaces/srv/AddTwoInts '{a: 5, b: 10}'
+await server 'answering 42'
+end_all
+
+section 'service, in Python'
+start server ros2 run example_service_rclpy service_server_02
+expect '5 + 6 = 11' ros2 run example_service_rclpy service_client_02
+expect '20 + 22 = 42' ros2 run example_service_rclcpp service_client_01 --ros-args -p a:=20 -p b:=22
 await server 'answering 42'
 end_all
 
@@ -129,6 +154,14 @@ if grep -F 'an info message' "$printed/quiet"; then
 fi
 end_all
 
+section 'parameters, in Python'
+start loud ros2 run example_parameters_rclpy parameters_basic --ros-args -p rcl_log_level:=10
+await loud 'a debug message'
+expect 'Max value: 50' ros2 param describe --no-daemon --spin-time 3 /parameters_basic rcl_log_level
+expect 'Set parameter successful' ros2 param set --no-daemon --spin-time 3 /parameters_basic rcl_log_level 50
+expect 'Setting parameter failed' ros2 param set --no-daemon --spin-time 3 /parameters_basic rcl_log_level 51
+end_all
+
 section 'action'
 start robot ros2 run example_action_rclcpp action_robot_01
 expect 'arrived at 1.992 m' ros2 run example_action_rclcpp action_control_01 --ros-args -p distance:=2.0
@@ -137,6 +170,48 @@ expect 'Goal finished with status: SUCCEEDED' ros2 action send_goal --feedback /
 await robot 'goal -1.000 m: accepted'
 expect 'Goal was rejected' ros2 action send_goal /move_robot \
   robot_control_interfaces/action/MoveRobot '{distance: 101.0}'
+start canceled ros2 run example_action_rclcpp action_control_01 --ros-args -p distance:=100.0 -p patience:=1.2
+await canceled 'canceling'
+await canceled 'stopped early at'
+end_all
+
+section 'action, in Python'
+start robot ros2 run example_action_rclpy action_robot_02
+expect 'the robot is at 0.992 m' ros2 run example_action_rclpy action_control_02 --ros-args -p distance:=1.0
+expect 'that takes too long: canceling' ros2 run example_action_rclpy action_control_02 --ros-args \
+  -p distance:=100.0 -p patience:=1.2
+await robot 'stopped at'
+expect 'arrived at' ros2 run example_action_rclcpp action_control_01 --ros-args -p distance:=0.5
+end_all
+
+for node in rclcpp:lifecycle_talker_01 rclpy:lifecycle_talker_02; do
+  section "life cycle: $node"
+  program=${node#*:}
+  start talker ros2 run "example_lifecycle_${node%:*}" "$program"
+  expect unconfigured ros2 lifecycle get --no-daemon --spin-time 3 "/$program"
+  expect 'Transitioning successful' ros2 lifecycle set --no-daemon --spin-time 3 "/$program" configure
+  await talker configured
+  expect 'Transitioning successful' ros2 lifecycle set --no-daemon --spin-time 3 "/$program" activate
+  await talker publishing
+  expect 'Transitioning successful' ros2 lifecycle set --no-daemon --spin-time 3 "/$program" deactivate
+  await talker inactive
+  expect 'Transitioning successful' ros2 lifecycle set --no-daemon --spin-time 3 "/$program" cleanup
+  await talker 'cleaned up'
+  end_all
+done
+
+section 'composition'
+start container ros2 run rclcpp_components component_container
+expect /ComponentManager ros2 node list --no-daemon --spin-time 3
+expect 'Loaded component 1' ros2 component load --no-daemon --spin-time 3 /ComponentManager \
+  example_composition_rclcpp example_composition::ComposedPublisher
+expect 'Loaded component 2' ros2 component load --no-daemon --spin-time 3 /ComponentManager \
+  example_composition_rclcpp example_composition::ComposedSubscriber
+await container "heard 'forward'"
+end_all
+start publisher ros2 run example_composition_rclcpp composed_publisher
+start subscriber ros2 run example_composition_rclcpp composed_subscriber
+await subscriber "heard 'forward'"
 end_all
 
 section 'launch'
@@ -147,6 +222,12 @@ await by_launch '[by_file.parameters_basic]: a warning'
 end_all
 start by_xml ros2 launch robot_startup example_topic.launch.xml
 await by_xml "heard 'forward'"
+end_all
+start composed ros2 launch robot_startup example_composition.launch.py
+await composed "heard 'forward'"
+# Without copies the subscriber has the message that the publisher made.
+sent=$(grep -m 1 -o 'publishing from 0x.*' "$printed/composed" | grep -o '0x.*')
+await composed "heard 'forward' at $sent"
 end_all
 
 printf '\nAll nodes did what they are for.\n'

@@ -48,9 +48,22 @@ def manifest_of(package: str) -> Manifest:
 
 def programs(package: str) -> set[str]:
     """Return the names of what a package installs for `ros2 run`."""
-    targets = re.findall(r"add_executable\((\w+)", code(package, "CMakeLists.txt"))
+    targets = re.findall(r"(?:add_executable\(|EXECUTABLE )(\w+)", code(package, "CMakeLists.txt"))
     scripts = re.findall(r'"(\w+) = [\w.]+:\w+"', code(package, "setup.py"))
     return {*targets, *scripts}
+
+
+def components(package: str) -> set[str]:
+    """Return the classes that a package registers as components."""
+    return set(re.findall(r'PLUGIN "([\w:]+)"', code(package, "CMakeLists.txt")))
+
+
+def text_of_launch(path: Path) -> str:
+    """Return a launch file with the name of its package in place of the constant."""
+    text = path.read_text(encoding="utf-8")
+    for constant in re.findall(r'^PACKAGE = ("\w+")$', text, re.MULTILINE):
+        text = text.replace("package=PACKAGE", f"package={constant}")
+    return text
 
 
 def test_the_workspace_of_the_nodes_holds_those_of_the_outer_one_too(forge: Forge, workspace: Path) -> None:
@@ -83,7 +96,12 @@ def test_a_build_without_ros_names_what_is_missing_and_starts_nothing(forge: For
     ran = forge("build", cwd=workspace / "ros2")
     assert ran.code == 2
     errors = [line for line in ran.err.splitlines() if ": error: " in line]
-    assert [re.findall(r"need\w* '(\w+)'", line) for line in errors] == [["rclcpp"], ["rclcpp_action"]]
+    assert [re.findall(r"need\w* '(\w+)'", line) for line in errors] == [
+        ["rclcpp"],
+        ["rclcpp_action"],
+        ["rclcpp_components"],
+        ["rclcpp_lifecycle"],
+    ]
     assert "Starting >>>" not in ran.out
     assert not (workspace / "ros2/build").exists()
     assert not (workspace / "ros2/install").exists()
@@ -116,7 +134,7 @@ def test_what_the_sources_include_and_import_is_a_dependency(package: str) -> No
     manifest = manifest_of(package)
     included = set(re.findall(r'#include "(\w+)/', code(package, "*.cpp", "*.hpp")))
     imported = set(re.findall(r"^(?:from|import) (\w+)", code(package, "*.py"), re.MULTILINE))
-    own = {package, "pathlib", "setuptools"}
+    own = {package, "pathlib", "setuptools", "time"}
     assert (included | imported) - own <= set(manifest.names(BUILD_KINDS | RUN_KINDS))
 
 
@@ -127,10 +145,31 @@ def test_python_sources_compile(path: Path) -> None:
 
 @pytest.mark.parametrize("path", sorted(SOURCES.rglob("*.launch.*")), ids=lambda path: path.name)
 def test_a_launch_file_starts_programs_that_exist(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    for constant in re.findall(r'^PACKAGE = ("\w+")$', text, re.MULTILINE):
-        text = text.replace("package=PACKAGE", f"package={constant}")
-    started = re.findall(r'(?:package|pkg)="(\w+)",?\s+exec(?:utable)?="(\w+)"', text)
+    started = re.findall(r'(?:package|pkg)="(\w+)",?\s+exec(?:utable)?="(\w+)"', text_of_launch(path))
     assert started
     for package, program in started:
-        assert program in programs(package)
+        if package in NODES:
+            assert program in programs(package)
+        else:
+            assert package in manifest_of("robot_startup").names(RUN_KINDS)
+
+
+def test_the_launch_file_of_components_loads_classes_that_are_registered() -> None:
+    path = SOURCES / "robot_startup/launch/example_composition.launch.py"
+    loaded = re.findall(r'package="(\w+)",\s+plugin="([\w:]+)"', text_of_launch(path))
+    assert loaded
+    for package, plugin in loaded:
+        assert plugin in components(package)
+    registered = re.findall(r"RCLCPP_COMPONENTS_REGISTER_NODE\(([\w:]+)\)", code(loaded[0][0], "*.cpp"))
+    assert set(registered) == components(loaded[0][0])
+
+
+@pytest.mark.parametrize("package", NODES)
+def test_every_program_is_run_by_the_demo_and_listed_in_the_documentation(package: str) -> None:
+    page = (ROOT / "docs/ros2-from-source.md").read_text(encoding="utf-8")
+    demo = (EXAMPLES / "ros2/demo.sh").read_text(encoding="utf-8")
+    assert f"| `{package}` |" in page
+    launched = "".join(text_of_launch(file) for file in SOURCES.rglob("*.launch.*"))
+    for program in programs(package):
+        assert f"`{program}`" in page
+        assert re.search(rf"\b{program}\b", demo + launched)

@@ -21,6 +21,7 @@ public:
   {
     client_ = rclcpp_action::create_client<MoveRobot>(this, "move_robot");
     declare_parameter("distance", 10.0);
+    declare_parameter("patience", 0.0);  // [s]; 0: wait until the robot arrives
   }
 
   /// Wait until a robot is there; tell whether one came before Ctrl+C did.
@@ -62,10 +63,25 @@ private:
   {
     if (goal) {
       RCLCPP_INFO(get_logger(), "accepted");
+      cancel_after(std::chrono::duration<double>(get_parameter("patience").as_double()), goal);
     } else {
       RCLCPP_ERROR(get_logger(), "rejected");
       rclcpp::shutdown();  // nothing more will come: spin() in main() returns
     }
+  }
+
+  /// Cancel the goal when patience runs out; its result then says where the robot stopped.
+  void cancel_after(std::chrono::duration<double> patience, const GoalHandle::SharedPtr & goal)
+  {
+    if (patience.count() <= 0.0) {
+      return;
+    }
+    timer_ = create_wall_timer(
+      patience, [this, goal] {
+        timer_->cancel();  // once is enough
+        RCLCPP_INFO(get_logger(), "that takes too long: canceling");
+        client_->async_cancel_goal(goal);
+      });
   }
 
   void ended(const GoalHandle::WrappedResult & result)
@@ -78,6 +94,7 @@ private:
 
   bool succeeded_ = false;
   Client::SharedPtr client_;
+  rclcpp::TimerBase::SharedPtr timer_;
 };
 
 int main(int argc, char ** argv)

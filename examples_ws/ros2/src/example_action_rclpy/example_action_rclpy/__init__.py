@@ -1,0 +1,1 @@
+"""An action server that can be canceled, and its client, in Python."""

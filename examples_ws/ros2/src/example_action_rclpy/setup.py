@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = "example_action_rclpy"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
+        ("share/" + package_name, ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="Forge examples",
+    maintainer_email="examples@example.com",
+    description="An action server that can be canceled, and its client, in Python",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "action_robot_02 = example_action_rclpy.action_robot_02:main",
+            "action_control_02 = example_action_rclpy.action_control_02:main",
+        ],
+    },
+)

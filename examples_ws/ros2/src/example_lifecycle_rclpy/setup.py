@@ -1,0 +1,24 @@
+from setuptools import find_packages, setup
+
+package_name = "example_lifecycle_rclpy"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
+        ("share/" + package_name, ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="Forge examples",
+    maintainer_email="examples@example.com",
+    description="A node with a life cycle in Python",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "lifecycle_talker_02 = example_lifecycle_rclpy.lifecycle_talker_02:main",
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""A node in Python whose log level is a parameter."""

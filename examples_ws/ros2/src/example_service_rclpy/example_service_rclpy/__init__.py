@@ -1,0 +1,1 @@
+"""A service that adds two numbers, and its client, in Python."""

@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = "example_service_rclpy"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
+        ("share/" + package_name, ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="Forge examples",
+    maintainer_email="examples@example.com",
+    description="A service that adds two numbers, and its client, in Python",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "service_server_02 = example_service_rclpy.service_server_02:main",
+            "service_client_02 = example_service_rclpy.service_client_02:main",
+        ],
+    },
+)
