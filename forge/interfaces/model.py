@@ -5,7 +5,7 @@ Type names follow IDL ('boolean', 'octet', 'float', 'double'), as rosidl's gener
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -119,11 +119,13 @@ class Message:
 
 @dataclass(frozen=True)
 class Service:
-    """A request and a response. `event` (Iron and later) exists for the type hash only."""
+    """A request and a response. Without `has_events`, the event is only part of the type hash."""
 
     name: TypeName
     request: Message
     response: Message
+    has_events: bool = field(default=False, kw_only=True)
+    """Whether the event is a message like the others, as in Iron and later."""
 
     @cached_property
     def event(self) -> Message:
@@ -147,6 +149,8 @@ class Action:
     goal: Message
     result: Message
     feedback: Message
+    has_events: bool = field(default=False, kw_only=True)
+    """Whether the services of the action have events."""
 
     @cached_property
     def send_goal(self) -> Service:
@@ -154,14 +158,14 @@ class Action:
         name = _suffixed(self.name, "SendGoal")
         request = (Field("goal_id", _UUID), Field("goal", Named(self.goal.name)))
         response = (Field("accepted", Primitive("boolean")), Field("stamp", _TIME))
-        return _service(name, request, response)
+        return _service(name, request, response, has_events=self.has_events)
 
     @cached_property
     def get_result(self) -> Service:
         """The derived X_GetResult service."""
         name = _suffixed(self.name, "GetResult")
         response = (Field("status", Primitive("int8")), Field("result", Named(self.result.name)))
-        return _service(name, (Field("goal_id", _UUID),), response)
+        return _service(name, (Field("goal_id", _UUID),), response, has_events=self.has_events)
 
     @cached_property
     def feedback_message(self) -> Message:
@@ -213,11 +217,18 @@ def messages_of(interface: Interface) -> Iterator[Message]:
         case Service():
             yield interface.request
             yield interface.response
+            if interface.has_events:
+                yield interface.event
         case Action():
             yield from (interface.goal, interface.result, interface.feedback)
             yield from messages_of(interface.send_goal)
             yield from messages_of(interface.get_result)
             yield interface.feedback_message
+
+
+def with_events(interface: Interface) -> Interface:
+    """Return an interface whose services have events as messages."""
+    return interface if isinstance(interface, Message) else replace(interface, has_events=True)
 
 
 def sections_of(interface: Interface) -> tuple[Message, ...]:
@@ -244,9 +255,12 @@ def _suffixed(name: TypeName, suffix: str) -> TypeName:
     return TypeName(name.package, name.kind, f"{name.name}_{suffix}")
 
 
-def _service(name: TypeName, request: tuple[Field, ...], response: tuple[Field, ...]) -> Service:
+def _service(
+    name: TypeName, request: tuple[Field, ...], response: tuple[Field, ...], *, has_events: bool
+) -> Service:
     return Service(
         name,
         Message(_suffixed(name, "Request"), request),
         Message(_suffixed(name, "Response"), response),
+        has_events=has_events,
     )

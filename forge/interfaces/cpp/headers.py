@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from forge.interfaces.model import Interface, TypeName
 
 _PART = re.compile(
-    r"_(SendGoal|GetResult|((SendGoal|GetResult)_)?(Request|Response)|Goal|Result|Feedback|FeedbackMessage)$"
+    r"_(SendGoal|GetResult|((SendGoal|GetResult)_)?(Request|Response|Event)|Goal|Result|Feedback|FeedbackMessage)$"
 )
 """The suffixes of the parts of services and actions."""
 

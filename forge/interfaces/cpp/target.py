@@ -96,6 +96,7 @@ class Headers:
         if isinstance(self.interface, Action):
             headers += _ACTION_HEADERS
         headers += [_detail(name, "struct") for name in self.needed]
+        services = services_of(self.interface)
         constants = {constant.name for message in self.messages for constant in message.constants}
         return self._detail_file(
             "struct",
@@ -103,7 +104,8 @@ class Headers:
             numeric_limits=any(map(struct_needs_numeric_limits, self.messages)),
             macros=sorted(constants & _LIKELY_MACROS),
             messages=[struct_view(message) for message in self.messages],
-            services=[service.name.name for service in services_of(self.interface)],
+            services=[service.name.name for service in services],
+            has_events=any(service.has_events for service in services),
             actions=[self.name.name] if isinstance(self.interface, Action) else [],
         )
 

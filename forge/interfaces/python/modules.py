@@ -46,6 +46,7 @@ class _ServiceView:
     name: str
     request: str
     response: str
+    event: str | None
 
 
 @frozen
@@ -127,7 +128,8 @@ def _services(interface: Interface) -> tuple[Service, ...]:
 
 
 def _service(service: Service) -> _ServiceView:
-    return _ServiceView(service.name.name, service.request.name.name, service.response.name.name)
+    event = service.event.name.name if service.has_events else None
+    return _ServiceView(service.name.name, service.request.name.name, service.response.name.name, event)
 
 
 def _action(interface: Interface, classes: Mapping[TypeName, str]) -> _ActionView | None:

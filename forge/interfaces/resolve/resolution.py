@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.names import did_you_mean, snake_case
-from forge.interfaces.model import Catalog, Message, Named, TypeName, element_of, messages_of
+from forge.interfaces.model import (
+    Catalog,
+    Message,
+    Named,
+    TypeName,
+    element_of,
+    messages_of,
+    with_events,
+)
 from forge.interfaces.resolve.cycles import cycle_problems
 
 if TYPE_CHECKING:
@@ -22,13 +30,21 @@ _MAX_EXPLAINED = 20
 
 
 def resolve(
-    package: str, parsed: Iterable[Parsed], known: DefinitionLookup, unlisted: Mapping[str, str] | None = None
+    package: str,
+    parsed: Iterable[Parsed],
+    known: DefinitionLookup,
+    unlisted: Mapping[str, str] | None = None,
+    *,
+    events: bool = False,
 ) -> Catalog:
     """Return the catalog of the parsed files of a package; `known` is only asked for referenced types.
 
     `unlisted` maps further types of the package to their files, which are not part of `parsed`, for hints.
+    With `events`, services have a message for the events of service introspection.
     Raises InterfaceError for unknown types, cycles, and two files with the same name or generated file.
     """
+    if events:
+        parsed = [replace(each, interface=with_events(each.interface)) for each in parsed]
     unique, problems = _unique(parsed)
     own = {message.name: message for p in unique.values() for message in messages_of(p.interface)}
     search = _Search(package, own, known, set(unique), unlisted or {})
@@ -127,8 +143,9 @@ class _Search:
         if member.place is None:
             # Only derived members have no location; a missing type is reported once.
             self._broken.add(name)
-            action = str(start.name).rpartition("/")[2].partition("_")[0]
-            message = f"cannot find '{name}', which the action '{action}' requires"
+            kind = "service" if start.name.kind == "srv" else "action"
+            owner = start.name.name.partition("_")[0]
+            message = f"cannot find '{name}', which the {kind} '{owner}' requires"
             return Problem(message, hint=f"add <depend>{name.package}</depend> to package.xml")
         written = f"{name.package}/{name.name}"
         if name.package == self.package and name.name in self.unlisted:
