@@ -155,9 +155,18 @@ def test_what_cannot_run_is_one_message(
     assert run(forge, root, *argv) == (2, "", f"error: {message}\n".replace("{}", str(root)))
 
 
-@pytest.mark.parametrize("argv", [(), ("walker",), ("--prefix", "gdb", "walker")])
-def test_run_wants_two_names(argv: tuple[str, ...], forge: Forge, tree: Tree) -> None:
-    told = "error: missing arguments PACKAGE and EXECUTABLE\nhint: list them with 'forge pkg executables'\n"
+@pytest.mark.parametrize(
+    ("argv", "missing", "package"),
+    [
+        ((), "arguments PACKAGE and EXECUTABLE", ""),
+        (("walker",), "argument EXECUTABLE", " walker"),
+        (("--prefix", "gdb", "walker"), "argument EXECUTABLE", " walker"),
+    ],
+)
+def test_run_wants_two_names(
+    argv: tuple[str, ...], missing: str, package: str, forge: Forge, tree: Tree
+) -> None:
+    told = f"error: missing {missing}\nhint: list them with 'forge pkg executables{package}'\n"
     assert run(forge, tree({MARK: ""}), *argv) == (2, "", told)
 
 

@@ -51,8 +51,9 @@ def run(options: argparse.Namespace) -> int:
     """Run the executable; returns its exit code, or the negative number of the signal that ended it."""
     words = options.words[1:] if options.words[:1] == ["--"] else options.words
     if len(words) < 2:  # noqa: PLR2004  (a package and an executable)
-        hint = "list them with 'forge pkg executables'"
-        raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
+        missing = "argument EXECUTABLE" if words else "arguments PACKAGE and EXECUTABLE"
+        command = shlex.join(("forge", "pkg", "executables", *words))
+        raise ForgeError(Problem(f"missing {missing}", hint=f"list them with '{command}'"))
     package, name, *arguments = words
     install = find_install(Path.cwd(), Path.home())
     plain = _plain_prefix(package, install)
