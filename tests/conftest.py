@@ -120,16 +120,19 @@ class Golden(Protocol):
 
 
 @pytest.fixture(autouse=True)
-def environment_is_left_alone() -> Iterator[None]:
-    """Restore the variables of this process, and fail a test that left some changed for those after it."""
-    before = _variables()
+def process_is_left_alone() -> Iterator[None]:
+    """Restore variables and sys.path, and fail a test that left some changed for those after it."""
+    before, path = _variables(), list(sys.path)
     yield
     after = _variables()
-    if after != before:
+    changed = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    if sys.path != path:
+        changed.append("sys.path")
+        sys.path[:] = path
+    if changed:
         os.environ.clear()
         os.environ.update(before)
-        changed = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-        pytest.fail(f"variables were left changed: {' '.join(changed)}", pytrace=False)
+        pytest.fail(f"left changed: {' '.join(changed)}", pytrace=False)
 
 
 @pytest.fixture
