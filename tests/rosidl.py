@@ -40,7 +40,8 @@ def imported_anew(*packages: str) -> Iterator[None]:
         return {name: sys.modules.pop(name) for name in names}
 
     before, path = forget(), list(sys.path)
-    sys.path.append(str(MODULES))
+    others = [entry for entry in path if not any(Path(entry, package).exists() for package in packages)]
+    sys.path[:] = [*others, str(MODULES)]
     try:
         yield
     finally:
