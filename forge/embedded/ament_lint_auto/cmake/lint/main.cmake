@@ -10,6 +10,7 @@ cmake_policy(VERSION 3.18)
 
 # The files for which ament_lint_auto runs each linter.
 set(cpp_files "*.c;*.cc;*.cpp;*.cxx;*.h;*.hh;*.hpp;*.hxx")
+set_property(GLOBAL PROPERTY ament_lint_files_of_black "*.py")
 set_property(GLOBAL PROPERTY ament_lint_files_of_clang_format "${cpp_files}")
 set_property(GLOBAL PROPERTY ament_lint_files_of_clang_tidy "${cpp_files}")
 set_property(GLOBAL PROPERTY ament_lint_files_of_copyright "${cpp_files};*.py;*.cmake;CMakeLists.txt")
@@ -27,6 +28,7 @@ set_property(GLOBAL PROPERTY ament_lint_files_of_xmllint "*.xml")
 unset(cpp_files)
 
 # Alternatives if ament's programs, ament_<tool>, are missing; run_linter.py runs them.
+set_property(GLOBAL PROPERTY ament_lint_name_of_black "black")
 set_property(GLOBAL PROPERTY ament_lint_name_of_clang_format "clang-format")
 set_property(GLOBAL PROPERTY ament_lint_name_of_cppcheck "cppcheck")
 set_property(GLOBAL PROPERTY ament_lint_name_of_cpplint "cpplint")
@@ -62,6 +64,9 @@ endmacro()
 # ament_copyright(...), ament_cppcheck(...), ... [TESTNAME <name>] [TIMEOUT <seconds>] [<keyword> <value>...]
 #
 # Add a linter as a test. All keywords are accepted for all tools, because packages mix them up.
+function(ament_black)
+  _ament_lint(black ${ARGN})
+endfunction()
 function(ament_clang_format)
   _ament_lint(clang_format ${ARGN})
 endfunction()

@@ -39,13 +39,17 @@ CPPLINT = (
 
 def main(words: list[str]) -> int:
     """Run the linter, write the result file, return the exit code."""
-    options = _parse(words)
+    return int(bool(complaints_of(parse(words))))
+
+
+def complaints_of(options: argparse.Namespace) -> dict[str, str]:
+    """Run the linter, write the result file if there is to be one, and return the findings by file."""
     command, suffixes = LINTERS[options.tool]
     files = list(_files(options.paths, suffixes, options.exclude))
     argv = command(options)
     if not files or not argv:
         _write(options, {}, skipped="nothing to look at" if not files else "no configuration was given")
-        return 0
+        return {}
     ran = subprocess.run(
         [options.program, *argv, *files], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
     )
@@ -55,14 +59,15 @@ def main(words: list[str]) -> int:
     if ran.returncode and not complaints:
         complaints = {files[0]: output or f"'{options.program}' ended with exit code {ran.returncode}"}
     _write(options, {file: complaints.get(file, "") for file in files})
-    return 1 if complaints else 0
+    return complaints
 
 
-def _parse(words: list[str]) -> argparse.Namespace:
+def parse(words: list[str], *, folders_first: bool = False) -> argparse.Namespace:
+    """Return the options; with `folders_first`, paths need no '--' before them."""
     parser = argparse.ArgumentParser(description="Run a linter and leave a result file.", allow_abbrev=False)
     parser.add_argument("tool", choices=sorted(LINTERS))
     parser.add_argument("program")
-    parser.add_argument("--xunit-file", type=Path, required=True)
+    parser.add_argument("--xunit-file", type=Path)
     for option in ("--language", "--linelength", "--root", "--lnt-file"):
         parser.add_argument(option)
     parser.add_argument("--config", "-c")
@@ -70,9 +75,11 @@ def _parse(words: list[str]) -> argparse.Namespace:
         parser.add_argument(option, nargs="*", default=[])
     # Paths may follow an option with any number of values; CMake adds '--' before them.
     at = words.index("--") if "--" in words else len(words)
+    if folders_first:
+        parser.add_argument("paths", nargs="*")
     options, more = parser.parse_known_args(words[:at])
     options.more = more
-    options.paths = words[at + 1 :] or ["."]
+    options.paths = words[at + 1 :] or getattr(options, "paths", ()) or ["."]
     return options
 
 
@@ -109,6 +116,8 @@ def _by_file(output: str, files: list[str]) -> dict[str, str]:
 
 def _write(options: argparse.Namespace, results: dict[str, str], skipped: str = "") -> None:
     """Write one test case per file, or a skipped one if there are no files."""
+    if options.xunit_file is None:
+        return
     suite = quoteattr(f"{Path.cwd().name}.{options.tool}")
     cases = [
         (file, f"<failure message={_attribute(text)}/>" if text else "") for file, text in results.items()
@@ -130,6 +139,10 @@ def _write(options: argparse.Namespace, results: dict[str, str], skipped: str = 
 
 def _attribute(text: str) -> str:
     return quoteattr(UNPRINTABLE.sub("", text))
+
+
+def _black(options: argparse.Namespace) -> list[str]:
+    return ["--check", *([f"--config={options.config}"] if options.config else [])]
 
 
 def _clang_format(options: argparse.Namespace) -> list[str]:
@@ -202,6 +215,7 @@ def _xmllint(_: argparse.Namespace) -> list[str]:
 
 
 LINTERS: dict[str, tuple[Callable[[argparse.Namespace], list[str]], tuple[str, ...]]] = {
+    "black": (_black, (".py",)),
     "clang_format": (_clang_format, CPP),
     "cppcheck": (_cppcheck, CPP),
     "cpplint": (_cpplint, CPP),
