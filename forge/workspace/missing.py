@@ -52,7 +52,7 @@ def missing_dependencies(
         manifest = package.manifest
         # Python packages use most modules at run time; group members may be absent (REP 149).
         lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
-        required = frozenset() if lenient else _required_by_cmake(package)
+        required = frozenset() if lenient else _required_by_cmake(package, unresolved)
         built_with = () if lenient else manifest.names(BUILD_KINDS)
         used = manifest.names(BUILD_KINDS | RUN_KINDS)
         for dependency in unresolved:
@@ -65,9 +65,9 @@ def missing_dependencies(
     return MissingDependencies(_together(errors, resolution), _together(warnings, resolution), unbuildable)
 
 
-def _required_by_cmake(package: Package) -> frozenset[str]:
-    """Return the packages without which configuring fails, except those with a find module in the package."""
-    required = requirements(text_or_nothing(package.path / "CMakeLists.txt"))
+def _required_by_cmake(package: Package, names: Iterable[str]) -> frozenset[str]:
+    """Return those of the names without which configuring fails, except for find modules of the package."""
+    required = requirements(text_or_nothing(package.path / "CMakeLists.txt")).intersection(names)
     return frozenset(name for name in required if not any(package.path.rglob(f"Find{name}.cmake")))
 
 
