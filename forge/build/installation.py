@@ -14,7 +14,7 @@ from forge.build.install_manifests import listed_files
 from forge.environment import scripts
 from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks
-from forge.environment.install_state import recorded_underlays
+from forge.environment.install_state import recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
@@ -102,17 +102,28 @@ def uninstall_markers(name: str, layout: Layout) -> None:
 
 
 def finish_workspace(
-    layout: Layout, underlays: tuple[Path, ...], python: Path, *, unchanged: bool = False
+    layout: Layout,
+    underlays: tuple[Path, ...],
+    python: Path,
+    rosdistro: str | None = None,
+    *,
+    unchanged: bool = False,
 ) -> tuple[Path, ...]:
     """Write the scripts of the install root; return the underlays that they source, lowest first.
 
-    Underlays of earlier builds are kept even if they are not sourced this time. If `unchanged`, no package
+    Underlays of earlier builds are kept even if they are not sourced this time; without `rosdistro`, the
+    recorded ROS distribution is kept as well. If `unchanged`, no package
     has changed its contribution to the scripts, and they are kept unless underlays or interpreter changed.
     Raises WorkspaceError for an invalid dsv file of a package.
     """
     root = layout.install
     chain = _joined_chain(recorded_underlays(root), underlays)
-    state = {"version": 1, "python": str(python), "underlays": [str(path) for path in chain]}
+    state = {
+        "version": 1,
+        "python": str(python),
+        "underlays": [str(path) for path in chain],
+        "rosdistro": rosdistro or recorded_rosdistro(root),
+    }
     state_changed = write_if_changed(root / INSTALL_STATE_FILE, json.dumps(state, indent=2) + "\n")
     if unchanged and not state_changed:
         return chain

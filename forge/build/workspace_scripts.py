@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import VARIABLE
 from forge.build.inputs.fingerprints import contents_of, digest_of, stamp_files
 from forge.build.markers import workspace_scripts
+from forge.environment.install_state import recorded_rosdistro
 from forge.environment.prefixes import PACKAGES, find_underlays
 
 if TYPE_CHECKING:
@@ -49,14 +51,15 @@ class WorkspaceScripts:
         install = self._layout.install
         scripts = workspace_scripts(install)
         untouched = self._journal.scripts == stamp_files(scripts)
-        if not built and untouched and not self._unfinished:
+        is_recorded = recorded_rosdistro(install) == variables[VARIABLE]
+        if not built and untouched and is_recorded and not self._unfinished:
             return
         from forge.build.installation import finish_workspace  # noqa: PLC0415
         from forge.build.rollback import tidy  # noqa: PLC0415  (most builds change nothing)
 
         chain = find_underlays(variables, install).chain
         unchanged = untouched and not self._changing and not self._unfinished
-        finish_workspace(self._layout, chain, python, unchanged=unchanged)
+        finish_workspace(self._layout, chain, python, variables[VARIABLE], unchanged=unchanged)
         tidy(self._layout)
         self._journal.end(ended=True)
         self._journal.note_scripts(stamp_files(scripts))

@@ -6,6 +6,7 @@ import os
 from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import default_of, option, option_of
@@ -107,6 +108,7 @@ class BuildOptions:
         "the sourced underlay, else 'python3' on PATH)",
         metavar="PATH",
     )
+    rosdistro: str | None = distribution_option()
     test_result_base: str | None = option(
         "folder for results of ament's tests (default: the build folders); pass the same folder to "
         "'forge test'",
@@ -155,6 +157,7 @@ class BuildOptions:
 
     def check(self) -> None:
         """Raise SelectionError for options that exclude each other, ForgeError for an invalid URL."""
+        check_distribution(self.rosdistro)
         self.execution.check()
         self.cache.check()
         if self.audit and (others := list(self._prevent_audit())):

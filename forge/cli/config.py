@@ -11,6 +11,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.base.distributions import VARIABLE
 from forge.base.env_vars import home, setting
 from forge.base.errors import Location, Problem, SelectionError, print_problem
 from forge.base.files import read_file
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 _LOCAL_DEFAULTS = "colcon_defaults.yaml"
 GENERAL = ("log_base", "log_level")
 """Destinations of global options, which are also allowed before the command."""
+_BEFORE_FILES = {"rosdistro": VARIABLE}
+"""Environment variables that take precedence over files, by the destination of the option."""
 _FLAGS = (argparse._StoreTrueAction, argparse._StoreFalseAction)  # noqa: SLF001  (no public name)
 
 
@@ -55,7 +58,11 @@ def configured(
     values: dict[str, Any] = {}
     for source in _sources(verb, given, root, variables):
         values.update(_checked(source, known, verb))
-    values = {dest: value for dest, value in values.items() if dest not in given}
+    values = {
+        dest: value
+        for dest, value in values.items()
+        if dest not in given and not variables.get(_BEFORE_FILES.get(dest, ""))
+    }
     if given.get("mixin") or values.get("mixin"):
         values.update(_mixed(verb, {**values, **given}, known, given, variables))
     return values
@@ -63,8 +70,19 @@ def configured(
 
 def configured_python(root: Path, variables: Mapping[str, str], profile: str | None = None) -> str | None:
     """Return the interpreter that files set for `forge build`, for commands that must agree with it."""
+    return _configured_word("python", root, variables, profile)
+
+
+def configured_rosdistro(root: Path, variables: Mapping[str, str]) -> str | None:
+    """Return the ROS distribution that files set for `forge build`, for commands that must agree with it."""
+    return _configured_word("rosdistro", root, variables)
+
+
+def _configured_word(
+    option: str, root: Path, variables: Mapping[str, str], profile: str | None = None
+) -> str | None:
     sources = _sources("build", {"profile": profile}, root, variables)
-    values = [value for source in sources if isinstance(value := source.options.get("python"), str)]
+    values = [value for source in sources if isinstance(value := source.options.get(option), str)]
     return values[-1] if values else None
 
 

@@ -9,6 +9,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from forge.base.distributions import distribution_option
 from forge.base.env_vars import setting
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
@@ -115,6 +116,13 @@ def confirmed(question: str) -> bool:
     """Ask for confirmation; the end of input counts as no."""
     print(question, end="", flush=True)  # noqa: T201  (asked on the terminal)
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+@frozen
+class DistributionOptions:
+    """The ROS distribution, for commands that build nothing."""
+
+    rosdistro: str | None = distribution_option()
 
 
 @frozen

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
+from forge.base.distributions import VARIABLE, distribution_in
 from forge.base.errors import Problem, WorkspaceError, print_problem, raise_if_any, share_hints
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
@@ -22,7 +23,7 @@ from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import relevant_environment
-from forge.environment.install_state import recorded_python, recorded_underlays
+from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays
 from forge.environment.underlays import lost_underlays
 from forge.execution.makeflags import read_make_flags
@@ -46,20 +47,26 @@ if TYPE_CHECKING:
     from forge.workspace.load import LoadedWorkspace
 
 
-def build_variables(layout: Layout, surroundings: Mapping[str, str]) -> dict[str, str]:
+def build_variables(
+    layout: Layout, surroundings: Mapping[str, str], rosdistro: str | None = None
+) -> dict[str, str]:
     """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
 
     Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
-    recorded by an earlier build are used even if they are not sourced in this shell.
+    recorded by an earlier build are used even if they are not sourced in this shell. The ROS distribution is
+    `rosdistro`, else that of the environment, else that of an earlier build.
     """
-    variables = {**ROS_DEFAULTS, "COLCON": "1", **without_own(surroundings, layout.install)}
+    chosen = {VARIABLE: rosdistro} if rosdistro else {}
+    recorded = recorded_rosdistro(layout.install)
+    defaults = {**ROS_DEFAULTS, **({VARIABLE: recorded} if recorded else {}), "COLCON": "1"}
+    variables = {**defaults, **without_own(surroundings, layout.install), **chosen}
     sourced = find_underlays(variables, layout.install).chain
     forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
     if not forgotten:
         return variables
     from forge.environment.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
 
-    return workspace_environment(forgotten, variables)
+    return {**workspace_environment(forgotten, variables), **chosen}
 
 
 def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str], warn: WarningReporter) -> None:
@@ -198,6 +205,7 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         layout=layout,
         python=interpreter.path,
         site_packages=interpreter.site_packages,
+        rosdistro=distribution_in(variables),
         wheels=(*warm, "-m", "forge.cli.install_wheel"),
         generator=through_worker,
         tools=identities(tools, interpreter.path, variables, cmake.cmake_args),
@@ -232,6 +240,15 @@ def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Int
 
         python = configured_python(root, variables)
     return find_interpreter(python, variables, find_underlays(variables, layout.install).chain, recorded)
+
+
+def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | None:
+    """Return `rosdistro` if given, else the one that a build would use; None if it is chosen nowhere."""
+    if rosdistro or (rosdistro := os.environ.get(VARIABLE)):
+        return rosdistro
+    from forge.cli.config import configured_rosdistro  # noqa: PLC0415  (not needed if it is given)
+
+    return configured_rosdistro(root, os.environ) or recorded_rosdistro(install)
 
 
 def _has_fast_rosidl(options: BuildOptions, loaded: LoadedWorkspace) -> bool:

@@ -1,4 +1,4 @@
-"""The state that a build records in the install folder: its interpreter and underlays."""
+"""The state that a build records in the install folder: its interpreter, underlays and ROS distribution."""
 
 from __future__ import annotations
 
@@ -7,12 +7,22 @@ from pathlib import Path
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file
+from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
+
+
+@frozen
+class _State:
+    """What is recorded; empty before the first build."""
+
+    python: str | None = None
+    underlays: tuple[Path, ...] = ()
+    rosdistro: str | None = None
 
 
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
     """Return the recorded underlays of an install tree, lowest first."""
-    return _recorded(root)[1]
+    return _recorded(root).underlays
 
 
 def forget_underlays(root: Path) -> None:
@@ -28,7 +38,7 @@ def recorded_python(root: Path) -> str | None:
 
 def recorded_path(root: Path) -> str | None:
     """Return the path of the recorded interpreter of an install tree, which may have been removed."""
-    return _recorded(root)[0]
+    return _recorded(root).python
 
 
 def python_of(prefix: Path) -> str | None:
@@ -36,14 +46,19 @@ def python_of(prefix: Path) -> str | None:
     return recorded_python(prefix) or recorded_python(prefix.parent)
 
 
-def _recorded(root: Path) -> tuple[str | None, tuple[Path, ...]]:
-    """Return the recorded interpreter and underlays."""
+def recorded_rosdistro(root: Path) -> str | None:
+    """Return the ROS distribution of the last build of an install tree."""
+    return _recorded(root).rosdistro
+
+
+def _recorded(root: Path) -> _State:
     try:
         state = json.loads(read_file(root / INSTALL_STATE_FILE))
-        return str(state["python"]), tuple(map(Path, state["underlays"]))
+        underlays = tuple(map(Path, state["underlays"]))
+        return _State(str(state["python"]), underlays, state.get("rosdistro"))
     except OSError:  # begin_workspace reports inaccessible files
-        return None, ()
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        return _State()
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         problem = Problem(
             "invalid state file", Location(root / INSTALL_STATE_FILE), hint="remove the file and build again"
         )

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import OLDEST, VARIABLE
 from forge.base.errors import Location, Problem
 from forge.base.files import unfit
 from forge.base.layout import PACKAGE
@@ -28,7 +29,7 @@ _READ_BY_TOOLS = (
     *(".c", ".cc", ".cpp", ".cxx", ".h", ".hh", ".hpp", ".hxx", ".S", ".s"),
     *(".msg", ".srv", ".action", ".idl"),
 )
-ROS_DEFAULTS = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "humble"}
+ROS_DEFAULTS = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", VARIABLE: OLDEST}
 """Defaults of variables that manifests use in conditions, for machines without ROS."""
 
 
@@ -54,11 +55,11 @@ def discover(
     return walk.workspace()
 
 
-def discover_embedded() -> Mapping[str, Package]:
-    """Return the packages embedded in forge; an invalid one is a bug in forge."""
+def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
+    """Return the packages that forge has for a ROS distribution; an invalid one is a bug in forge."""
     home = PACKAGE / "embedded"
     folders = sorted(path.parent for path in home.glob("*/package.xml"))
-    packages = (read_package(home, folder, ROS_DEFAULTS) for folder in folders)
+    packages = (read_package(home, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
     return {p.name: replace(p, embedded=True) for p in packages}
 
 

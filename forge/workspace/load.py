@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base import ament_index
+from forge.base.distributions import distribution_in
 from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
@@ -119,7 +120,7 @@ def _resolve(
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
     return resolve_dependencies(
         workspace.packages,
-        discover_embedded(),
+        discover_embedded(distribution_in(variables)),
         cache(lambda name: provider(name, underlays, system)),
         lambda: ament_index.resources("packages", underlays.prefixes),
     )

@@ -19,10 +19,13 @@ from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+GENERATORS = "rosidl_default_generators"
+"""The package that generates the code of interface packages."""
+
 FAMILY_MARKERS = {
     "ament": ("ament_cmake", "ament_cmake_core"),
     "lint": ("ament_lint_auto",),
-    "rosidl": ("rosidl_default_generators", "rosidl_cmake"),
+    "rosidl": (GENERATORS, "rosidl_cmake"),
 }
 """If one of these exists in the workspace, an underlay or the system, its family is not used."""
 
@@ -31,7 +34,7 @@ ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 
 INTERFACE_GROUP = "rosidl_interface_packages"
 
-_GENERATORS = frozenset({"rosidl_default_generators", INTERFACE_GROUP})
+_GENERATORS = frozenset({GENERATORS, INTERFACE_GROUP})
 """Dependencies or groups of packages that generate code; others may just contain .action files."""
 
 ALL_KINDS = BUILD_KINDS | RUN_KINDS | TEST_KINDS

@@ -81,7 +81,7 @@ def test_what_cannot_change_a_build_builds_nothing(forge: Forge, tree: Tree) -> 
     builds = Builds(forge, tree(cmake("a", "")))
     builds.build()
     assert builds.build(dict.fromkeys(IDLE, "1")) == []
-    assert builds.build({"ROS_DISTRO": "other"}) == ["a"]
+    assert builds.build({"ROS_VERSION": "1"}) == ["a"]
 
 
 def test_a_variable_counts_for_the_package_that_names_it_and_for_who_reads_its_files(

@@ -13,6 +13,7 @@ from forge.build.recipes import fast_rosidl
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS
+from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,7 +39,7 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     """Return the steps for an ament_cmake package; AMENT_CMAKE_SYMLINK_INSTALL selects symlinks."""
     links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0")
     arguments = (*context.cmake_args, *context.ament_cmake_args)
-    entries = (links, *_test_results(context))
+    entries = (links, *_test_results(context), *_distribution(package, context))
     if not fast_rosidl.is_accelerated(package, context):
         return _recipe(package, context, arguments, entries)
     folder = scratch_folder(context.layout.build_dir(package.name))
@@ -54,7 +55,8 @@ def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
     fast = (FAST_ROSIDL,) if fast_rosidl.is_accelerated(package, context) else ()
-    return (*plain_options(package, context), *test_results, *context.ament_cmake_args, *fast)
+    distribution = (f"--rosdistro={value}" for _, value in _distribution(package, context))
+    return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args, *fast)
 
 
 def common_arguments(context: BuildContext) -> tuple[str, ...]:
@@ -196,6 +198,12 @@ def _how_to_install(package: Package, context: BuildContext) -> tuple[tuple[str,
 
 def _test_results(context: BuildContext) -> Pairs:
     return (("AMENT_TEST_RESULTS_DIR", str(context.test_results)),) if context.test_results else ()
+
+
+def _distribution(package: Package, context: BuildContext) -> Pairs:
+    """Return the ROS distribution for the package from which all interface packages learn it."""
+    is_read = package.embedded and package.name == GENERATORS
+    return (("FORGE_ROSDISTRO", context.rosdistro),) if is_read else ()
 
 
 def _links(package: Package, context: BuildContext) -> bool:

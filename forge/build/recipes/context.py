@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import OLDEST
 from forge.base.frozen import frozen
 from forge.build.up_to_date import LINKS, MANIFEST
 
@@ -36,6 +37,8 @@ class BuildContext:
     site_packages: str
     wheels: tuple[str, ...]
     generator: tuple[str, ...]
+    rosdistro: str = OLDEST
+    """The ROS distribution whose interfaces the embedded packages have."""
     tools: Pairs = ()
     cmake: Path | None = None
     ninja: Path | None = None

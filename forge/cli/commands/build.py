@@ -78,7 +78,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         return 0
     if options.reset_underlays and not options.dry_run:
         forget_underlays(layout.install)
-    variables = build_variables(layout, os.environ)
+    variables = build_variables(layout, os.environ, options.rosdistro)
     warn_of_lost_underlays(layout, os.environ, mode.warn)
     loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     mode.warn(loaded.warnings)

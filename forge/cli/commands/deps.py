@@ -19,7 +19,7 @@ from forge.base.errors import (
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
-from forge.cli.preparation import workspace_interpreter
+from forge.cli.preparation import known_rosdistro, workspace_interpreter
 from forge.doctor.system_deps.installing import install_commands, run_commands
 from forge.doctor.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
 from forge.doctor.system_deps.package_names import find_package_names, mistyped_distribution
@@ -103,11 +103,7 @@ def _add_actions(parser: Parser) -> None:
 
 def _add_sources(parser: Parser) -> None:
     """Add the options that choose the names of system packages."""
-    parser.add_argument(
-        "--rosdistro",
-        metavar="NAME",
-        help="ROS distribution whose packages to list, such as humble (default: ROS_DISTRO)",
-    )
+    shared.add_options(parser, "options", shared.DistributionOptions)
     parser.add_argument(
         "--rosdep-file",
         nargs="+",
@@ -126,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
     """Print a script with comments for each dependency and install commands, or run these; returns 0."""
     raise_if_any(_conflicts(options), SelectionError)
     root = Path.cwd()
-    rosdistro = options.rosdistro or os.environ.get("ROS_DISTRO", "")
+    rosdistro = known_rosdistro(options.rosdistro, root, root / options.install_base) or ""
     print_warnings(mistyped_distribution(rosdistro))
     variables = {**os.environ, "ROS_DISTRO": rosdistro} if rosdistro else dict(os.environ)
     kinds = _kinds(options.dependency_types or ())

@@ -7,12 +7,13 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import OLDEST
 from forge.base.errors import EnvironmentFault, Problem, SelectionError, print_warnings
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.options import FolderOptions
-from forge.cli.preparation import build_variables, workspace_interpreter
+from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.environment.prefixes import find_underlays
 from forge.workspace.load import load_workspace
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
@@ -61,11 +62,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _workspace(options: argparse.Namespace) -> Iterator[str]:
-    """Yield the interpreter of the workspace with what chose it, and the underlays."""
+    """Yield the interpreter of the workspace with what chose it, the ROS distribution and the underlays."""
     python, chain = _surroundings(options)
     yield f"workspace: {Path.cwd()}"
     if python:
         yield f"  python: {python.path} ({python.release}, {python.origin})"
+    yield f"  ROS distribution: {_rosdistro(options)}"
     if chain:
         yield f"  underlays: {' '.join(map(str, chain))}"
 
@@ -73,7 +75,17 @@ def _workspace(options: argparse.Namespace) -> Iterator[str]:
 def _plain_surroundings(options: argparse.Namespace) -> dict[str, object]:
     python, chain = _surroundings(options)
     fields = python and {"path": str(python.path), "version": python.release, "origin": python.origin}
-    return {"workspace": str(Path.cwd()), "python": fields, "underlays": list(map(str, chain))}
+    return {
+        "workspace": str(Path.cwd()),
+        "python": fields,
+        "rosdistro": _rosdistro(options),
+        "underlays": list(map(str, chain)),
+    }
+
+
+def _rosdistro(options: argparse.Namespace) -> str:
+    root = Path.cwd()
+    return known_rosdistro(None, root, root / options.install_base) or OLDEST
 
 
 def _surroundings(options: argparse.Namespace) -> tuple[Interpreter | None, Sequence[Path]]:

@@ -7,6 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
+from forge.base.distributions import OLDEST, up_to
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.files import read_file
 from forge.base.layout import PACKAGE
@@ -17,25 +18,31 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 EMBEDDED = PACKAGE / "embedded"
+SINCE = "since"
+"""The folder of an embedded package with the definitions that are new or different in a distribution."""
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
 """The folder and the file pattern of the run time for each language."""
 
 
-def read_folder(package: str, folder: Path) -> tuple[Source, ...]:
+def read_folder(package: str, folder: Path, rosdistro: str = OLDEST) -> tuple[Source, ...]:
     """Read the definitions of a package, sorted by kind and name; .idl files in other folders come last.
 
+    An embedded package has those of a ROS distribution.
     An .idl file beside a .msg, .srv or .action file of the same name is ignored: rosidl generated it.
     Raises InterfaceError if there are no definitions, or if one is not UTF-8.
     """
-    relatives = [
-        f"{kind}/{path.name}"
-        for kind in _namespaces(folder)
-        for path in sorted({*(folder / kind).glob(f"*.{kind}"), *_idl_only(folder / kind)})
-    ]
-    if not relatives:
+    definitions = {
+        path.relative_to(base).as_posix(): base
+        for base in reversed(_bases(folder, rosdistro))
+        for kind in _namespaces(base)
+        for path in sorted({*(base / kind).glob(f"*.{kind}"), *_idl_only(base / kind)})
+    }
+    if not definitions:
         hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
         raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
-    return tuple(read_source(package, folder, relative) for relative in relatives)
+    kinds = [kind for base in _bases(folder, rosdistro) for kind in _namespaces(base)]
+    in_order = sorted(definitions, key=lambda path: (kinds.index(path.partition("/")[0]), path))
+    return tuple(read_source(package, definitions[relative], relative) for relative in in_order)
 
 
 def read_source(package: str, base: Path, relative: str) -> Source:
@@ -87,6 +94,8 @@ class Library:
     includes: Mapping[str, Path] = field(default_factory=dict)
     prefixes: tuple[Path, ...] = ()
     embedded: Path | None = EMBEDDED
+    rosdistro: str = OLDEST
+    """The ROS distribution of the embedded definitions."""
     _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
 
     def find(self, name: TypeName) -> Parsed | None:
@@ -101,7 +110,11 @@ class Library:
         folder = self.folder(name.package)
         if not folder:
             return None
-        paths = (folder / name.kind / f"{name.name}.{ending}" for ending in (name.kind, "idl"))
+        paths = (
+            base / name.kind / f"{name.name}.{ending}"
+            for base in _bases(folder, self.rosdistro)
+            for ending in (name.kind, "idl")
+        )
         return next((path for path in paths if path.is_file()), None)
 
     def folder(self, package: str) -> Path | None:
@@ -121,7 +134,7 @@ class Library:
     def names(self) -> Iterator[TypeName]:
         """Yield the names of all available interfaces."""
         for package, folder in self.packages().items():
-            yield from names_in(package, folder)
+            yield from names_in(package, folder, self.rosdistro)
 
     def _folders(self, package: str) -> Iterator[Path]:
         if package in self.includes:
@@ -137,11 +150,24 @@ class Library:
         return Parsed(source, interface) if interface.name == name else None
 
 
-def names_in(package: str, folder: Path) -> Iterator[TypeName]:
+def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[TypeName]:
     """Yield the names of the interfaces in a folder, without installed requests and responses of services."""
-    for kind in _namespaces(folder):
-        stems = {path.stem for ending in (kind, "idl") for path in (folder / kind).glob(f"*.{ending}")}
+    bases = _bases(folder, rosdistro)
+    for kind in dict.fromkeys(kind for base in bases for kind in _namespaces(base)):
+        files = (path for base in bases for end in (kind, "idl") for path in (base / kind).glob(f"*.{end}"))
+        stems = {path.stem for path in files}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
+
+
+def _bases(folder: Path, rosdistro: str) -> tuple[Path, ...]:
+    """Return the folders that contain the definitions of a package; the first ones take precedence.
+
+    What differs from the oldest distribution is in the folder 'since' of an embedded package.
+    """
+    if not folder.is_relative_to(EMBEDDED):
+        return (folder,)
+    newer = (folder / SINCE / name for name in up_to(rosdistro))
+    return (*(base for base in newer if base.is_dir()), folder)
 
 
 def _has_interfaces(folder: Path) -> bool:

@@ -267,6 +267,7 @@ def test_a_workspace_has_scripts_for_every_shell(tmp_path: Path) -> None:
         "version": 1,
         "python": str(PYTHON.path),
         "underlays": [],
+        "rosdistro": None,
     }
 
 

@@ -9,8 +9,10 @@ from forge.cli.commands.interface import asking, compiling, describing, document
 if TYPE_CHECKING:
     import argparse
 
+    from forge.cli.main import Parser
 
-def register(parser: argparse.ArgumentParser) -> None:
+
+def register(parser: Parser) -> None:
     """Add the verbs of `forge interface`."""
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
     asking.register(verbs)

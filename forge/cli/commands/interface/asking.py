@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING
 from forge.base.ament_index import prefix_of
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import did_you_mean
-from forge.cli.commands.interface.inputs import known_library
+from forge.cli.commands.interface.inputs import add_distribution, known_library
 from forge.interfaces.read.sources import EMBEDDED, names_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from forge.cli.main import Parser
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.sources import Library
 
-    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (no public name)
+    Verbs = argparse._SubParsersAction[Parser]  # noqa: SLF001  (no public name)
 
 _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
 
@@ -40,17 +41,17 @@ def register(verbs: Verbs) -> None:
         "--all-comments", action="store_true", help="show the comments of nested messages, too"
     )
     levels.add_argument("--no-comments", action="store_true", help="omit comments and blank lines")
+    add_distribution(show)
     show.set_defaults(verb=_show)
     summary = "print a message, a service's request or an action's goal as YAML, with default values"
     proto = verbs.add_parser("proto", help=summary, description=summary)
     proto.add_argument("type", metavar="TYPE", type=_filled, help="full name of the interface")
     proto.add_argument("--no-quotes", action="store_true", help="print the YAML without surrounding quotes")
+    add_distribution(proto)
     proto.set_defaults(verb=_proto)
 
 
-def _add_listing(
-    verbs: Verbs, word: str, verb: Callable[[argparse.Namespace], int], summary: str
-) -> argparse.ArgumentParser:
+def _add_listing(verbs: Verbs, word: str, verb: Callable[[argparse.Namespace], int], summary: str) -> Parser:
     listing = verbs.add_parser(word, help=summary, description=summary)
     for flag, kind in (("msgs", "msg"), ("srvs", "srv"), ("actions", "action")):
         listing.add_argument(
@@ -61,6 +62,7 @@ def _add_listing(
             const=kind,
             help=f"list only {_HEADINGS[kind].rstrip(':').lower()}",
         )
+    add_distribution(listing)
     listing.set_defaults(verb=verb)
     return listing
 
@@ -72,7 +74,7 @@ def _filled(text: str) -> str:
 
 
 def _list(options: argparse.Namespace) -> int:
-    names = sorted(known_library().names())
+    names = sorted(known_library(options).names())
     for kind, heading in _HEADINGS.items():
         if not options.kinds or kind in options.kinds:
             print(heading)
@@ -83,12 +85,12 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _package(options: argparse.Namespace) -> int:
-    library = known_library()
+    library = known_library(options)
     folder = library.folder(options.package)
     if not folder:
         _check_package(options.package, library)
         return 0
-    for name in sorted(names_in(options.package, folder)):
+    for name in sorted(names_in(options.package, folder, library.rosdistro)):
         if not options.kinds or name.kind in options.kinds:
             print(name)
     return 0
@@ -97,8 +99,9 @@ def _package(options: argparse.Namespace) -> int:
 def _packages(options: argparse.Namespace) -> int:
     # With several kinds, `ros2 interface packages` uses the first one in this order.
     kind = next((kind for kind in _HEADINGS if kind in (options.kinds or ())), None)
-    for package, folder in known_library().packages().items():
-        names = list(names_in(package, folder))
+    library = known_library(options)
+    for package, folder in library.packages().items():
+        names = list(names_in(package, folder, library.rosdistro))
         if any(name.kind == kind for name in names) if kind else names:
             print(package)
     return 0
@@ -107,7 +110,7 @@ def _packages(options: argparse.Namespace) -> int:
 def _show(options: argparse.Namespace) -> int:
     from forge.interfaces.show import Comments, parse_type_name, show  # noqa: PLC0415  (not needed by the lists)
 
-    library = known_library()
+    library = known_library(options)
     text = sys.stdin.readline().strip() if options.type == "-" else options.type
     name = parse_type_name(text, library.names)
     path = _definition(name, library)
@@ -126,7 +129,7 @@ def _proto(options: argparse.Namespace) -> int:
     from forge.interfaces.resolve.resolution import nested_messages  # noqa: PLC0415
     from forge.interfaces.show import parse_type_name  # noqa: PLC0415
 
-    library = known_library()
+    library = known_library(options)
     name = parse_type_name(options.type, library.names)
     path = _definition(name, library)
     parsed = library.find(name)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from forge.cli.commands.interface.inputs import Verbs
+    from forge.cli.main import Parser
     from forge.interfaces.model import Catalog
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
@@ -43,7 +44,7 @@ def register(verbs: Verbs) -> None:
     generate.set_defaults(verb=_generate)
 
 
-def _add_outputs(parser: argparse.ArgumentParser) -> None:
+def _add_outputs(parser: Parser) -> None:
     parser.add_argument(
         "--output",
         metavar="DIR",

@@ -55,7 +55,7 @@ def register(verbs: Verbs) -> None:
 
 
 def _hash(options: argparse.Namespace) -> int:
-    library = known_library(includes_of(options))
+    library = known_library(options, includes_of(options))
     if not (options.package or options.files or options.what):
         hint = "name types, or a folder of definitions with --package"
         raise ForgeError(Problem("missing names of types", hint=hint))
@@ -82,7 +82,7 @@ def _folder(options: argparse.Namespace) -> str | None:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    library = known_library(includes_of(options))
+    library = known_library(options, includes_of(options))
     name = parse_type_name(options.type)
     parsed = library.find(name) or _missing(name, library)
     nested_messages(parsed, library)

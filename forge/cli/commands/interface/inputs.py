@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefixes
+from forge.base.distributions import VARIABLE, check_distribution, distribution_in
 from forge.base.errors import ForgeError, InterfaceError, Problem, raise_if_any
+from forge.cli.options import DistributionOptions, add_options
+from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
@@ -19,12 +22,13 @@ from forge.workspace.root import find_install
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from forge.cli.main import Parser
     from forge.interfaces.model import Catalog
 
-    Verbs = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001  (no public name)
+    Verbs = argparse._SubParsersAction[Parser]  # noqa: SLF001  (no public name)
 
 
-def add_inputs(parser: argparse.ArgumentParser) -> None:
+def add_inputs(parser: Parser) -> None:
     """Add the options that select definitions."""
     parser.add_argument(
         "--package", metavar="NAME", help="name of the package that the definitions belong to"
@@ -46,7 +50,7 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_includes(parser: argparse.ArgumentParser) -> None:
+def add_includes(parser: Parser) -> None:
     """Add the option for folders of other packages."""
     parser.add_argument(
         "--include",
@@ -57,6 +61,12 @@ def add_includes(parser: argparse.ArgumentParser) -> None:
         type=_pair("=", str.partition),
         help="folder with subfolders msg, srv and action of another package; repeatable",
     )
+    add_distribution(parser)
+
+
+def add_distribution(parser: Parser) -> None:
+    """Add the option for the ROS distribution of embedded definitions."""
+    add_options(parser, "options", DistributionOptions)
 
 
 def includes_of(options: argparse.Namespace) -> dict[str, Path]:
@@ -69,13 +79,29 @@ def library_of(options: argparse.Namespace, recorded: Mapping[str, Path] | None 
 
     Builds generate code with it: only what is included or sourced counts, as for other compilers.
     """
-    return Library(includes={**(recorded or {}), **includes_of(options)}, prefixes=prefixes(os.environ))
+    return Library(
+        includes={**(recorded or {}), **includes_of(options)},
+        prefixes=prefixes(os.environ),
+        rosdistro=distribution_of(options, find_install(Path.cwd(), Path.home())),
+    )
 
 
-def known_library(includes: Mapping[str, Path] | None = None) -> Library:
+def known_library(options: argparse.Namespace, includes: Mapping[str, Path] | None = None) -> Library:
     """Return the definitions that can be asked about: in addition those of the enclosing workspace."""
     install = find_install(Path.cwd(), Path.home())
-    return Library(includes=includes or {}, prefixes=known_prefixes(os.environ, install))
+    return Library(
+        includes=includes or {},
+        prefixes=known_prefixes(os.environ, install),
+        rosdistro=distribution_of(options, install),
+    )
+
+
+def distribution_of(options: argparse.Namespace, install: Path | None) -> str:
+    """Return the distribution of embedded definitions, by default that of the enclosing workspace."""
+    check_distribution(options.rosdistro)
+    root = install.parent if install else Path.cwd()
+    known = known_rosdistro(options.rosdistro, root, install or root / "install")
+    return distribution_in({VARIABLE: known} if known else {})
 
 
 def catalog_of(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:
@@ -88,7 +114,7 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         raise ForgeError(Problem(f"'{package}' is not a valid name of an interface package", hint=hint))
     sources = tuple(read_source(package, Path(base), relative) for base, relative in options.files)
     if folder:
-        sources += read_folder(package, Path(folder))
+        sources += read_folder(package, Path(folder), library.rosdistro)
     if not sources:
         hint = "name a folder that contains msg, srv or action"
         raise ForgeError(Problem("no interface definitions found", hint=hint))

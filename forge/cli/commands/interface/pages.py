@@ -10,6 +10,7 @@ from forge.base.ament_index import prefixes
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
+from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
@@ -47,7 +48,8 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     raise_if_any(_buried([root / each.path for each in found.packages.values()], out))
     install = find_install(root, Path.home())
     underlays = underlay_prefixes(install) if install else ()
-    library = Library(includes=folders, prefixes=(*prefixes(os.environ), *underlays))
+    sourced = (*prefixes(os.environ), *underlays)
+    library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options, install))
     whole = _wanted(options, folders, library)
     catalogs = _catalogs(whole, library)
     abouts = {
@@ -129,7 +131,7 @@ def _catalogs(folders: Mapping[str, Path], library: Library) -> tuple[Catalog, .
 def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceError:
     """Return a catalog, or the error, so that errors of all packages are reported."""
     try:
-        return resolve(name, parse_all(read_folder(name, folder)), library)
+        return resolve(name, parse_all(read_folder(name, folder, library.rosdistro)), library)
     except InterfaceError as error:
         return error
 

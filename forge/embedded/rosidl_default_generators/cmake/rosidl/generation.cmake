@@ -4,8 +4,9 @@
 function(_rosidl_generate target tuples packages)
   _rosidl_output_folder(output "${target}")
   _rosidl_place_code("${target}")
+  get_property(distribution GLOBAL PROPERTY rosidl_distribution)
   set(words
-    --package ${PROJECT_NAME} --output "${output}" --no-runtime
+    --package ${PROJECT_NAME} --rosdistro ${distribution} --output "${output}" --no-runtime
     --lang python --lang cpp --lang c --lang idl --lang json
     --stamp "${output}/stamp" --depfile "${output}/stamp.d")
   foreach(package IN LISTS packages)

@@ -75,6 +75,29 @@ macro(rosidl_generate_interfaces target)
   ament_execute_extensions(rosidl_generate_idl_interfaces)
 endmacro()
 
+# rosidl_interfaces_of_distribution(<variable>)
+#
+# Return the definitions of the current source folder that the ROS distribution has: those of the oldest one in
+# msg, srv and action, replaced or completed by those in since/<distribution>. Only forge's own packages use it.
+function(rosidl_interfaces_of_distribution variable)
+  get_property(distributions GLOBAL PROPERTY rosidl_distributions)
+  set(relatives "")
+  set(tuples "")
+  foreach(base IN LISTS distributions ITEMS .)
+    if(NOT base STREQUAL ".")
+      string(PREPEND base "since/")
+    endif()
+    get_filename_component(base "${base}" ABSOLUTE)
+    file(GLOB found CONFIGURE_DEPENDS RELATIVE "${base}"
+      "${base}/msg/*.msg" "${base}/srv/*.srv" "${base}/action/*.action")
+    list(REMOVE_ITEM found "" ${relatives})
+    list(APPEND relatives ${found})
+    list(TRANSFORM found PREPEND "${base}:")
+    list(APPEND tuples ${found})
+  endforeach()
+  set(${variable} "${tuples}" PARENT_SCOPE)
+endfunction()
+
 # _rosidl_read_files(<variable> <target> <file>...): check the files, and return them as BASE:NAMESPACE/NAME.EXT.
 function(_rosidl_read_files variable target)
   if(TARGET "${target}")
