@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from forge.base.files import write_if_changed
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import Catalog, Source
 from forge.interfaces.python import modules, target
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
 

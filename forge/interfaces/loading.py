@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import snake_case
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.python.target import files
 from forge.interfaces.read.parsing import Parsed, parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import parse_name, read_schema

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.distributions import OLDEST, VARIABLE
 from forge.base.errors import Location, Problem
 from forge.base.files import unfit
-from forge.base.layout import PACKAGE
+from forge.base.standard_interfaces import EMBEDDED, SINCE, has_definitions
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import Dependency, DependencyKind, Package, Workspace
@@ -57,9 +57,9 @@ def discover(
 
 def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     """Return the packages that forge has for a ROS distribution; an invalid one is a bug in forge."""
-    home = PACKAGE / "embedded"
-    folders = sorted(path.parent for path in home.glob("*/package.xml"))
-    packages = (read_package(home, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
+    folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
+    folders = [path for path in folders if not (path / SINCE).is_dir() or has_definitions(path, rosdistro)]
+    packages = (read_package(EMBEDDED, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
     return {p.name: replace(p, embedded=True) for p in packages}
 
 

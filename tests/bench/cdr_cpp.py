@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
-from forge.interfaces.read.sources import EMBEDDED
 from forge.interfaces.show import parse_type_name
 from tests import fastcdr
 from tests.bench.figures import Case, Series

@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.files import write_if_changed
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.headers import main_path
-from forge.interfaces.read.sources import EMBEDDED
 from tests.bench.figures import Series
 from tests.bench.generation import DEBIAN_PYTHON, ROSIDL, ROSIDL_PROGRAM, rosidl_variables
 from tests.bench.timing import Variant

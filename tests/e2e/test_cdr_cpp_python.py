@@ -24,12 +24,13 @@ from hypothesis import HealthCheck, given, settings
 
 from forge.base.files import write_if_changed
 from forge.base.names import snake_case
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.cpp.headers import main_path
 from forge.interfaces.cpp.text import qualified
 from forge.interfaces.model import messages_of
 from forge.interfaces.python import target as python
-from forge.interfaces.read.sources import EMBEDDED, Library
+from forge.interfaces.read.sources import Library
 from tests import fastcdr
 from tests.generated import embedded_catalog, importable, probe_catalog
 from tests.messages import class_of, messages, plain

@@ -7,19 +7,23 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
-from forge.base.distributions import OLDEST, up_to
+from forge.base.distributions import OLDEST
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.files import read_file
-from forge.base.layout import PACKAGE
+from forge.base.standard_interfaces import (
+    EMBEDDED,
+    SINCE,
+    definition_folders,
+    find_definition,
+    has_definitions,
+    removed_definitions,
+)
 from forge.interfaces.model import File, Source, TypeName
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-EMBEDDED = PACKAGE / "embedded"
-SINCE = "since"
-"""The folder of an embedded package with the definitions that are new or different in a distribution."""
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
 """The folder and the file pattern of the run time for each language."""
 
@@ -31,18 +35,20 @@ def read_folder(package: str, folder: Path, rosdistro: str = OLDEST) -> tuple[So
     An .idl file beside a .msg, .srv or .action file of the same name is ignored: rosidl generated it.
     Raises InterfaceError if there are no definitions, or if one is not UTF-8.
     """
-    definitions = {
-        path.relative_to(base).as_posix(): base
-        for base in reversed(_bases(folder, rosdistro))
-        for kind in _namespaces(base)
-        for path in sorted({*(base / kind).glob(f"*.{kind}"), *_idl_only(base / kind)})
-    }
+    bases = definition_folders(folder, rosdistro)
+    definitions: dict[str, Path | None] = {}
+    for base in bases:
+        found = (path for kind in _namespaces(base) for path in _files(base / kind, kind))
+        for path in found:
+            definitions.setdefault(path.relative_to(base).as_posix(), base)
+        for relative in removed_definitions(base):
+            definitions.setdefault(relative, None)
     if not definitions:
         hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
         raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
-    kinds = [kind for base in _bases(folder, rosdistro) for kind in _namespaces(base)]
-    in_order = sorted(definitions, key=lambda path: (kinds.index(path.partition("/")[0]), path))
-    return tuple(read_source(package, definitions[relative], relative) for relative in in_order)
+    kinds = [kind for base in bases for kind in _namespaces(base)]
+    in_order = sorted(definitions.items(), key=lambda item: (kinds.index(item[0].partition("/")[0]), item[0]))
+    return tuple(read_source(package, base, relative) for relative, base in in_order if base)
 
 
 def read_source(package: str, base: Path, relative: str) -> Source:
@@ -111,15 +117,14 @@ class Library:
         if not folder:
             return None
         paths = (
-            base / name.kind / f"{name.name}.{ending}"
-            for base in _bases(folder, self.rosdistro)
+            find_definition(folder, self.rosdistro, f"{name.kind}/{name.name}.{ending}")
             for ending in (name.kind, "idl")
         )
-        return next((path for path in paths if path.is_file()), None)
+        return next(filter(None, paths), None)
 
     def folder(self, package: str) -> Path | None:
         """Return the folder with the msg, srv and action folders of a package."""
-        return next((folder for folder in self._folders(package) if _has_interfaces(folder)), None)
+        return next((each for each in self._folders(package) if _has_interfaces(each, self.rosdistro)), None)
 
     def packages(self) -> dict[str, Path]:
         """Return the folder of each package that has interfaces, by name."""
@@ -152,25 +157,17 @@ class Library:
 
 def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[TypeName]:
     """Yield the names of the interfaces in a folder, without installed requests and responses of services."""
-    bases = _bases(folder, rosdistro)
+    bases = definition_folders(folder, rosdistro)
+    removed = frozenset[str]().union(*map(removed_definitions, bases))
     for kind in dict.fromkeys(kind for base in bases for kind in _namespaces(base)):
         files = (path for base in bases for end in (kind, "idl") for path in (base / kind).glob(f"*.{end}"))
-        stems = {path.stem for path in files}
+        stems = {path.stem for path in files if f"{kind}/{path.name}" not in removed}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
 
 
-def _bases(folder: Path, rosdistro: str) -> tuple[Path, ...]:
-    """Return the folders that contain the definitions of a package; the first ones take precedence.
-
-    What differs from the oldest distribution is in the folder 'since' of an embedded package.
-    """
-    if not folder.is_relative_to(EMBEDDED):
-        return (folder,)
-    newer = (folder / SINCE / name for name in up_to(rosdistro))
-    return (*(base for base in newer if base.is_dir()), folder)
-
-
-def _has_interfaces(folder: Path) -> bool:
+def _has_interfaces(folder: Path, rosdistro: str) -> bool:
+    if (folder / SINCE).is_dir() and folder.is_relative_to(EMBEDDED):
+        return has_definitions(folder, rosdistro)
     return any((folder / kind).is_dir() for kind in SECTIONS) or any(folder.glob("*/*.idl"))
 
 
@@ -178,6 +175,10 @@ def _namespaces(folder: Path) -> tuple[str, ...]:
     """Return the names of folders with definitions: msg, srv and action, then others with .idl files."""
     others = {path.parent.name for path in folder.glob("*/*.idl")} - SECTIONS.keys()
     return (*SECTIONS, *sorted(others))
+
+
+def _files(folder: Path, kind: str) -> list[Path]:
+    return sorted({*folder.glob(f"*.{kind}"), *_idl_only(folder)})
 
 
 def _idl_only(folder: Path) -> list[Path]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.interfaces.read.sources import EMBEDDED
+from forge.base.standard_interfaces import EMBEDDED
 from tests.generated import RUNTIME
 
 if TYPE_CHECKING:

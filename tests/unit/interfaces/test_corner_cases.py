@@ -16,6 +16,7 @@ import pytest
 
 from forge.base.errors import InterfaceError
 from forge.base.names import snake_case
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces import load
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (
@@ -30,7 +31,7 @@ from forge.interfaces.model import (
     TypeName,
 )
 from forge.interfaces.read.parsing import parse, parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces import type_description
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:

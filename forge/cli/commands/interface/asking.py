@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from forge.base.ament_index import prefix_of
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import did_you_mean
+from forge.base.standard_interfaces import EMBEDDED
 from forge.cli.commands.interface.inputs import add_distribution, known_library
-from forge.interfaces.read.sources import EMBEDDED, names_in
+from forge.interfaces.read.sources import names_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable

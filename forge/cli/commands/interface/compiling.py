@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import InterfaceError, Problem, raise_if_any
+from forge.base.standard_interfaces import EMBEDDED
 from forge.base.templating import keep_compiled
 from forge.cli.commands.interface.inputs import add_inputs, catalog_of, library_of
 from forge.interfaces.fingerprints import fingerprints
 from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
-from forge.interfaces.read.sources import EMBEDDED, Library, read_runtime
+from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.rendering import Part, parts
 from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclared_dependencies
 from forge.interfaces.writing import write, write_depfile, write_stamp

@@ -10,12 +10,13 @@ from forge.base.ament_index import prefixes
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
+from forge.base.standard_interfaces import EMBEDDED
 from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, names_in, read_folder
+from forge.interfaces.read.sources import Library, names_in, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.site.generator import PackageInfo, site

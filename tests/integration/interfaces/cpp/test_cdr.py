@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.files import write_if_changed
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
-from forge.interfaces.read.sources import EMBEDDED, Library
+from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.wire.flattening import INLINE_LIMIT
 from tests.generated import catalog_of, embedded_catalog

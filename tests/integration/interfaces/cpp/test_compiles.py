@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.files import write_if_changed
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import (
     Array,
@@ -26,7 +27,7 @@ from forge.interfaces.model import (
     messages_of,
 )
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 
 if TYPE_CHECKING:

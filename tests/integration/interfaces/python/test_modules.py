@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import forge
-from forge.interfaces.read.sources import EMBEDDED
+from forge.base.standard_interfaces import EMBEDDED
 from tests.generated import generate_embedded, run_python
 
 ROOT = Path(forge.__file__).parents[1]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.dependencies import dependency_catalogs
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.site.generator import site

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.interfaces.read.sources import EMBEDDED
+from forge.base.standard_interfaces import EMBEDDED
 from tests.generated import generate_embedded, run_python
 from tests.sites import read_page
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import InterfaceError
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import TypeName
-from forge.interfaces.read.sources import EMBEDDED, Library, names_in, read_folder, read_runtime, read_source
+from forge.interfaces.read.sources import Library, names_in, read_folder, read_runtime, read_source
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from forge.base.standard_interfaces import EMBEDDED
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, Source, String, TypeName
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import EMBEDDED, Library, read_folder
+from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.site.generator import PackageInfo, site
 from forge.interfaces.site.text import Paragraph, paragraphs, summary

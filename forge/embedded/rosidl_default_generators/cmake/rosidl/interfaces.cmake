@@ -78,10 +78,11 @@ endmacro()
 # rosidl_interfaces_of_distribution(<variable>)
 #
 # Return the definitions of the current source folder that the ROS distribution has: those of the oldest one in
-# msg, srv and action, replaced or completed by those in since/<distribution>. Only forge's own packages use it.
+# msg, srv and action, replaced or completed by those in since/<distribution>, without those named in
+# since/<distribution>/removed. Only forge's own packages use it.
 function(rosidl_interfaces_of_distribution variable)
   get_property(distributions GLOBAL PROPERTY rosidl_distributions)
-  set(relatives "")
+  set(known "")
   set(tuples "")
   foreach(base IN LISTS distributions ITEMS .)
     if(NOT base STREQUAL ".")
@@ -90,8 +91,12 @@ function(rosidl_interfaces_of_distribution variable)
     get_filename_component(base "${base}" ABSOLUTE)
     file(GLOB found CONFIGURE_DEPENDS RELATIVE "${base}"
       "${base}/msg/*.msg" "${base}/srv/*.srv" "${base}/action/*.action")
-    list(REMOVE_ITEM found "" ${relatives})
-    list(APPEND relatives ${found})
+    list(REMOVE_ITEM found "" ${known})
+    list(APPEND known ${found})
+    if(EXISTS "${base}/removed")
+      file(STRINGS "${base}/removed" removed)
+      list(APPEND known ${removed})
+    endif()
     list(TRANSFORM found PREPEND "${base}:")
     list(APPEND tuples ${found})
   endforeach()
@@ -136,6 +141,9 @@ endfunction()
 # _rosidl_tell_of_forgotten_files(<tuples>): warn about definitions that CMakeLists.txt does not list.
 function(_rosidl_tell_of_forgotten_files tuples)
   file(READ "${CMAKE_CURRENT_LIST_FILE}" text)
+  if(text MATCHES "rosidl_interfaces_of_distribution")
+    return()
+  endif()
   file(GLOB found RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}"
     "${CMAKE_CURRENT_SOURCE_DIR}/msg/*.msg"
     "${CMAKE_CURRENT_SOURCE_DIR}/srv/*.srv"

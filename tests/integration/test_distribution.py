@@ -1,0 +1,70 @@
+"""--rosdistro: the ROS distribution whose interfaces forge brings along."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+MANIFEST = """<package format="3"><name>a</name><version>1.0.0</version><description>d</description>
+<maintainer email="m@example.com">m</maintainer><license>MIT</license>
+<depend condition="$ROS_DISTRO >= jazzy">service_msgs</depend>
+<export><build_type>cmake</build_type></export></package>"""
+
+
+@pytest.fixture
+def root(tree: Tree) -> Path:
+    lists = "cmake_minimum_required(VERSION 3.18)\nproject(a NONE)\n"
+    return tree({"src/a/package.xml": MANIFEST, "src/a/CMakeLists.txt": lists})
+
+
+def told(forge: Forge, root: Path, **env: str) -> object:
+    return json.loads(forge("info", "--json", cwd=root, env=env).out)["rosdistro"]
+
+
+def test_the_environment_precedes_forge_toml_the_last_build_and_humble(forge: Forge, root: Path) -> None:
+    assert told(forge, root) == "humble"
+    assert "  ROS distribution: humble\n" in forge("info", cwd=root).out
+    state = {"python": "python3", "underlays": [], "rosdistro": "kilted"}
+    (root / "install").mkdir()
+    (root / "install/.forge.json").write_text(json.dumps(state))
+    assert told(forge, root) == "kilted"
+    (root / "forge.toml").write_text('[build]\nrosdistro = "rolling"\n')
+    assert told(forge, root) == "rolling"
+    assert told(forge, root, ROS_DISTRO="jazzy") == "jazzy"
+
+
+def plan(forge: Forge, root: Path, *argv: str, **env: str) -> str:
+    return forge("build", "--dry-run", *argv, cwd=root, env=env).out
+
+
+def test_conditions_of_manifests_are_evaluated_for_the_distribution(forge: Forge, root: Path) -> None:
+    assert "service_msgs" not in plan(forge, root)
+    assert "service_msgs" in plan(forge, root, "--rosdistro", "jazzy")
+    assert "service_msgs" in plan(forge, root, ROS_DISTRO="kilted")
+    assert "service_msgs" not in plan(forge, root, "--rosdistro", "humble", ROS_DISTRO="kilted")
+    (root / "forge.toml").write_text('[build]\nrosdistro = "rolling"\n')
+    assert "service_msgs" in plan(forge, root)
+    assert "service_msgs" not in plan(forge, root, ROS_DISTRO="humble")
+
+
+def test_a_distribution_without_embedded_interfaces_is_refused_by_name(forge: Forge, root: Path) -> None:
+    result = forge("build", "--rosdistro", "kiltd", cwd=root)
+    assert result.code == 2
+    assert result.err == (
+        "error: --rosdistro: unknown ROS distribution 'kiltd'\nhint: did you mean 'kilted'?\n"
+    )
+
+
+@pytest.mark.parametrize(("distribution", "number"), [("humble", 0), ("iron", 0), ("jazzy", 1)])
+def test_interfaces_are_shown_as_the_distribution_has_them(
+    forge: Forge, root: Path, distribution: str, number: int
+) -> None:
+    shown = forge("interface", "show", "sensor_msgs/msg/Range", cwd=root, env={"ROS_DISTRO": distribution})
+    assert shown.out.count("float32 variance") == number
