@@ -148,7 +148,8 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
 def _ros_package(folder: Folder, variables: Mapping[str, str]) -> Package:
     """Return the package described by package.xml, with the name and type assigned by the user."""
     package = read_package(folder.place, Path(), variables)
-    manifest = replace(package.manifest, path=folder.path / "package.xml")
+    warnings = _relative(package.manifest.warnings, folder)
+    manifest = replace(package.manifest, path=folder.path / "package.xml", warnings=warnings)
     if folder.name:
         manifest = replace(manifest, name=folder.name)
     if folder.type and folder.type != "ros":

@@ -155,7 +155,10 @@ def test_mixins_can_be_listed_and_shown(forge: Forge, root: Path) -> None:
         2,
         "error: unknown mixin 'releas' for 'build'\nhint: did you mean 'release'?\n",
     )
-    assert forge("mixin", "show", "tset", cwd=root).code == 2
+    assert "did you mean 'test'?" in forge("mixin", "show", "tset", cwd=root).err
+    assert "build:\n- release\n" in forge("mixin", "show", "release", cwd=root).out
+    ran = forge("mixin", "show", "relase", cwd=root)
+    assert ran.err == "error: unknown mixin 'relase'\nhint: did you mean 'release'?\n"
 
 
 def test_the_variable_names_more_folders_of_mixins(forge: Forge, root: Path) -> None:

@@ -126,6 +126,15 @@ def test_ignored_packages_are_as_if_they_were_not_there(forge: Forge, workspace:
     assert forge("list", "-n", "--packages-ignore-regex", "[ab]", cwd=workspace).out == "c\np\n"
 
 
+def test_warnings_of_manifests_name_their_file(forge: Forge, tree: Tree) -> None:
+    root = tree({"src/arm/package.xml": manifest_text("Arm"), "src/Leg/package.xml": manifest_text("Leg")})
+    lines = forge("list", cwd=root).err.splitlines()
+    assert [line.partition(":")[0] for line in lines if "warning:" in line] == [
+        "src/Leg/package.xml",
+        "src/arm/package.xml",
+    ]
+
+
 def test_list_graph_and_info_speak_json(forge: Forge, workspace: Path) -> None:
     rows = json.loads(forge("list", "--json", "--packages-select", "a", cwd=workspace).out)
     assert rows == [{"name": "a", "path": "src/a", "type": "ros.ament_cmake"}]

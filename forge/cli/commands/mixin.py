@@ -49,7 +49,7 @@ def register(parser: Parser) -> None:
     listing.set_defaults(verb=_list)
     summary = "print the options of mixins"
     showing = verbs.add_parser("show", help=summary, description=summary)
-    showing.add_argument("of", nargs="?", metavar="COMMAND", help="only mixins of this command")
+    showing.add_argument("of", nargs="?", metavar="COMMAND", help="only mixins of this command, or of this name")
     showing.add_argument("name", nargs="?", metavar="MIXIN", help="only this mixin")
     showing.set_defaults(verb=_show)
     for verb in (listing, showing):
@@ -131,9 +131,12 @@ def _print_names(mixins: Iterable[Mixin]) -> None:
 def _show(options: argparse.Namespace) -> None:
     mixins = _all_mixins(options)
     chosen = [mixin for mixin in mixins if _matches(mixin, options)]
+    # A single word is a command, else a mixin of any command.
+    chosen = chosen or [mixin for mixin in mixins if options.name is None and mixin.name == options.of]
     if not chosen:
-        wanted = f"'{options.name}' for '{options.of}'" if options.name else f"for '{options.of}'"
-        known = [mixin.name if options.name else mixin.verb for mixin in mixins]
+        wanted = f"'{options.name}' for '{options.of}'" if options.name else f"'{options.of}'"
+        verbs = () if options.name else (mixin.verb for mixin in mixins)
+        known = (*verbs, *(mixin.name for mixin in mixins))
         raise SelectionError(
             Problem(f"unknown mixin {wanted}", hint=did_you_mean(options.name or options.of, known))
         )
