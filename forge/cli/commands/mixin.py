@@ -49,7 +49,7 @@ def register(parser: Parser) -> None:
     listing.set_defaults(verb=_list)
     summary = "print the options of mixins"
     showing = verbs.add_parser("show", help=summary, description=summary)
-    showing.add_argument("of", nargs="?", metavar="COMMAND", help="only mixins of this command, or of this name")
+    showing.add_argument("of", nargs="?", metavar="COMMAND", help="only mixins of this command, or so named")
     showing.add_argument("name", nargs="?", metavar="MIXIN", help="only this mixin")
     showing.set_defaults(verb=_show)
     for verb in (listing, showing):
