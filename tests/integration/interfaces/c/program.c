@@ -49,6 +49,7 @@ static void * limited_realloc(void * data, size_t size)
 #include "probe/msg/nest.h"
 #include "probe/msg/wide.h"
 #include "rosidl_runtime_c/sequence_bound.h"
+#include "rosidl_runtime_c/type_description_utils.h"
 #include "rosidl_runtime_c/type_hash.h"
 #include "sensor_msgs/msg/image.h"
 #include "std_msgs/msg/float64_multi_array.h"
@@ -264,6 +265,25 @@ static void hashes_are_written_and_read(void)
   CHECK(!forge_read_type_hash(written, &hash) && hash.version == 1);
 }
 
+static void descriptions_are_messages(void)
+{
+  rosidl_runtime_c__type_description__TypeDescription * one =
+    rosidl_runtime_c__type_description__TypeDescription__create();
+  rosidl_runtime_c__type_description__TypeDescription * two =
+    rosidl_runtime_c__type_description__TypeDescription__create();
+  CHECK(one && two && rosidl_runtime_c__type_description__TypeDescription__are_equal(one, two));
+  CHECK(rosidl_runtime_c__type_description__Field__Sequence__init(&one->type_description.fields, 2));
+  one->type_description.fields.data[1].type.capacity = 7;
+  CHECK(rosidl_runtime_c__String__assign(&one->type_description.fields.data[0].default_value, "1"));
+  CHECK(!rosidl_runtime_c__type_description__TypeDescription__are_equal(one, two));
+  CHECK(rosidl_runtime_c__type_description__TypeDescription__copy(one, two));
+  CHECK(two->type_description.fields.data[1].type.capacity == 7);
+  CHECK(rosidl_runtime_c__type_description__TypeDescription__are_equal(one, two));
+  CHECK(!rosidl_runtime_c__type_description__KeyValue__are_equal(NULL, NULL));
+  rosidl_runtime_c__type_description__TypeDescription__destroy(one);
+  rosidl_runtime_c__type_description__TypeDescription__destroy(two);
+}
+
 static void bounds_are_found_by_identifier(void)
 {
   const rosidl_runtime_c__Sequence__bound bound = {"mine", NULL, get_sequence_bound_handle_function};
@@ -367,6 +387,7 @@ int main(void)
   copies_keep_what_they_need();
   null_is_refused();
   hashes_are_written_and_read();
+  descriptions_are_messages();
   bounds_are_found_by_identifier();
   services_and_actions_have_their_parts();
   memory_may_run_out();
