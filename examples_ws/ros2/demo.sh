@@ -106,10 +106,12 @@ end_all
 section 'domain id'
 # Nodes see each other only within one domain.
 start near ros2 run example_topic_rclpy topic_subscribe_02
+start near_publisher ros2 run example_topic_rclpy topic_publisher_02
+await near "heard 'backward'"
 start far env ROS_DOMAIN_ID=42 ros2 run example_topic_rclcpp topic_subscribe_01
-start publisher env ROS_DOMAIN_ID=42 ros2 run example_topic_rclcpp topic_publisher_01
+start far_publisher env ROS_DOMAIN_ID=42 ros2 run example_topic_rclcpp topic_publisher_01
 await far "heard 'forward'"
-if grep -F 'heard' "$printed/near"; then
+if grep -F "heard 'forward'" "$printed/near" || grep -F "heard 'backward'" "$printed/far"; then
   printf 'that came from another domain\n' >&2
   exit 1
 fi
@@ -225,9 +227,9 @@ await by_xml "heard 'forward'"
 end_all
 start composed ros2 launch robot_startup example_composition.launch.py
 await composed "heard 'forward'"
-# Without copies the subscriber has the message that the publisher made.
-sent=$(grep -m 1 -o 'publishing from 0x.*' "$printed/composed" | grep -o '0x.*')
-await composed "heard 'forward' at $sent"
+# Without copies the subscriber gets the very message that the publisher made.
+address=$(grep -m 1 -F "heard 'forward'" "$printed/composed" | grep -o '0x.*')
+await composed "publishing from $address"
 end_all
 
 printf '\nAll nodes did what they are for.\n'

@@ -245,10 +245,15 @@ def _unknown_types(names: Iterable[str], resolution: DependencyResolution) -> It
     for name in names:
         package = resolution.packages[name]
         if package.build_type not in RECIPES:
-            hint = did_you_mean(package.build_type, RECIPES)
             message = f"unsupported build type '{package.build_type}' of package '{name}'"
-            supported = f"supported build types: {', '.join(sorted(RECIPES))}"
-            yield Problem(message, Location(package.manifest.path), hint or supported)
+            yield Problem(message, Location(package.manifest.path), _hint_on_type(package.build_type, name))
+
+
+def _hint_on_type(build_type: str, name: str) -> str:
+    if build_type == "catkin":
+        what = "catkin, the build type of a package.xml that names none, is for ROS 1"
+        return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"
+    return did_you_mean(build_type, RECIPES) or f"supported build types: {', '.join(sorted(RECIPES))}"
 
 
 def _not_installed(

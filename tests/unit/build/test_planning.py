@@ -311,6 +311,17 @@ def test_an_unknown_build_type_is_an_error() -> None:
     assert error.value.problems[0].hint == "did you mean 'ament_cmake'?"
 
 
+def test_a_package_of_ros_1_is_named_as_such() -> None:
+    """A package.xml without a build type means catkin (REP 149): often the wrong branch of a repository."""
+    with pytest.raises(WorkspaceError) as raised:
+        make_plan(("a",), resolution(package("a", build_type="catkin")), Snapshot(), CONTEXT, GLOBAL)
+    assert str(raised.value).endswith(
+        "error: unsupported build type 'catkin' of package 'a'\n"
+        "hint: catkin, the build type of a package.xml that names none, is for ROS 1; "
+        "check out a branch for ROS 2, add a build type, or pass --packages-skip a"
+    )
+
+
 def test_a_new_build_folder_is_configured_built_and_installed_with_ninja() -> None:
     steps = plan("a").tasks["a"].steps
     assert [step.label for step in steps] == ["cmake", "build", "install"]
