@@ -98,8 +98,8 @@ def _effective_kind(kind: AccessKind, program: str, step: StepKind) -> AccessKin
 def explain(access: Access, tracked: Tracked, machine: Machine, disk: Disk) -> str:
     """Return why an access is not a finding, or '' if it is one."""
     path, kind = access.path, access.kind
-    if kind is AccessKind.SEEN and disk.is_folder(path):
-        access = Access(path, AccessKind.FOLDER, access.program)
+    if kind in _OF_FOLDERS and disk.is_folder(path):
+        access = Access(path, _OF_FOLDERS[kind], access.program)
     reason = _explain(access, tracked, machine)
     if not reason and kind is AccessKind.MISSED:
         missing = disk.first_missing(path)
@@ -111,6 +111,9 @@ def explain(access: Access, tracked: Tracked, machine: Machine, disk: Disk) -> s
         reason = _explain(Access(real, access.kind, access.program), tracked, machine) if real != path else ""
     return reason
 
+
+_OF_FOLDERS = {AccessKind.SEEN: AccessKind.FOLDER, AccessKind.READ: AccessKind.LISTED}
+"""The meaning of these if the path is a folder; CMake 4.4 opens folders to list without O_DIRECTORY."""
 
 NAMES = "names in a folder"
 

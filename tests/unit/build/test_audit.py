@@ -213,6 +213,14 @@ def test_what_forge_leaves_out_on_purpose_has_a_row(
     assert row in {each.what for each in ROWS}
 
 
+def test_a_folder_that_is_read_is_listed() -> None:
+    access = Access("/home/me/tool/bin", AccessKind.READ, "cmake")
+    assert explain(access, TRACKED, MACHINE, replace(DISK, is_folder=lambda _: True)) == (
+        "which files there are in the system's own folders"
+    )
+    assert not explain(access, TRACKED, MACHINE, DISK)
+
+
 def test_a_compiler_reports_what_it_reads_and_a_check_of_cmake_does_not() -> None:
     """The other headers that a compiler opens are asked for by __has_include."""
     accesses = Accesses(
