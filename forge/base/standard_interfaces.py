@@ -12,7 +12,6 @@ from forge.base.distributions import DISTRIBUTIONS, OLDEST, up_to
 from forge.base.layout import PACKAGE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 EMBEDDED = PACKAGE / "embedded"
@@ -69,15 +68,15 @@ def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
     return tuple(name for name in DISTRIBUTIONS if has_definitions(folder, name))
 
 
-def other_distributions(package: str, rosdistro: str, relative: str = "") -> Iterator[str]:
-    """Yield a hint that names the distributions with what `rosdistro` lacks, if there are any."""
+def distribution_hint(package: str, rosdistro: str, relative: str = "") -> str | None:
+    """Return a hint that names the distributions with what `rosdistro` lacks, None if there are none."""
     found = distributions_with(package, relative)
     if not found or rosdistro in found:
-        return
+        return None
     name = f"{package}/{relative.rpartition('/')[2].partition('.')[0]}" if relative else package
     if found[0] == OLDEST:
         span = f"up to {found[-1].capitalize()}"
     else:
         span = f"in {found[0].capitalize()}" + (" and later" if found[-1] == DISTRIBUTIONS[-1] else "")
     nearest = found[-1] if found[0] == OLDEST else found[0]
-    yield f"'{name}' exists {span}; this workspace is for {rosdistro}: --rosdistro {nearest}"
+    return f"'{name}' exists {span}, this workspace is for {rosdistro.capitalize()}: --rosdistro {nearest}"

@@ -121,6 +121,10 @@ class _Schema:
         yield from self._parsed
         yield from self._library.names()
 
+    def distribution_hint(self, name: TypeName) -> str | None:
+        """Return which other ROS distributions have the definition, None if there are none."""
+        return self._library.distribution_hint(name)
+
 
 def _import(catalogs: Sequence[Catalog]) -> Types:
     """Register the rendered modules of some catalogs with the import system."""

@@ -12,12 +12,14 @@ from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import ordered_names
+from forge.base.standard_interfaces import distribution_hint
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded
 from forge.workspace.filters import apply_filters
 from forge.workspace.overrides import read_overrides
 from forge.workspace.resolve import (
     ALL_KINDS,
+    GENERATORS,
     DependencyResolution,
     break_test_cycles,
     resolve_dependencies,
@@ -118,12 +120,18 @@ def _resolve(
     underlays = find_underlays(variables, install)
     # If this workspace is sourced, its own results are on PATH.
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
-    return resolve_dependencies(
+    rosdistro = distribution_in(variables)
+    resolution = resolve_dependencies(
         workspace.packages,
-        discover_embedded(distribution_in(variables)),
+        discover_embedded(rosdistro),
         cache(lambda name: provider(name, underlays, system)),
         lambda: ament_index.resources("packages", underlays.prefixes),
     )
+    if GENERATORS in resolution.withheld:
+        return resolution
+    missing = {name for names in resolution.missing.values() for name in names}
+    hints = {name: hint for name in missing if (hint := distribution_hint(name, rosdistro))}
+    return replace(resolution, elsewhere=hints)
 
 
 def _needs(resolution: DependencyResolution, duplicates: Iterable[Package]) -> Mapping[str, frozenset[str]]:

@@ -77,15 +77,28 @@ def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) 
     Names that are probably misspelt have a problem each.
     """
     known = tuple(resolution.known()) if found else ()
+    problems: list[Problem] = []
     groups: dict[tuple[tuple[str, ...], str, str | None], list[str]] = {}
     for dependency, users in sorted(found.items()):
         reason = resolution.withheld.get(dependency, "")
+        if hint := resolution.elsewhere.get(dependency):
+            problems.append(_of_another_distribution(dependency, users, resolution, hint))
+            continue
         near = similar_package(dependency, known)
         groups.setdefault((tuple(sorted(users)), reason, near), []).append(dependency)
-    return tuple(
+    problems += (
         _missing(names, resolution.packages[users[0]], _dependents(users), reason, near)
         for (users, reason, near), names in groups.items()
     )
+    return tuple(problems)
+
+
+def _of_another_distribution(
+    dependency: str, users: Sequence[str], resolution: DependencyResolution, hint: str
+) -> Problem:
+    location = declaration(resolution.packages[min(users)].manifest.path, dependency)
+    message = f"{_dependents(sorted(users))} '{dependency}', which the chosen ROS distribution does not have"
+    return Problem(message, location, hint)
 
 
 def _dependents(users: Sequence[str]) -> str:

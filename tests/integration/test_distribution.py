@@ -68,3 +68,43 @@ def test_interfaces_are_shown_as_the_distribution_has_them(
 ) -> None:
     shown = forge("interface", "show", "sensor_msgs/msg/Range", cwd=root, env={"ROS_DISTRO": distribution})
     assert shown.out.count("float32 variance") == number
+
+
+def test_an_unknown_type_says_which_distribution_has_it(forge: Forge, root: Path) -> None:
+    (root / "msg").mkdir()
+    (root / "msg/A.msg").write_text("nav_msgs/Goals goals\n")
+    argv = ("interface", "generate", ".", "--package", "a", "--output", "out", "--lang", "json")
+    result = forge(*argv, cwd=root)
+    hint = (
+        "hint: 'nav_msgs/Goals' exists in Jazzy and later, this workspace is for Humble: --rosdistro jazzy\n"
+    )
+    assert result.code == 2
+    assert "error: unknown type 'nav_msgs/Goals'" in result.err
+    assert result.err.endswith(hint)
+    assert forge("interface", "show", "nav_msgs/msg/Goals", cwd=root).err.endswith(hint)
+    assert forge(*argv, "--rosdistro", "kilted", cwd=root).code == 0
+    gone = forge("interface", "show", "geometry_msgs/msg/Pose2D", "--rosdistro", "rolling", cwd=root).err
+    assert (
+        "'geometry_msgs/Pose2D' exists up to Kilted, this workspace is for Rolling: --rosdistro kilted"
+        in gone
+    )
+    missing = forge("interface", "package", "type_description_interfaces", cwd=root)
+    assert "'type_description_interfaces' exists in Jazzy and later" in missing.err
+
+
+def test_a_missing_package_says_which_distribution_has_it(forge: Forge, root: Path) -> None:
+    (root / "src/a/package.xml").write_text(MANIFEST.replace("service_msgs", "type_description_interfaces"))
+    planned = forge("build", "--dry-run", cwd=root, env={"ROS_DISTRO": "jazzy"})
+    assert "type_description_interfaces" in planned.out
+    text = MANIFEST.replace("$ROS_DISTRO >= jazzy", "$ROS_DISTRO == humble")
+    text = text.replace("service_msgs", "type_description_interfaces")
+    (root / "src/a/package.xml").write_text(text)
+    (root / "src/a/CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.18)\nproject(a)\n"
+        "find_package(type_description_interfaces REQUIRED)\n"
+    )
+    refused = forge("build", cwd=root).err
+    assert (
+        "'a' needs 'type_description_interfaces', which the chosen ROS distribution does not have" in refused
+    )
+    assert "this workspace is for Humble: --rosdistro jazzy" in refused

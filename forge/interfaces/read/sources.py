@@ -14,6 +14,7 @@ from forge.base.standard_interfaces import (
     EMBEDDED,
     SINCE,
     definition_folders,
+    distribution_hint,
     find_definition,
     has_definitions,
     removed_definitions,
@@ -141,6 +142,13 @@ class Library:
         for package, folder in self.packages().items():
             yield from names_in(package, folder, self.rosdistro)
 
+    def distribution_hint(self, name: TypeName) -> str | None:
+        """Return which distributions have a type that an embedded package of this one lacks, or None."""
+        folder = self.folder(name.package)
+        if folder and not _is_embedded(folder):
+            return None
+        return distribution_hint(name.package, self.rosdistro, f"{name.kind}/{name.name}.{name.kind}")
+
     def _folders(self, package: str) -> Iterator[Path]:
         if package in self.includes:
             yield self.includes[package]
@@ -163,6 +171,14 @@ def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[Ty
         files = (path for base in bases for end in (kind, "idl") for path in (base / kind).glob(f"*.{end}"))
         stems = {path.stem for path in files if f"{kind}/{path.name}" not in removed}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
+
+
+def _is_embedded(folder: Path) -> bool:
+    """Tell whether the definitions are forge's own, or were installed from these."""
+    if folder.is_relative_to(EMBEDDED):
+        return True
+    manifest = folder / "package.xml"
+    return manifest.is_file() and "<forge_family>" in manifest.read_text(encoding="utf-8")
 
 
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:

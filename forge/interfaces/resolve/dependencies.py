@@ -31,6 +31,9 @@ class DefinitionLookup(Protocol):
     def names(self) -> Iterable[TypeName]:
         """Return all available names, for hints."""
 
+    def distribution_hint(self, name: TypeName) -> str | None:
+        """Return which other ROS distributions have the interface, None if there are none."""
+
 
 def undeclared_dependencies(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
     """Return a problem for each field with a type from a package that is not in `declared`.

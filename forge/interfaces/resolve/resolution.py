@@ -153,6 +153,8 @@ class _Search:
             return Problem(f"unknown type '{written}'", member.place, hint)
         if len(self.problems) >= _MAX_EXPLAINED:
             return Problem(f"unknown type '{written}'", member.place)
+        if elsewhere := self.known.distribution_hint(name):
+            return Problem(f"unknown type '{written}'", member.place, elsewhere)
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
         candidates = {f"{n.package}/{n.name}": n for n in names if n.kind not in {"srv", "action"}}
         return Problem(f"unknown type '{written}'", member.place, _hint(name, self.package, candidates))

@@ -73,6 +73,9 @@ class _Nothing:
     def find(self, name: TypeName) -> Parsed | None:
         """Return nothing."""
 
+    def distribution_hint(self, name: TypeName) -> None:
+        del name
+
     def names(self) -> tuple[TypeName, ...]:
         """Return nothing."""
         return ()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.ament_index import prefix_of
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import did_you_mean
-from forge.base.standard_interfaces import EMBEDDED
+from forge.base.standard_interfaces import EMBEDDED, distribution_hint
 from forge.cli.commands.interface.inputs import add_distribution, known_library
 from forge.interfaces.read.sources import names_in
 
@@ -147,7 +147,7 @@ def _definition(name: TypeName, library: Library) -> Path:
     path = library.file(name)
     if path:
         return path
-    near = did_you_mean(str(name), [str(each) for each in library.names()])
+    near = library.distribution_hint(name) or did_you_mean(str(name), [str(each) for each in library.names()])
     missing = folder / name.kind / f"{name.name}.idl"
     raise InterfaceError(Problem(f"Could not find the interface '{missing}'", hint=near))
 
@@ -157,7 +157,8 @@ def _check_package(package: str, library: Library) -> Path:
     prefix = prefix_of(package, library.prefixes)
     if prefix:
         return prefix / "share" / package
-    if (EMBEDDED / package / "package.xml").is_file():
+    hint = distribution_hint(package, library.rosdistro)
+    if not hint and (EMBEDDED / package / "package.xml").is_file():
         return EMBEDDED / package
-    hint = did_you_mean(package, library.packages())
+    hint = hint or did_you_mean(package, library.packages())
     raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))

@@ -36,6 +36,10 @@ class Shelf:
         source = Source(name.package, f"{name.kind}/{name.name}.{name.kind}", Path(path), self.texts[path])
         return Parsed(source, parse(source))
 
+    def distribution_hint(self, name: TypeName) -> None:
+        """Return nothing: the types of the table are of no distribution."""
+        del name
+
     def names(self) -> Iterable[TypeName]:
         """Return what the table holds."""
         return [TypeName(*path.partition(".")[0].split("/")) for path in self.texts]
