@@ -25,6 +25,7 @@ from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import relevant_environment
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays
+from forge.environment.underlay_python import lacks_modules
 from forge.environment.underlays import lost_underlays
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
@@ -53,8 +54,9 @@ def build_variables(
     """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
 
     Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
-    recorded by an earlier build are used even if they are not sourced in this shell. The ROS distribution is
-    `rosdistro`, else that of the environment, else that of an earlier build.
+    recorded by an earlier build are used even if they are not sourced in this shell, and those of which the
+    shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
+    that of the environment, else that of an earlier build.
     """
     chosen = {VARIABLE: rosdistro} if rosdistro else {}
     recorded = recorded_rosdistro(layout.install)
@@ -62,11 +64,12 @@ def build_variables(
     variables = {**defaults, **without_own(surroundings, layout.install), **chosen}
     sourced = find_underlays(variables, layout.install).chain
     forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
-    if not forgotten:
+    incomplete = [root for root in sourced if lacks_modules(root, variables)]
+    if not (forgotten or incomplete):
         return variables
     from forge.environment.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
 
-    return {**workspace_environment(forgotten, variables), **chosen}
+    return {**workspace_environment([*incomplete, *forgotten], variables), **chosen}
 
 
 def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str], warn: WarningReporter) -> None:

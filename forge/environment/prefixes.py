@@ -48,6 +48,7 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     ]
     roots = _folders(variables, "COLCON_PREFIX_PATH")
     roots += filter(None, map(_root_of, _folders(variables, "AMENT_PREFIX_PATH")))
+    roots += filter(_is_distribution, _folders(variables, "CMAKE_PREFIX_PATH"))
     chain = [root for root in dict.fromkeys(roots) if not _inside(root.resolve(), own)]
     held = [package.prefix for root in chain for package in installed_packages(root)]
     return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys([*prefixes, *held])))
@@ -125,6 +126,11 @@ def _root_of(prefix: Path) -> Path | None:
     if any(prefix.glob("local_setup.*")):
         return prefix
     return prefix.parent if _layout(prefix.parent) == "isolated" else None
+
+
+def _is_distribution(prefix: Path) -> bool:
+    """Tell whether a prefix has the setup scripts of ros_workspace, as each ROS 2 in /opt/ros."""
+    return os.path.isfile(f"{prefix}/_local_setup_util.py")  # noqa: PTH113  (called for many prefixes)
 
 
 def _layout(root: Path) -> str | None:

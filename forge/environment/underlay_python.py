@@ -13,7 +13,7 @@ from forge.base.layout import LAYOUT_MARKER
 from forge.environment.install_state import recorded_python
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
 Version = tuple[int, int]
 
@@ -29,6 +29,16 @@ def python_versions(root: Path) -> frozenset[Version]:
     """Return the Python versions of an underlay's modules in lib/pythonX.Y; empty without modules."""
     found = (versions for prefix in _prefixes(root) if (versions := frozenset(_versions(prefix))))
     return next(found, frozenset())
+
+
+def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
+    """Tell whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
+
+    So it is where only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH name a distribution, as below `sudo -E`.
+    """
+    known = {os.path.realpath(entry) for entry in variables.get("PYTHONPATH", "").split(os.pathsep) if entry}
+    folders = [folder for folder, _ in _module_folders(root)]
+    return bool(folders) and known.isdisjoint(map(os.path.realpath, folders))
 
 
 def underlay_python(root: Path) -> Path | None:
@@ -48,12 +58,19 @@ def _prefixes(root: Path) -> Iterator[Path]:
 
 
 def _versions(prefix: Path) -> Iterator[Version]:
+    return (version for _, version in _module_folders(prefix))
+
+
+def _module_folders(prefix: Path) -> Iterator[tuple[str, Version]]:
+    """Yield the folders with Python modules of one prefix, and the versions in their names."""
     for library in _LIBRARIES:
         for name in _entries(f"{prefix}/{library}"):
             match = _FOLDER.fullmatch(name)
-            # Empty folders of that name also belong to underlays without modules.
-            if match and any(_entries(f"{prefix}/{library}/{name}/{folder}") for folder in _MODULES):
-                yield int(match[1]), int(match[2])
+            for folder in _MODULES if match else ():
+                path = f"{prefix}/{library}/{name}/{folder}"
+                # Empty folders of that name also belong to underlays without modules.
+                if match and _entries(path):
+                    yield path, (int(match[1]), int(match[2]))
 
 
 def _interpreters(prefix: Path) -> Iterator[Path]:

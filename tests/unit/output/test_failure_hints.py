@@ -38,6 +38,10 @@ SCENE = FailureContext(
             "AttributeError: module 'em' has no attribute 'BUFFERED_OPT'",
             "/venv/bin/python3 -m pip install 'empy<4'",
         ),
+        (
+            'Imported target "shapes::py" includes\n  non-existent path\n\n    "/a/numpy/_core/include"',
+            "/venv/bin/python3 -m pip install numpy",
+        ),
         ("ModuleNotFoundError: No module named 'yaml.x'", "/venv/bin/python3 -m pip install PyYAML"),
         ("ModuleNotFoundError: No module named 'ament_x.y'", "a ROS installation that contains 'ament_x'"),
         (
