@@ -70,7 +70,7 @@ def load_workspace(
     """
     found = find_packages(root, query.search, variables)
     workspace = _without(found, ignored(query, found.packages))
-    whole = _resolve(workspace, variables, install or root / "install", embedded=embedded)
+    whole = resolve_workspace(workspace, variables, install or root / "install", embedded=embedded)
     resolution, cycle_warnings = break_test_cycles(whole)
     listing = install is None
     duplicates = workspace.duplicates if listing else ()
@@ -112,9 +112,10 @@ def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
     return replace(workspace, packages=packages, duplicates=duplicates)
 
 
-def _resolve(
+def resolve_workspace(
     workspace: Workspace, variables: Mapping[str, str], install: Path, *, embedded: bool
 ) -> DependencyResolution:
+    """Return where the packages' dependencies come from; without `embedded`, only those in the workspace."""
     if not embedded:
         return resolve_dependencies(workspace.packages, {}, lambda _: None)
     underlays = find_underlays(variables, install)

@@ -15,6 +15,7 @@ import pytest
 
 from forge.doctor.system_deps.system import system_of
 from forge.toolchain.os_release import os_release
+from tests.installs import Made, make_install
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
@@ -130,6 +131,15 @@ def test_what_is_there_is_named_only_when_asked(forge: Forge, root: Path) -> Non
     assert "# std_msgs (forge), needed by a\n" in everything
     assert "# nothing (apt: nothing to install), needed by a\n" in everything
     assert "std_msgs" not in deps(forge, root).out
+
+
+def test_underlays_are_those_of_a_build(forge: Forge, root: Path) -> None:
+    """Remembered ones as well; and with their generators, the embedded interfaces cannot be used."""
+    below = make_install(root / "below", [Made("nav2_msgs"), Made("rosidl_cmake")], merged=True).install
+    make_install(root, [], underlays=(below,))
+    out = deps(forge, root).out
+    assert "nav2_msgs" not in out
+    assert "# std_msgs, needed by a: ROS package" in out
 
 
 def test_as_json(forge: Forge, root: Path) -> None:

@@ -19,7 +19,7 @@ from forge.base.errors import (
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
-from forge.cli.preparation import known_rosdistro, workspace_interpreter
+from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
 from forge.doctor.system_deps.installing import install_commands, run_commands
 from forge.doctor.system_deps.outstanding import USUAL_KINDS, is_installed, needs_of
 from forge.doctor.system_deps.package_names import find_package_names, mistyped_distribution
@@ -29,7 +29,7 @@ from forge.doctor.system_deps.system import installed_names, system_of
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
-from forge.workspace.load import load_workspace
+from forge.workspace.load import load_workspace, resolve_workspace
 from forge.workspace.model import DependencyKind
 from forge.workspace.resolve import provided_names
 
@@ -37,11 +37,12 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
+    from forge.base.layout import Layout
     from forge.cli.main import Parser
     from forge.doctor.system_deps.outstanding import DependencyStatus
     from forge.doctor.system_deps.package_names import PackageNames
     from forge.doctor.system_deps.system import System
-    from forge.workspace.load import LoadedWorkspace
+    from forge.workspace.model import Workspace
 
 
 def register(parser: Parser) -> None:
@@ -135,10 +136,11 @@ def run(options: argparse.Namespace) -> int:
         raise SelectionError(Problem(f"no packages found below '{root}'", hint=hint))
     print_warnings(loaded.warnings)
     selected = [loaded.packages[node] for node in loaded.selection.names]
-    found = needs_of(selected, kinds, _provider(loaded, root / options.install_base), names.resolve)
+    layout = shared.FolderOptions(install_base=options.install_base).layout(root)
+    found = needs_of(selected, kinds, _provider(loaded.workspace, layout), names.resolve)
     needs = tuple(need for need in found if need.key not in options.skip_keys)
     print_warnings(_unresolved(needs, names, system))
-    python = _python(options, root)
+    python = _python(options, layout, root)
     # It is unknown what is installed on another system.
     have = frozenset() if options.os else _installed(needs, python)
     if options.json:
@@ -189,15 +191,19 @@ def _kinds(words: tuple[str, ...]) -> frozenset[DependencyKind]:
     return frozenset(known[word] for word in words) or USUAL_KINDS
 
 
-def _provider(loaded: LoadedWorkspace, install: Path) -> Callable[[str], str | None]:
-    """Return a function from a package name to what provides it: workspace, underlay, system or forge."""
-    underlays = find_underlays(os.environ, install)
-    system = tuple(path for path in system_prefixes(os.environ) if not path.is_relative_to(install))
-    own = {package.name for package in loaded.packages.values()} | loaded.workspace.packages.keys()
-    embedded = provided_names(discover_embedded())
+def _provider(workspace: Workspace, layout: Layout) -> Callable[[str], str | None]:
+    """Return a function from a package name to what provides it: workspace, underlay, system or forge.
+
+    Underlays and embedded packages are those of a build.
+    """
+    variables = build_variables(layout, os.environ)
+    underlays = find_underlays(variables, layout.install)
+    system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(layout.install))
+    withheld = resolve_workspace(workspace, variables, layout.install, embedded=True).withheld
+    embedded = provided_names(discover_embedded()) - withheld.keys()
 
     def find(name: str) -> str | None:
-        if name in own:
+        if name in workspace.packages:
             return "the workspace"
         found = provider(name, underlays, system)
         return str(found) if found else "forge" if name in embedded else None
@@ -205,8 +211,7 @@ def _provider(loaded: LoadedWorkspace, install: Path) -> Callable[[str], str | N
     return find
 
 
-def _python(options: argparse.Namespace, root: Path) -> str:
-    layout = shared.FolderOptions(install_base=options.install_base).layout(root)
+def _python(options: argparse.Namespace, layout: Layout, root: Path) -> str:
     try:
         return str(workspace_interpreter(options.python, layout, root).path)
     except EnvironmentFault as fault:
