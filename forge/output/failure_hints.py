@@ -247,11 +247,6 @@ def _headers_not_installed(name: str, context: FailureContext) -> str | None:
     return f"'{name}' does not install its headers: add {line} to its CMakeLists.txt"
 
 
-def _numpy_moved(path: str, context: FailureContext) -> str:
-    place = f"the underlay was built with the NumPy in '{path}', which does not exist"
-    return f"{place}: {install_command(Path(context.python), ('numpy',))}"
-
-
 def _built_in_source(_: str, context: FailureContext) -> str | None:
     if "CMakeCache.txt" not in context.files:
         return None
@@ -371,7 +366,7 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
     (re.compile(r'file\s+INSTALL\s+cannot\s+find\s+"([^"]+)"'), _no_such_file),
     (re.compile(r"was\s+given\s+'([^']+)',\s+which\s+does\s+not\s+exist"), _no_such_file),
     (re.compile(r"can't copy '([^']+)': doesn't exist"), _no_such_file),
-    (re.compile(r'includes\s+non-existent\s+path\s+"([^"]*/numpy/[^"]*)"'), _numpy_moved),
+    (re.compile(r'includes\s+non-existent\s+path\s+"[^"]*/(numpy)/'), _module_not_found),
     (
         re.compile(r'Imported\s+target\s+"([\w-]+)(?:::[^"]*)?"\s+includes\s+non-existent\s+path'),
         _headers_not_installed,
