@@ -223,8 +223,8 @@ def test_every_name_that_the_build_tools_answer_to_is_found(ament: Ament) -> Non
     texts = [(EMBEDDED / name / "package.xml").read_text(encoding="utf-8") for name in BUILD_TOOLS]
     names = [name for text in texts for name in re.findall("<forge_provides>(.*)</forge_provides>", text)]
     tools = re.compile(
-        "ament_lint$|ament_lint_cmake$|ament_(?!cmake|lint|package)"
-    )  # programs, no CMake packages
+        "ament_lint$|ament_lint_cmake$|ament_(?!cmake|lint|package)|.*_(?:introspection|fastrtps)_"
+    )  # programs, and type supports without code: no CMake packages
     asked = [name for name in (*BUILD_TOOLS, *names) if not tools.match(name)]
     loop = f"foreach(name {' '.join(asked)})\nfind_package(${{name}} 0.10 REQUIRED)\n"
     check = 'if(NOT ${name}_FOUND_AMENT_PACKAGE)\nmessage(FATAL_ERROR "${name}")\nendif()\nendforeach()\n'

@@ -36,6 +36,7 @@ ENDINGS = ("msg", "srv", "action", "idl")
 SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
 """The kinds of files, and the name suffix of each of their sections."""
 
+_BYTE_ORDER_MARK = "\ufeff"
 _SEPARATOR = "---"
 _SEPARATOR_RULES = {
     1: "must not contain '---'",
@@ -114,7 +115,7 @@ class _Line:
 
 
 def _lines(source: Source) -> list[_Line]:
-    text = source.text.removeprefix("\ufeff")
+    text = source.text.removeprefix(_BYTE_ORDER_MARK)
     return [_Line(n, line.replace("\t", " "), line) for n, line in enumerate(text.splitlines(), 1)]
 
 
@@ -132,6 +133,10 @@ def _sections(lines: list[_Line]) -> Iterator[list[_Line]]:
 def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count: int) -> list[Problem]:
     """Return the problems with the name of the file and its number of sections."""
     problems = []
+    if source.text.startswith(_BYTE_ORDER_MARK):
+        message = "the file starts with a byte-order mark, which ROS's own generators reject"
+        hint = "save it as UTF-8 without a byte-order mark"
+        problems.append(Problem(message, Location(source.path, 1), hint))
     if not TYPE_NAME.fullmatch(name.name):
         message = f"invalid interface name '{name.name}'"
         hint = "use CamelCase: letters and digits, the first in upper case"
