@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
+
+from tests.snippets import ROOT
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -93,6 +97,17 @@ def test_create_makes_the_destination_and_the_python_package(forge: Forge, tmp_p
     made = {path.relative_to(tmp_path / "new/src/walker").as_posix() for path in tmp_path.rglob("*.py")}
     tests = {f"test/test_{name}.py" for name in ("copyright", "flake8", "pep257")}
     assert made == {"setup.py", "walker/__init__.py", "walker/walk.py", "walker/gait/__init__.py", *tests}
+
+
+def test_create_is_complete_though_nobody_reads_what_it_prints(tmp_path: Path) -> None:
+    argv = (sys.executable, "-m", "forge", "pkg", "create", "p", "--build-type", "ament_cmake")
+    ours, theirs = os.pipe()
+    os.close(ours)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    ran = subprocess.run(argv, cwd=tmp_path, stdout=theirs, env=environment, check=False)
+    os.close(theirs)
+    assert ran.returncode == 0
+    assert (tmp_path / "p/CMakeLists.txt").is_file()
 
 
 def test_create_renames_a_node_called_like_the_library(forge: Forge, tmp_path: Path) -> None:

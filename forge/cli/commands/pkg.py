@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import getpass
+import io
 import os
 import subprocess
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -146,12 +148,16 @@ def _create(options: argparse.Namespace) -> None:
         hint = "remove it, or choose another name or --destination-directory"
         raise ForgeError(Problem(f"'{folder}' already exists", hint=hint))
     items = render_package(blueprint)
-    _announce(blueprint, folder.parent.resolve())
+    report = io.StringIO()
     try:
-        _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
+        with redirect_stdout(report):  # a reader that leaves early must not stop halfway
+            _announce(blueprint, folder.parent.resolve())
+            _write(blueprint, f"{options.destination_directory.rstrip('/')}/{blueprint.name}", items)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise EnvironmentFault(Problem(f"cannot create '{error.filename or folder}': {reason}")) from None
+    finally:
+        print(report.getvalue(), end="")
     _warn_about(blueprint)
 
 
