@@ -119,7 +119,7 @@ def test_installed_interfaces_are_found_by_name(installed: Path) -> None:
     """rosidl_runtime_py reads the index of what is installed, and brings along what reads it."""
     code = (
         "from rosidl_runtime_py import get_interface_path, get_interfaces; "
-        "print(get_interfaces(['rover'])); print(get_interface_path('rover/srv/Plan'))"
+        "print(get_interfaces(['rover', 'rosidl_parser'])); print(get_interface_path('rover/srv/Plan'))"
     )
     assert shell(f'source install/setup.bash\npython3 -c "{code}"', installed).splitlines() == [
         "{'rover': ['action/Drive', 'msg/Route', 'msg/Waypoint', 'srv/Plan']}",

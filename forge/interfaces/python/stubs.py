@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
     from forge.interfaces.model import Constant, Element, Field, Message, Type, TypeName
 
-BUILTINS: Final = frozenset({"bool", "bytearray", "bytes", "float", "int", "list", "property", "str"})
+BUILTINS: Final = frozenset(
+    {"bool", "bytearray", "bytes", "float", "int", "list", "object", "property", "str"}
+)
 """Builtins used in stubs; a field of such a name shadows one inside its class."""
 
 
@@ -90,6 +92,11 @@ class MessageStub:
     doc: tuple[str, ...]
     constants: tuple[MemberStub, ...]
     fields: tuple[MemberStub, ...]
+    check_fields: str | None
+    """The type of the constructor's argument of this name; None if a field has the name.
+
+    Not bool: an unpacked dict[str, float] could not be passed then.
+    """
 
 
 def view_stub(message: Message, names: StubNames) -> MessageStub:
@@ -101,6 +108,7 @@ def view_stub(message: Message, names: StubNames) -> MessageStub:
         doc=docstring(message.doc or (f"Message class '{message.name.name}'.",)),
         constants=tuple(_constant(constant, names) for constant in message.constants),
         fields=tuple(_field(field, names) for field in message.fields),
+        check_fields=None if "check_fields" in fields else names.builtin("object"),
     )
 
 

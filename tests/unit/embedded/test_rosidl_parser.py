@@ -68,4 +68,10 @@ def test_the_abstract_bases_are_those_that_readers_of_slot_types_ask_for(definit
     assert isinstance(definition.Array(element, 1), definition.AbstractNestedType)
     assert isinstance(definition.BoundedSequence(element, 1), definition.AbstractSequence)
     assert not isinstance(definition.Array(element, 1), definition.AbstractSequence)
-    assert definition.NamespacedType(["a", "msg"], "B").namespaced_name() == ("a", "msg", "B")
+    assert definition.NamespacedType(("a", "msg"), "B").namespaced_name() == ("a", "msg", "B")
+    assert definition.NamespacedType(("a", "msg"), "B").namespaces == ["a", "msg"]
+
+
+def test_a_name_of_a_type_is_found_in_the_table_of_its_kind(definition: ModuleType) -> None:
+    assert (definition.BOOLEAN_TYPE, definition.OCTET_TYPE) == ("boolean", "octet")
+    assert {"boolean", "octet", "char", "double", "uint64"} <= set(definition.BASIC_TYPES)

@@ -124,6 +124,20 @@ def test_slot_types_are_found_by_name(msg: ModuleType, runtime: ModuleType) -> N
     )
 
 
+def test_a_class_written_by_hand_needs_only_slots(runtime: ModuleType) -> None:
+    class ByHand:
+        __slots__ = ("_speed",)
+        SLOT_TYPES = ("double",)
+
+    assert dict(runtime.get_message_slot_types(ByHand())) == {"speed": "double"}
+
+
+def test_a_single_value_is_converted_with_the_keys_of_a_dictionary_whole(runtime: ModuleType) -> None:
+    convert = import_module("rosidl_runtime_py.convert")._convert_value  # noqa: SLF001  (see its docstring)
+    assert convert({1: "abc", "key": b"abc"}, truncate_length=1) == {1: "a...", "key": "a..."}
+    assert runtime.convert._convert_value((1, 2), truncate_length=1) == (1, "...")  # noqa: SLF001
+
+
 # From dictionaries to fields
 
 
@@ -248,6 +262,27 @@ def test_services_and_actions_are_found_by_name(names: ModuleType) -> None:
     service, action = import_module("probe.srv").Point, import_module("probe.action").Act
     assert names.get_service("probe/Point") is names.get_interface("probe/srv/Point") is service
     assert names.get_action("probe/Act") is names.get_action("probe/action/Act") is action
+
+
+NAMED = [
+    ("get_namespaced_type", "probe/srv/Point", ["probe", "srv"]),
+    ("get_message_namespaced_type", "probe/Point", ["probe", "msg"]),
+    ("get_message_namespaced_type", "probe/msg/Point", ["probe", "msg"]),
+    ("get_service_namespaced_type", "probe/Point", ["probe", "srv"]),
+    ("get_action_namespaced_type", "probe/Point", ["probe", "action"]),
+]
+
+
+@pytest.mark.parametrize(("function", "name", "namespaces"), NAMED)
+def test_a_name_becomes_a_type(names: ModuleType, function: str, name: str, namespaces: list[str]) -> None:
+    type_ = getattr(names, function)(name)
+    assert (type_.namespaces, type_.name) == (namespaces, "Point")
+
+
+def test_the_class_of_a_collections_elements_is_deprecated(msg: ModuleType, runtime: ModuleType) -> None:
+    points = msg.Loose.SLOT_TYPES[-1]
+    with pytest.warns(DeprecationWarning, match="value_type"):
+        assert runtime.import_message_from_namespaced_type(points) is msg.Point
 
 
 PARTS = [

@@ -114,6 +114,14 @@ def test_a_default_read_on_the_class_is_fresh_and_shared_on_instances(msg: Modul
     assert getattr(msg.Defaults(), name) is getattr(msg.Defaults(), name)
 
 
+def test_the_namespace_of_a_derived_class_begins_with_constants_and_defaults(msg: ModuleType) -> None:
+    prepared = type(msg.Defaults).__prepare__("Derived", (msg.Defaults,))
+    assert (prepared["WHOLE__DEFAULT"], prepared["SOME__DEFAULT"]) == (0.0, array("i", [1, 2]))
+    assert prepared["SOME__DEFAULT"] is not msg.Defaults().SOME__DEFAULT
+    assert type(msg.Constants).__prepare__("Derived", ())["LOW"] == -128
+    assert type(msg.Point).__prepare__("Derived", ()) == {}
+
+
 def test_slots_stand_in_the_order_of_the_fields_and_nothing_else_can_be_set(msg: ModuleType) -> None:
     assert msg.Nested.__slots__ == ["_header", "_point"]
     with pytest.raises(AttributeError):
@@ -159,11 +167,22 @@ def test_slot_types_describe_the_fields(msg: ModuleType) -> None:
     assert msg.Fixed.SLOT_TYPES[-1] == definition.Array(point, 2)
     assert msg.Loose().SLOT_TYPES[-1] == definition.UnboundedSequence(point)
     assert definition.UnboundedWString() in msg.Scalars.SLOT_TYPES
+    assert msg.Nested.SLOT_TYPES[1].namespaces == ["probe", "msg"]
 
 
 def test_unknown_keywords_are_refused_in_order(msg: ModuleType) -> None:
     with refused("Invalid arguments passed to constructor: a, z"):
         msg.Point(z=1, a=2, x=0.0)
+
+
+def test_check_fields_is_accepted_and_never_turns_the_checks_off(msg: ModuleType) -> None:
+    for wanted in (True, False):
+        message = msg.Point(x=1.0, check_fields=wanted)
+        assert message == msg.Point(x=1.0)
+        with refused("The 'x' field must be of type 'float'"):
+            message.x = 1
+    with refused("Invalid arguments passed to constructor: a"):
+        msg.Point(a=1, check_fields=True)
 
 
 def test_arguments_are_keywords_only(msg: ModuleType) -> None:

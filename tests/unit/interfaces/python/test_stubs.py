@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,6 +22,23 @@ def test_a_docstring_says_what_its_lines_say(lines: list[str]) -> None:
     else:
         end = "\n" if len(lines) > 1 else ""
         assert ast.literal_eval(text) == "\n".join(stripped) + end
+
+
+@pytest.mark.parametrize(
+    ("field", "argument"),
+    [
+        ("value", "check_fields: object"),
+        ("object", "check_fields: _object"),
+        ("check_fields", "check_fields: float"),
+    ],
+)
+def test_a_constructor_takes_check_fields_unless_a_field_has_the_name(field: str, argument: str) -> None:
+    name = TypeName("checked", "msg", "Speed")
+    message = Message(name, (Field(field, Primitive("double"), None, (), None),), (), ())
+    files = {file.path: file.text for file in python.files(Catalog("checked", {name: message}, {}, {}))}
+    stub = files["checked/msg/_speed.pyi"]
+    assert f"        {argument} = ...,\n    ) -> None: ..." in stub
+    assert stub.count("check_fields: ") == 1
 
 
 def test_comments_and_units_document_fields_and_constants() -> None:

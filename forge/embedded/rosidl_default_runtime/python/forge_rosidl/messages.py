@@ -22,17 +22,22 @@ class InterfaceType(type):
     """The metaclass of all interface classes: constants are read-only, C type support is loaded on demand."""
 
     _TYPE_SUPPORT: ClassVar[Any] = None
-    _CONSTANTS: ClassVar[frozenset[str]]
+    _CONSTANTS: ClassVar[dict[str, Any]]
+
+    @classmethod
+    def __prepare__(cls, name: str, bases: tuple[type, ...], /, **_: Any) -> dict[str, Any]:
+        """Return the constants and defaults of the generated class, which derived classes begin with."""
+        return {name: copy(value) for name, value in cls.__dict__.get("_CONSTANTS", {}).items()}
 
     def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any]) -> None:
         """Store the constants of the generated class; derived classes share them."""
         super().__init__(name, bases, namespace)
         if "_CONSTANTS" not in type(cls).__dict__:
-            type(cls)._CONSTANTS = frozenset(  # noqa: SLF001  (the metaclass is this very code)
-                name
+            type(cls)._CONSTANTS = {  # noqa: SLF001  (the metaclass is this very code)
+                name: value
                 for name, value in namespace.items()
                 if not (name.startswith("_") or isinstance(value, _NOT_CONSTANT))
-            )
+            }
 
     def __setattr__(cls, name: str, value: object) -> None:
         """Set a class attribute; raises AttributeError for a constant or a default."""

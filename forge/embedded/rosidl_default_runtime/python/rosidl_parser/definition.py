@@ -31,9 +31,9 @@ UNSIGNED_INTEGER_TYPES: Final = UNSIGNED_NONEXPLICIT_INTEGER_TYPES + UNSIGNED_EX
 INTEGER_TYPES: Final = SIGNED_INTEGER_TYPES + UNSIGNED_INTEGER_TYPES
 FLOATING_POINT_TYPES: Final = ("float", "double", "long double")
 CHARACTER_TYPES: Final = ("char", "wchar")
-BOOLEAN_TYPE: Final = ("boolean",)
-OCTET_TYPE: Final = ("octet",)
-BASIC_TYPES: Final = INTEGER_TYPES + FLOATING_POINT_TYPES + CHARACTER_TYPES + BOOLEAN_TYPE + OCTET_TYPE
+BOOLEAN_TYPE: Final = "boolean"
+OCTET_TYPE: Final = "octet"
+BASIC_TYPES: Final = (*INTEGER_TYPES, *FLOATING_POINT_TYPES, *CHARACTER_TYPES, BOOLEAN_TYPE, OCTET_TYPE)
 
 
 class AbstractType:
@@ -94,12 +94,15 @@ class NamespacedType(AbstractNestableType):
 
     def __init__(self, namespaces: Iterable[str], name: str) -> None:
         """Describe the message `name`; `namespaces` are its package and kind."""
-        self.namespaces = tuple(namespaces)
+        self.namespaces = list(namespaces)
         self.name = name
 
     def __repr__(self) -> str:
         """Return the expression that creates this description."""
-        return f"NamespacedType({list(self.namespaces)!r}, {self.name!r})"
+        return f"NamespacedType({self.namespaces!r}, {self.name!r})"
+
+    def _parts(self) -> tuple[object, ...]:
+        return self.namespaced_name()  # hashable, unlike the list
 
     def namespaced_name(self) -> tuple[str, ...]:
         """Return package, kind and name."""

@@ -79,7 +79,23 @@ def message_to_csv(
 
 def get_message_slot_types(msg: Any) -> OrderedDict[str, Any]:
     """Return the entry of SLOT_TYPES for each field, in order."""
-    return OrderedDict(zip(msg.get_fields_and_field_types(), msg.SLOT_TYPES, strict=True))
+    if hasattr(msg, "get_fields_and_field_types"):
+        names = list(msg.get_fields_and_field_types())
+    else:  # a class written by hand, for which rosidl_runtime_py in Humble reads the slots
+        names = [slot.removeprefix("_") for slot in msg.__slots__]
+    return OrderedDict(zip(names, msg.SLOT_TYPES, strict=True))
+
+
+def _convert_value(
+    value: Any,
+    *,
+    field_type: Any = None,
+    truncate_length: int | None = None,
+    no_arr: bool = False,
+    no_str: bool = False,
+) -> Any:
+    """Return a value as `message_to_ordereddict` does; tests of rosidl_runtime_py call it by this name."""
+    return _Abridgement(truncate_length, no_arr, no_str).plain(value, field_type)
 
 
 @dataclass(frozen=True)
@@ -93,14 +109,14 @@ class _Abridgement:
     def dictionary(self, msg: Any) -> OrderedDict[str, Any]:
         """Return a message's fields."""
         types = get_message_slot_types(msg)
-        return OrderedDict((name, self._plain(getattr(msg, name), type_)) for name, type_ in types.items())
+        return OrderedDict((name, self.plain(getattr(msg, name), type_)) for name, type_ in types.items())
 
     def values(self, msg: Any) -> Iterator[str]:
         """Yield the text of each of a message's fields."""
         for name, type_ in get_message_slot_types(msg).items():
             yield self._text(getattr(msg, name), type_)
 
-    def _plain(self, value: Any, type_: Any = None) -> Any:
+    def plain(self, value: Any, type_: Any = None) -> Any:
         """Return a value in the terms of dictionaries, lists, numbers and text."""
         if hasattr(value, "dtype"):  # numpy's arrays and numbers
             value = value.tolist()
@@ -111,12 +127,18 @@ class _Abridgement:
         if isinstance(value, bool | int | float):
             return value
         if isinstance(value, list | tuple | array):
-            if self.without_arrays and type_ is not None:
-                return _outline(value, type_)
-            kept = [self._plain(item) for item in value[: self.length]]
-            listed = kept + ["..."] * (len(kept) < len(value))
-            return tuple(listed) if isinstance(value, tuple) else listed
+            return self._collection(value, type_)
+        if isinstance(value, dict):  # keys are not truncated: two could become equal
+            return {key: self.plain(item) for key, item in value.items()}
         return self.dictionary(value)
+
+    def _collection(self, value: Any, type_: Any) -> Any:
+        """Return a list, or a tuple for a tuple, or the placeholder."""
+        if self.without_arrays and type_ is not None:
+            return _outline(value, type_)
+        kept = [self.plain(item) for item in value[: self.length]]
+        listed = kept + ["..."] * (len(kept) < len(value))
+        return tuple(listed) if isinstance(value, tuple) else listed
 
     def _text(self, value: Any, type_: Any = None) -> str:
         """Return a value as comma-separated text."""

@@ -22,16 +22,17 @@ def get_interface_packages() -> dict[str, str]:
 def get_interfaces(package_names: Iterable[str] = ()) -> dict[str, list[str]]:
     """Return the interfaces, such as 'msg/String', of the packages, or of all packages.
 
-    Requests and responses of services are omitted. Raises LookupError for a package that is not installed.
+    Requests and responses of services, and packages without interfaces, are omitted. Raises LookupError for a
+    package that is not installed.
     """
     index = _index()
     found = {}
     for package in tuple(package_names) or sorted(get_interface_packages()):
         if not index.has_resource("packages", package):
             raise LookupError(f"Unknown package '{package}'")
-        registered = index.has_resource(_INDEX, package)
-        entries = index.get_resource(_INDEX, package)[0].splitlines() if registered else []
-        found[package] = sorted({entry.rpartition(".")[0] for entry in entries if "_" not in entry})
+        if index.has_resource(_INDEX, package):
+            entries = index.get_resource(_INDEX, package)[0].splitlines()
+            found[package] = sorted({entry.rpartition(".")[0] for entry in entries if "_" not in entry})
     return found
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, cast
+from warnings import warn
 
-if TYPE_CHECKING:
-    from rosidl_parser.definition import NamespacedType
+from rosidl_parser.definition import AbstractNestedType, NamespacedType
 
 _PARTS: Final = {
     "SendGoal": "Impl.SendGoalService",
@@ -15,11 +15,15 @@ _PARTS: Final = {
 }
 
 
-def import_message_from_namespaced_type(message_type: NamespacedType) -> Any:  # noqa: ANN401
+def import_message_from_namespaced_type(message_type: NamespacedType | AbstractNestedType) -> Any:  # noqa: ANN401
     """Return the class of a message, including parts of services and actions.
 
-    Raises ModuleNotFoundError if the package does not exist, and AttributeError if it has no such message.
+    For a collection, returns the class of its elements, which is deprecated. Raises ModuleNotFoundError if
+    the package does not exist, and AttributeError if it has no such message.
     """
+    if isinstance(message_type, AbstractNestedType):
+        warn("pass the value_type of a collection", DeprecationWarning, stacklevel=2)
+        return import_message_from_namespaced_type(cast("NamespacedType", message_type.value_type))
     namespace: Any = import_module(".".join(message_type.namespaces))
     if hasattr(namespace, message_type.name):
         return getattr(namespace, message_type.name)

@@ -19,10 +19,7 @@ def get_interface(identifier: str) -> Any:
     Raises ValueError unless the name has three parts, and ModuleNotFoundError or AttributeError if the
     interface does not exist.
     """
-    parts = identifier.split("/")
-    if len(parts) != _FULL_NAME or not all(parts):
-        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
-    return import_message_from_namespaced_type(NamespacedType(parts[:-1], parts[-1]))
+    return import_message_from_namespaced_type(get_namespaced_type(identifier))
 
 
 def get_message(identifier: str) -> Any:
@@ -38,6 +35,29 @@ def get_service(identifier: str) -> Any:
 def get_action(identifier: str) -> Any:
     """Return the class of an action by its full name, or by package and name; raises as `get_interface`."""
     return _of_kind(identifier, "action", is_action, "action")
+
+
+def get_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the type with a name of the form 'package/kind/Name'; raises ValueError for other names."""
+    parts = identifier.split("/")
+    if len(parts) != _FULL_NAME or not all(parts):
+        raise ValueError(f"Expected the full name of an interface, got '{identifier}'")
+    return NamespacedType(parts[:-1], parts[-1])
+
+
+def get_message_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the type of a message by its full name, or by package and name."""
+    return get_namespaced_type(_full_name(identifier, "msg"))
+
+
+def get_service_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the type of a service by its full name, or by package and name."""
+    return get_namespaced_type(_full_name(identifier, "srv"))
+
+
+def get_action_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the type of an action by its full name, or by package and name."""
+    return get_namespaced_type(_full_name(identifier, "action"))
 
 
 def is_message(interface: Any) -> bool:
@@ -56,13 +76,17 @@ def is_action(interface: Any) -> bool:
 
 
 def _of_kind(identifier: str, namespace: str, belongs: Any, word: str) -> Any:
-    package, _, name = identifier.partition("/")
-    full = identifier if "/" in name else f"{package}/{namespace}/{name}"
     try:
-        interface = get_interface(full)
+        interface = get_interface(_full_name(identifier, namespace))
     except ValueError:
         interface = None
     if interface is None or not belongs(interface):
         article = "an" if word == "action" else "a"
         raise ValueError(f"Expected the full name of {article} {word}, got '{identifier}'")
     return interface
+
+
+def _full_name(identifier: str, namespace: str) -> str:
+    """Insert the namespace into a name of the form 'package/Name'."""
+    package, _, name = identifier.partition("/")
+    return identifier if "/" in name else f"{package}/{namespace}/{name}"

@@ -15,6 +15,7 @@ class Watch_Goal(_messages.Message, metaclass=Metaclass_Watch_Goal):
         self,
         *,
         first: Reading = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def first(self) -> Reading: ...
@@ -27,6 +28,8 @@ class Watch_Result(_messages.Message, metaclass=Metaclass_Watch_Result):
     """Message class 'Watch_Result'."""
     def __init__(
         self,
+        *,
+        check_fields: object = ...,
     ) -> None: ...
 
 class Metaclass_Watch_Feedback(_messages.MessageType): ...
@@ -37,6 +40,7 @@ class Watch_Feedback(_messages.Message, metaclass=Metaclass_Watch_Feedback):
         self,
         *,
         latest: Reading = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def latest(self) -> Reading: ...
@@ -52,6 +56,7 @@ class Watch_SendGoal_Request(_messages.Message, metaclass=Metaclass_Watch_SendGo
         *,
         goal_id: UUID = ...,
         goal: Watch_Goal = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def goal_id(self) -> UUID: ...
@@ -71,6 +76,7 @@ class Watch_SendGoal_Response(_messages.Message, metaclass=Metaclass_Watch_SendG
         *,
         accepted: bool = ...,
         stamp: Time = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def accepted(self) -> bool: ...
@@ -89,6 +95,7 @@ class Watch_GetResult_Request(_messages.Message, metaclass=Metaclass_Watch_GetRe
         self,
         *,
         goal_id: UUID = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def goal_id(self) -> UUID: ...
@@ -104,6 +111,7 @@ class Watch_GetResult_Response(_messages.Message, metaclass=Metaclass_Watch_GetR
         *,
         status: int = ...,
         result: Watch_Result = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def status(self) -> int: ...
@@ -123,6 +131,7 @@ class Watch_FeedbackMessage(_messages.Message, metaclass=Metaclass_Watch_Feedbac
         *,
         goal_id: UUID = ...,
         feedback: Watch_Feedback = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def goal_id(self) -> UUID: ...

@@ -26,6 +26,7 @@ class Reading(_messages.Message, metaclass=Metaclass_Reading):
         covariance: _NDArray[_numpy.float64] | _Sequence[float] | _Set[float] = ...,
         history: _Sequence[float] | _Set[float] = ...,
         tags: _Sequence[str] | _Set[str] = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def header(self) -> Header: ...

@@ -10,6 +10,7 @@ class Calibrate_Request(_messages.Message, metaclass=Metaclass_Calibrate_Request
         self,
         *,
         force: bool = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def force(self) -> bool: ...
@@ -24,6 +25,7 @@ class Calibrate_Response(_messages.Message, metaclass=Metaclass_Calibrate_Respon
         self,
         *,
         success: bool = ...,
+        check_fields: object = ...,
     ) -> None: ...
     @property
     def success(self) -> bool: ...
