@@ -1,0 +1,42 @@
+"""The ROS distribution is an input of the embedded package that interface packages learn it from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from forge.base.layout import Layout
+from forge.build.recipes import RECIPES
+from forge.build.recipes.context import BuildContext
+from forge.workspace.discovery import discover_embedded
+from tests.packages import package
+
+AMENT = RECIPES["ament_cmake"]
+HUMBLE = BuildContext(
+    root=Path("/ws"),
+    layout=Layout(Path("/ws/build"), Path("/ws/install"), None),
+    python=Path("/usr/bin/python3"),
+    site_packages="lib/python3.11/site-packages",
+    wheels=("forge-install-wheel",),
+    generator=("forge",),
+    cmake=Path("/usr/bin/cmake"),
+)
+JAZZY = replace(HUMBLE, rosdistro="jazzy")
+
+
+def test_only_the_embedded_generators_have_it_among_their_inputs() -> None:
+    embedded = [each for each in discover_embedded("jazzy").values() if each.build_type == "ament_cmake"]
+    own = package("rosidl_default_generators")
+    concerned = [
+        each for each in (*embedded, own) if AMENT.options(each, HUMBLE) != AMENT.options(each, JAZZY)
+    ]
+    assert [(each.name, each.embedded) for each in concerned] == [("rosidl_default_generators", True)]
+    assert "--rosdistro=jazzy" in AMENT.options(concerned[0], JAZZY)
+    files = {path.name: text for path, text in AMENT.recipe(concerned[0], JAZZY).files}
+    assert 'set(FORGE_ROSDISTRO "jazzy" CACHE STRING' in files["initial_cache.cmake"]
+
+
+def test_a_distribution_has_the_packages_that_it_has_interfaces_of() -> None:
+    present = {name: discover_embedded(name).keys() for name in ("humble", "jazzy", "rolling")}
+    assert present["jazzy"] - present["humble"] == {"type_description_interfaces"}
+    assert present["jazzy"] - present["rolling"] == {"actionlib_msgs"}
