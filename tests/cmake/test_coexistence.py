@@ -81,14 +81,9 @@ def test_sources_of_an_ament_in_the_workspace_are_built_and_used(forge: Forge, t
     assert "embedded" not in ran.out
     assert (root / "install/demo/share/demo/other").is_file()
 
-    tree(
-        {
-            "src/more/package.xml": manifest_text(
-                "more", "<buildtool_depend>ament_cmake_auto</buildtool_depend>"
-            )
-        }
-    )
-    tree({"src/more/CMakeLists.txt": LISTS.format(name="more")})
+    manifest = manifest_text("more", "<buildtool_depend>ament_cmake_auto</buildtool_depend>")
+    lists = LISTS.format(name="more").replace("find_package(ament_cmake ", "find_package(ament_cmake_auto ")
+    tree({"src/more/package.xml": manifest, "src/more/CMakeLists.txt": lists})
     ran = forge("build", cwd=root)
     assert ran.code == 2
     assert "'more' needs 'ament_cmake_auto'" in ran.err

@@ -164,7 +164,6 @@ def test_what_cannot_be_built_is_an_error_of_both(twins: Twins) -> None:
 
 
 MEANT = {
-    "starts a build although a required ROS package is missing": ("<depend>nav2_msgs</depend>", "cmake"),
     "skips packages of an unknown build type, with a warning": ("", "wierd"),
     "rejects a cycle that only a `test_depend` closes": ("<test_depend>b</test_depend>", "cmake"),
 }

@@ -82,7 +82,7 @@ def library_of(options: argparse.Namespace, recorded: Mapping[str, Path] | None 
     return Library(
         includes={**(recorded or {}), **includes_of(options)},
         prefixes=prefixes(os.environ),
-        rosdistro=distribution_of(options, find_install(Path.cwd(), Path.home())),
+        rosdistro=distribution_of(options),
     )
 
 
@@ -92,16 +92,23 @@ def known_library(options: argparse.Namespace, includes: Mapping[str, Path] | No
     return Library(
         includes=includes or {},
         prefixes=known_prefixes(os.environ, install),
-        rosdistro=distribution_of(options, install),
+        rosdistro=distribution_of(options),
     )
 
 
-def distribution_of(options: argparse.Namespace, install: Path | None) -> str:
-    """Return the distribution of embedded definitions, by default that of the enclosing workspace."""
+def distribution_of(options: argparse.Namespace) -> str:
+    """Return the distribution of embedded definitions: chosen here, or by the enclosing workspace.
+
+    The workspace is only looked for if neither --rosdistro nor ROS_DISTRO is set: in builds it always is, and
+    the files that a search looks at would be inputs of the package.
+    """
     check_distribution(options.rosdistro)
-    root = install.parent if install else Path.cwd()
-    known = known_rosdistro(options.rosdistro, root, install or root / "install")
-    return distribution_in({VARIABLE: known} if known else {})
+    chosen = options.rosdistro or os.environ.get(VARIABLE)
+    if not chosen:
+        install = find_install(Path.cwd(), Path.home())
+        root = install.parent if install else Path.cwd()
+        chosen = known_rosdistro(None, root, install or root / "install")
+    return distribution_in({VARIABLE: chosen} if chosen else {})
 
 
 def catalog_of(options: argparse.Namespace, folder: str | None, library: Library) -> Catalog:

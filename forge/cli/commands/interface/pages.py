@@ -50,7 +50,7 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
     install = find_install(root, Path.home())
     underlays = underlay_prefixes(install) if install else ()
     sourced = (*prefixes(os.environ), *underlays)
-    library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options, install))
+    library = Library(includes=folders, prefixes=sourced, rosdistro=distribution_of(options))
     whole = _wanted(options, folders, library)
     catalogs = _catalogs(whole, library)
     abouts = {
