@@ -1,0 +1,43 @@
+"""Counts the test results of a workspace, as `forge test-result` does, by package."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.testing.collecting import collect
+from forge.testing.outcomes import Counts, counted_once
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from pathlib import Path
+
+    from forge.testing.outcomes import Outcome
+    from tests.upstream.figures import Count
+
+
+def count_tests(workspace: Path, packages: Collection[str]) -> dict[str, Count]:
+    """Return passed and all tests of those packages that the workspace has results of.
+
+    A skipped test has not passed.
+    """
+    found = {}
+    for package in packages:
+        outcomes = _outcomes(workspace, package)
+        if outcomes:
+            counts = sum((outcome.counts for outcome in outcomes), Counts())
+            missed = counts.errors + counts.failures + counts.skipped
+            found[package] = (counts.tests - missed, counts.tests)
+    return found
+
+
+def missed_tests(workspace: Path, packages: Collection[str]) -> Iterator[str]:
+    """Yield the tests that failed or were skipped, as 'package: suite.name'."""
+    for package in packages:
+        for outcome in _outcomes(workspace, package):
+            names = [(case.suite, case.name) for case in outcome.cases]
+            names += [(test.suite, test.name) for test in outcome.skipped]
+            yield from (f"{package}: {suite}.{name}" for suite, name in names)
+
+
+def _outcomes(workspace: Path, package: str) -> tuple[Outcome, ...]:
+    return counted_once(collect(workspace / "build" / package).outcomes)
