@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
@@ -362,15 +363,28 @@ CASES = {
 }
 
 
-@pytest.fixture(params=["Ninja", "Unix Makefiles"])
-def generator(request: pytest.FixtureRequest) -> str:
-    """Return each generator in turn."""
-    return str(request.param)
+SEEN_BY_CMAKE_ALONE = (
+    "the default of an option",
+    "the default of a cache variable",
+    "a file that file(READ) reads",
+    "a script that execute_process runs",
+    "a file of the repository that CMake code reads",
+    "a file of the repository that is installed",
+    "a package that an older one replaces",
+    "the mode of a source that a link leads to",
+)
+"""Cases that are the same with all generators, for no rule of the native tool has the file."""
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("generator", "name"),
+    [
+        *(("Ninja", name) for name in CASES),
+        *(("Unix Makefiles", name) for name in CASES if name not in SEEN_BY_CMAKE_ALONE),
+    ],
+)
 def test_what_changed_is_built_as_in_an_empty_folder(
-    name: str, generator: str, forge: Forge, tree: Tree
+    generator: str, name: str, forge: Forge, tree: Tree
 ) -> None:
     case = CASES[name]
     root = tree(case.files)
@@ -394,56 +408,58 @@ def _up_to_date(ran: Ran) -> str:
     return ran.out.replace("0 packages finished", "")
 
 
-SLOW = "add_custom_command(TARGET x POST_BUILD COMMAND sleep 1.2)\n"
+SAVED = {"source": "src/{}/x.c", "header": "src/{}/v.h", "outside": "outside_{}/v.h"}
+"""Packages by the name of their file that is saved during the build."""
 
 
-@pytest.mark.parametrize("reverted", [False, True])
-@pytest.mark.parametrize("saved", ["src/a/x.c", "src/a/v.h", "outside/v.h"])
-@pytest.mark.parametrize("when", ["before", "after"])
-def test_a_save_during_a_build_is_noticed(
-    saved: str,
-    when: str,
-    reverted: bool,  # noqa: FBT001  (a column)
-    forge: Forge,
-    tree: Tree,
-) -> None:
-    """Before the file is compiled or after; if it is taken back, what was made may be of either state."""
+def _saved_during_the_build(when: str) -> dict[str, str]:
+    """Return a package per line of SAVED that takes a while before or after compiling, and one more of each.
+
+    The other one, NAME_reverted, is to have its file saved and taken back.
+    """
     wait = f"add_custom_target(wait COMMAND sleep 1.2)\n{BUILD}add_dependencies(x wait)\n"
-    body = wait if when == "before" else BUILD + SLOW
-    where = '"${CMAKE_SOURCE_DIR}" "${CMAKE_SOURCE_DIR}/../../outside"'
-    folder = "src/a" if saved.startswith("src") else "outside"
-    root = tree(
-        {
-            **packages(a=f"include_directories({where})\n{body}"),
-            "src/a/x.c": INCLUDES,
-            f"{folder}/v.h": "#define V 1\n",
-        }
-    )
-    path = root / saved
-    text = path.read_text(encoding="utf-8")
-    other = text.replace("V 1", "V 2").replace("V 0", "V 3") + "int more = 5;\n"
+    body = wait if when == "before" else BUILD + "add_custom_command(TARGET x POST_BUILD COMMAND sleep 1.2)\n"
+    files = {}
+    for name in (*SAVED, *(f"{name}_reverted" for name in SAVED)):
+        where = f'"${{CMAKE_SOURCE_DIR}}" "${{CMAKE_SOURCE_DIR}}/../../outside_{name}"'
+        folder = f"outside_{name}" if name.startswith("outside") else f"src/{name}"
+        files |= packages(**{name: f"include_directories({where})\n{body}"})
+        files |= {f"src/{name}/x.c": INCLUDES, f"{folder}/v.h": "#define V 1\n"}
+    return files
 
-    def save() -> None:
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_save_during_a_build_is_noticed(when: str, forge: Forge, tree: Tree) -> None:
+    """Before the file is compiled or after; if it is taken back, what was made may be of either state."""
+    root = tree(_saved_during_the_build(when))
+    names = sorted(path.name for path in (root / "src").iterdir())
+    paths = {name: root / SAVED[name.removesuffix("_reverted")].format(name) for name in names}
+    texts = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
+
+    def save(name: str) -> None:
         deadline = time.monotonic() + 20
         waited_for = "build.ninja" if when == "before" else "CMakeFiles/x.dir/x.c.o"
-        while not (root / "build/a" / waited_for).exists() and time.monotonic() < deadline:
+        while not (root / "build" / name / waited_for).exists() and time.monotonic() < deadline:
             time.sleep(0.01)
         time.sleep(0.2)
-        path.write_text(other, encoding="utf-8")
+        other = texts[name].replace("V 1", "V 2").replace("V 0", "V 3") + "int more = 5;\n"
+        paths[name].write_text(other, encoding="utf-8")
 
-    thread = threading.Thread(target=save)
-    thread.start()
-    assert forge("build", cwd=root, env={"CMAKE_GENERATOR": "Ninja"}).code == 0
-    thread.join()
-    if reverted:
-        path.write_text(text, encoding="utf-8")
-    again = forge("build", "--explain", cwd=root, env={"CMAKE_GENERATOR": "Ninja"})
+    build = partial(forge, "build", f"--jobs={len(names)}", cwd=root, env={"CMAKE_GENERATOR": "Ninja"})
+    with ThreadPoolExecutor(len(names)) as saves:
+        done = saves.map(save, names)
+        assert build().code == 0
+        assert list(done) == [None] * len(names)
+    for name in names:
+        if name.endswith("_reverted"):
+            paths[name].write_text(texts[name], encoding="utf-8")
+    again = build()
     assert again.code == 0
-    assert "Finished <<< a" in again.out
+    assert [name for name in names if f"Finished <<< {name} [" not in again.out] == []
     actual = look(root / "install")
-    for name in ("build", "install", "log"):
-        shutil.rmtree(root / name)
-    assert forge("build", cwd=root, env={"CMAKE_GENERATOR": "Ninja"}).code == 0
+    for folder in ("build", "install", "log"):
+        shutil.rmtree(root / folder)
+    assert build().code == 0
     assert actual == look(root / "install")
 
 
