@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
     from pathlib import Path
 
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "rolling")
@@ -75,6 +75,18 @@ def with_counts(found: Compatibility, distribution: str, counts: Mapping[str, Co
         suite = rows.get(name, Suite(name, {}))
         rows[name] = replace(suite, counts=_ordered({**suite.counts, distribution: count}))
     return replace(found, suites=tuple(rows[name] for name in sorted(rows)))
+
+
+def with_repository(found: Compatibility, row: Repository, measured: Collection[str]) -> Compatibility:
+    """Return it with a row of counts in `measured` distributions; other distributions and notes stay."""
+    rows = {each.name: each for each in found.repositories}
+    if row.name in rows:
+        before = rows[row.name]
+        counts = {name: count for name, count in before.counts.items() if name not in measured}
+        types = max(before.types or 0, row.types or 0)
+        row = replace(row, counts=_ordered({**counts, **row.counts}), types=types, notes=before.notes)
+    rows[row.name] = row
+    return replace(found, repositories=tuple(rows[name] for name in sorted(rows, key=str.lower)))
 
 
 def _ordered(counts: Mapping[str, Count]) -> dict[str, Count]:

@@ -1,0 +1,101 @@
+"""What is measured of public repositories: which packages, and their types beside rosbags."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.generated import catalog_of, embedded_catalog, generate, importable
+from tests.upstream import types_check
+from tests.upstream.figures import Compatibility, Repository, with_repository
+from tests.upstream.scope import checkouts, choose
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+GENERATE = "rosidl_generate_interfaces(${PROJECT_NAME} msg/A.msg)"
+
+
+def package(folder: str, script: str, *needs: str) -> dict[str, str]:
+    """Return the files of an ament_cmake package, named as its folder."""
+    name = folder.rpartition("/")[2].removeprefix("org+")
+    depends = "".join(f"<depend>{need}</depend>" for need in needs)
+    manifest = (
+        f'<package format="3"><name>{name}</name><version>1.0.0</version><description>d</description>'
+        f'<maintainer email="a@example.com">A</maintainer><license>Apache-2.0</license>{depends}'
+        "<export><build_type>ament_cmake</build_type></export></package>"
+    )
+    return {f"{folder}/package.xml": manifest, f"{folder}/CMakeLists.txt": script}
+
+
+def test_interface_packages_are_chosen_with_what_they_need(tree: Tree) -> None:
+    """Embedded packages are not taken from sources. A client library counts if CMake asks for it."""
+    sources = tree(
+        {
+            **package("org+robot/robot_msgs", GENERATE, "robot_common", "arm_msgs", "std_msgs", "rclcpp"),
+            **package("org+robot/robot_common", ""),
+            **package("org+robot/robot_node", f"find_package(rclcpp REQUIRED)\n{GENERATE}"),
+            **package("org+arm/arm_msgs", GENERATE, "tool_msgs"),
+            **package("org+tool_msgs", GENERATE),
+            **package("org+common/std_msgs", GENERATE),
+        }
+    )
+    found = checkouts(sources, "jazzy")
+    chosen = choose(found["org+robot"], found, "jazzy")
+    assert set(chosen.measured) == {"robot_msgs"}
+    assert set(chosen.others) == {"robot_common", "arm_msgs", "tool_msgs"}
+    assert set(choose(found["org+common"], found, "jazzy").measured) == {"std_msgs"}
+
+
+def test_a_checkout_for_the_distribution_takes_precedence(tree: Tree) -> None:
+    sources = tree({"org+a/x": "", "org+b/x": "", "humble/org+a/x": ""})
+    assert checkouts(sources, "humble") == {"org+a": sources / "humble/org+a", "org+b": sources / "org+b"}
+    assert checkouts(sources, "rolling") == {"org+a": sources / "org+a", "org+b": sources / "org+b"}
+
+
+@pytest.mark.parametrize(
+    ("installed", "fault"),
+    [
+        ("uint8[] data\nfloat32 x 1.5\nbyte b\nstring<=4 s\n", None),
+        ("uint8[] data\nint32 x\nbyte b\nstring<=4 s\n", "rosbags reads other values"),
+    ],
+)
+def test_types_are_compared_with_those_that_rosbags_reads(
+    installed: str,
+    fault: str | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    texts = {
+        "msg/Reading.msg": "uint8[] data\nfloat32 x 1.5\nbyte b\nstring<=4 s\n",
+        "srv/Read.srv": "---\nwstring name\n",
+    }
+    generate(tmp_path, embedded_catalog("builtin_interfaces"))
+    generate(tmp_path, catalog_of("reading_msgs", texts))
+    for path, text in {**texts, "msg/Reading.msg": installed}.items():
+        file = tmp_path / "share/reading_msgs" / path
+        file.parent.mkdir(parents=True)
+        file.write_text(text)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    with importable(tmp_path):
+        assert types_check.main(["reading_msgs"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["types"] == {"reading_msgs": 2}
+    assert list(report["faults"]) == (["reading_msgs/msg/Reading"] if fault else [])
+    assert fault is None or fault in report["faults"]["reading_msgs/msg/Reading"]
+
+
+def test_a_new_row_leaves_other_distributions_and_notes() -> None:
+    before = Compatibility(
+        repositories=(Repository("org/robot", "a", {"humble": (1, 2), "rolling": (2, 2)}, 7, ("why",)),)
+    )
+    row = Repository("org/robot", "b", {"humble": (2, 2)}, 6)
+    merged = Repository("org/robot", "b", {"humble": (2, 2), "rolling": (2, 2)}, 7, ("why",))
+    assert with_repository(before, row, ["humble"]).repositories == (merged,)
+    other = Repository("org/arm", "c", {"jazzy": (1, 1)}, 1)
+    assert with_repository(before, other, ["jazzy"]).repositories == (other, *before.repositories)
