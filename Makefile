@@ -4,7 +4,7 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 
-.PHONY: help demo test bare quick newest-cmake oldest-cmake fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
+.PHONY: help demo test bare quick newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
 help:
 	@echo "make demo    build examples_ws without any ROS and run its programs"
@@ -13,6 +13,7 @@ help:
 	@echo "make quick   run the unit tests, which start no programs, in less than a minute"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
+	@echo "make cross   build examples_ws for aarch64 with zig and run it under qemu: some minutes the first time"
 	@echo "make fuzz    compare many random messages of Python, C++ and rosbags, read millions of spoilt ones"
 	@echo "make fuzz-parsers  feed spoilt bytes to every parser; SECONDS=3600 says how long"
 	@echo "make scale   list, order, build 5,000 packages and chains of 3,000, generate 20,000 interfaces: 25 minutes"
@@ -43,6 +44,10 @@ newest-cmake: .venv/.ready
 oldest-cmake: .venv/.ready .venv-cmake/.ready
 	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake $(PYTEST) tests/cmake
 	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake CMAKE_GENERATOR="Unix Makefiles" $(PYTEST) tests/cmake
+
+cross: .venv/.ready
+	.venv/bin/python -m pip install --quiet --editable '.[cross]'
+	FORGE_TEST_ZIG=1 $(PYTEST) tests/e2e/test_cross.py
 
 fuzz: .venv/.ready
 	FORGE_CDR_EXAMPLES=200 FORGE_CDR_MUTATIONS=1000000 $(PYTEST) \

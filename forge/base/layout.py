@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from forge.base.frozen import frozen
@@ -104,6 +105,8 @@ class Layout:
     logs: Path | None
     merged: bool = False
     symlink: bool = False
+    target: str = ""
+    """The platform whose folders these are, below those of this machine; '' for this machine."""
 
     def prefix(self, name: str) -> Path:
         """Return the install prefix of package `name`."""
@@ -112,6 +115,13 @@ class Layout:
     def build_dir(self, name: str) -> Path:
         """Return the build folder of package `name`."""
         return self.build / name
+
+    @property
+    def of_host(self) -> Layout:
+        """Return the folders of this machine, which contain those of all targets."""
+        if not self.target:
+            return self
+        return replace(self, build=self.build.parent, install=self.install.parent, target="")
 
     @property
     def word(self) -> str:

@@ -117,6 +117,7 @@ def workspace_removables(
         if base in bases:
             found = [removable for name in names for removable in package_removables(name, layout, records)]
             yield from (removable for removable in found if removable.base == chosen)
+            yield from _of_targets(base, chosen)
             yield from _own_files(base, chosen, files)
     if "log" in bases and layout.logs is not None and (layout.logs / IGNORE_MARK).exists():
         runs = tuple(entry for entry in _folders(layout.logs) if _RUN.fullmatch(entry.name))
@@ -152,6 +153,14 @@ def _own_files(base_name: str, base: Path, patterns: Iterable[str]) -> Iterator[
     found = tuple(path for pattern in patterns for path in sorted(base.glob(pattern)))
     if found:
         yield Removable(f"forge's own files in '{base_name}'", base, found)
+
+
+def _of_targets(base_name: str, base: Path) -> Iterator[Removable]:
+    """Yield the folders of other platforms, of which each has the markers of a build or install folder."""
+    marker = ".built_by" if base_name == "build" else LAYOUT_MARKER
+    for folder in _folders(base):
+        if (folder / marker).is_file():
+            yield Removable(f"{base_name} folder for '{folder.name}'", base, (folder,))
 
 
 def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> tuple[Path, ...]:

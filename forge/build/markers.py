@@ -25,6 +25,11 @@ def create_output_folders(layout: Layout) -> None:
     Raises WorkspaceError if a folder cannot be created, belongs to another tool, or has the other layout.
     """
     problems = []
+    if layout.target:
+        # The folders around them are marked, too: they identify the workspace and contain no packages.
+        _make_ignored(layout.of_host.install)
+        write_if_changed(layout.of_host.build / ".built_by", "colcon\n")
+        _make_ignored(layout.of_host.build)
     for check in (_begin_build, _begin_install):
         try:
             problem = check(layout)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base.distributions import check_distribution, distribution_option
@@ -28,6 +29,19 @@ _Options = TypeVar("_Options")
 
 _OUTPUT = "output options"
 _NO_EFFECT = "no effect, for compatibility with colcon"
+
+
+def _absolute(path: str) -> Path:
+    return Path(path).expanduser().absolute()
+
+
+def _python_version(text: str) -> tuple[int, int]:
+    """Return a version; raises ValueError for anything else."""
+    major, _, minor = text.partition(".")
+    if major != "3" or not minor.isdecimal():
+        message = f"expected a version such as '3.10', not '{text}'"
+        raise ValueError(message)
+    return int(major), int(minor)
 
 
 @frozen
@@ -75,12 +89,43 @@ class CMakeOptions:
 
 
 @frozen
+class CrossOptions:
+    """How to build for the platform of --target."""
+
+    toolchain_file: Path | None = option(
+        "CMake toolchain file with the compilers for --target (default: zig's, from the extra 'cross')",
+        parse=_absolute,
+        metavar="FILE",
+    )
+    sysroot: Path | None = option(
+        "copy of the target's file system with libraries and headers, for --target",
+        parse=_absolute,
+        metavar="DIR",
+    )
+    target_python: tuple[int, int] | None = option(
+        "version of Python on the target, such as '3.10' (default: that of the sysroot, else that of this "
+        "machine)",
+        parse=_python_version,
+        metavar="VERSION",
+    )
+
+    def check(self, target: object) -> None:
+        """Raise SelectionError for options that have no effect without --target."""
+        given = (f"--{each.name.replace('_', '-')}" for each in fields(self) if getattr(self, each.name))
+        word = next(given, "")
+        if word and target is None:
+            hint = "add the platform, for example '--target aarch64-linux-gnu'"
+            raise SelectionError(Problem(f"{word} has no effect without --target", hint=hint))
+
+
+@frozen
 class BuildOptions:
     """All options of `forge build`."""
 
     query: Query
     folders: FolderOptions
     cmake: CMakeOptions
+    cross: CrossOptions
     cache: CacheOptions
     jobs: JobOptions
     execution: ExecutorOptions
@@ -160,6 +205,11 @@ class BuildOptions:
         check_distribution(self.rosdistro)
         self.execution.check()
         self.cache.check()
+        self.cross.check(self.folders.target)
+        if self.folders.target and self.execution.executor == DASK:
+            hint = "remove '--executor dask' or '--target'"
+            message = "--target cannot be combined with '--executor dask': its compilers are on this machine"
+            raise SelectionError(Problem(message, hint=hint))
         if self.audit and (others := list(self._prevent_audit())):
             words = ", ".join(others)
             message = f"--audit cannot be combined with {words}: all steps must run on this machine"
@@ -187,6 +237,7 @@ def add_build_options(parser: Parser) -> None:
     add_options(parser, "output folders", FolderOptions)
     add_options(parser, "build options", BuildOptions)
     add_options(parser, "CMake options", CMakeOptions)
+    add_options(parser, "cross compilation", CrossOptions)
     add_options(parser, "package cache", CacheOptions)
     add_options(parser, "parallelism", JobOptions, ExecutorOptions)
     add_options(parser, _OUTPUT, ReportOptions)
@@ -200,6 +251,7 @@ def read_build_options(namespace: argparse.Namespace) -> BuildOptions:
         query=package_options.query_of(namespace),
         folders=read_options(FolderOptions, namespace),
         cmake=read_options(CMakeOptions, namespace),
+        cross=read_options(CrossOptions, namespace),
         cache=read_options(CacheOptions, namespace),
         jobs=read_options(JobOptions, namespace),
         execution=read_options(ExecutorOptions, namespace),

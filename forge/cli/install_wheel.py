@@ -44,6 +44,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="folder for scripts of packages without setup.py, relative to the prefix (default: lib/PACKAGE)",
     )
+    parser.add_argument("--target", default="", metavar="TARGET", help="platform, if it is not this machine")
     parser.add_argument("--link", action="store_true", help="install symbolic links instead of copies")
     return parser
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from forge.base.options import Option
     from forge.cli.main import Parser
+    from forge.toolchain.cross.targets import Target
 
 _Options = TypeVar("_Options")
 
@@ -125,6 +126,28 @@ class DistributionOptions:
     rosdistro: str | None = distribution_option()
 
 
+def _target(word: str) -> Target:
+    from forge.toolchain.cross.targets import parse_target  # noqa: PLC0415  (only needed with --target)
+
+    return parse_target(word)
+
+
+def _target_option() -> Any:  # noqa: ANN401  (the type of the field)
+    return option(
+        "platform, such as 'arm64', or 'aarch64-linux-gnu.2.35' for glibc 2.35 and newer; its files are in "
+        "folders of its name in the build and install folders (default: this machine)",
+        parse=_target,
+        metavar="TARGET",
+    )
+
+
+@frozen
+class TargetOptions:
+    """The platform, for commands that use the results of a build."""
+
+    target: Target | None = _target_option()
+
+
 @frozen
 class FolderOptions:
     """The options for build, install and log folders."""
@@ -137,6 +160,7 @@ class FolderOptions:
     log_base: str | None = option(
         "log folder; /dev/null disables logs (default: log)", metavar="DIR", inherited=True
     )
+    target: Target | None = _target_option()
     no_wait: bool = option(
         "exit with code 2 instead of waiting if the build folder is locked by another process", default=False
     )
@@ -145,12 +169,14 @@ class FolderOptions:
     def layout(self, root: Path, *, symlink: bool = False) -> Layout:
         """Return the absolute folders; the null device disables logs."""
         logs = self.log_base or setting("LOG_PATH", os.environ) or "log"
+        target = self.target.triple if self.target else ""
         return Layout(
-            build=_absolute(self.build_base, root),
-            install=_absolute(self.install_base, root),
+            build=_absolute(self.build_base, root) / target,
+            install=_absolute(self.install_base, root) / target,
             logs=None if logs == os.devnull else _absolute(logs, root),
             merged=self.merge_install,
             symlink=symlink,
+            target=target,
         )
 
     @property

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.tasks import BuildPlan, Task
     from forge.cli.build_options import BuildOptions
+    from forge.toolchain.cross.toolchain import CrossBuild
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
 
@@ -61,7 +62,7 @@ def build_variables(
     chosen = {VARIABLE: rosdistro} if rosdistro else {}
     recorded = recorded_rosdistro(layout.install)
     defaults = {**ROS_DEFAULTS, **({VARIABLE: recorded} if recorded else {}), "COLCON": "1"}
-    variables = {**defaults, **without_own(surroundings, layout.install), **chosen}
+    variables = {**defaults, **without_own(surroundings, layout.of_host.install), **chosen}
     sourced = find_underlays(variables, layout.install).chain
     forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
     incomplete = [root for root in sourced if lacks_modules(root, variables)]
@@ -74,7 +75,7 @@ def build_variables(
 
 def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str], warn: WarningReporter) -> None:
     """Warn about underlays that an earlier build or the environment names but that no longer exist."""
-    warn(lost_underlays(layout.install, without_own(surroundings, layout.install)))
+    warn(lost_underlays(layout.install, without_own(surroundings, layout.of_host.install)))
 
 
 def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
@@ -189,6 +190,7 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     layout: Layout,
     variables: Mapping[str, str],
     warn: WarningReporter,
+    cross: CrossBuild | None = None,
 ) -> tuple[BuildContext, Interpreter]:
     """Return the tools and options shared by all packages; raises EnvironmentFault for missing programs."""
     packages = [loaded.packages[name] for name in names]
@@ -197,9 +199,12 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     warn(suspicious_arguments(cmake_args))
     raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
-    tools = find_tools(packages, variables, launcher)
+    tools = find_tools(packages, variables, launcher, has_compiler=cross is not None)
     interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)
     warn(other_than_recorded(recorded_python(layout.install), interpreter))
+    if cross and cross.python_version:
+        interpreter = replace(interpreter, version=cross.python_version)
+    shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
     through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
     # Only the worker of a watch has loaded the modules that build Python packages.
     warm = through_worker if options.is_rebuild else own_command()
@@ -211,13 +216,13 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         rosdistro=distribution_in(variables),
         wheels=(*warm, "-m", "forge.cli.install_wheel"),
         generator=through_worker,
-        tools=identities(tools, interpreter.path, variables, cmake.cmake_args),
+        tools=identities(tools, interpreter.path, variables, shared_args),
         cmake=tools.cmake if tools else None,
         ninja=tools.ninja if tools else None,
         make=tools.make if tools else None,
         only_make=tools.only_make if tools else frozenset(),
         load_limit=options.jobs.load_limit or read_make_flags(variables.get("MAKEFLAGS", "")).load,
-        cmake_args=cmake.cmake_args,
+        cmake_args=shared_args,
         ament_cmake_args=cmake.ament_cmake_args,
         launcher=tools.launcher if tools else None,
         generator_launcher=(*through_worker, "--generator") if _has_fast_rosidl(options, loaded) else (),

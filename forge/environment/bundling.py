@@ -19,11 +19,12 @@ _TIME = 315532800
 """1980-01-01, the earliest time that some archivers support."""
 
 
-def write_bundle(install: Path, output: Path, *, build_files: bool) -> tuple[int, int]:
+def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = "") -> tuple[int, int]:
     """Write the archive; return the number of files and its size in bytes.
 
     Links that lead out of the tree are replaced by their targets, others are kept. All files are below one
-    folder with the name of the install folder. Raises WorkspaceError for files that cannot be packed.
+    folder with this `name`, by default that of the install folder. Raises WorkspaceError for files that
+    cannot be packed.
     """
     if not (install / LAYOUT_MARKER).is_file():
         hint = "run 'forge build', or choose another folder with '--install-base'"
@@ -46,7 +47,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool) -> tuple[int
             tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as archive,
         ):
             for path in members:
-                _add(archive, install, path)
+                _add(archive, install, path, name or install.name)
         draft.replace(output)
     finally:
         draft.unlink(missing_ok=True)
@@ -72,7 +73,7 @@ def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
         raise WorkspaceError(Problem(f"'{root / below}' is a link to an enclosing folder", hint=hint))
     for entry in sorted(os.scandir(root / below), key=lambda entry: entry.name):
         path = f"{below}/{entry.name}" if below else entry.name
-        if entry.name in _LEFT_OUT:
+        if entry.name in _LEFT_OUT or (not below and _is_of_target(entry)):
             continue
         if entry.is_dir() and not (entry.is_symlink() and _inside(root, path)):
             yield from _walk(root, path, (*above, real))
@@ -80,15 +81,20 @@ def _walk(root: Path, below: str, above: tuple[str, ...] = ()) -> Iterator[str]:
             yield path
 
 
+def _is_of_target(entry: os.DirEntry[str]) -> bool:
+    """Tell whether an entry of the install folder contains the packages for another platform."""
+    return entry.is_dir(follow_symlinks=False) and Path(entry, LAYOUT_MARKER).is_file()
+
+
 def _inside(root: Path, path: str) -> bool:
     """Tell whether the target of a link is inside the tree, so that the link can be kept."""
     return (root / path).resolve().is_relative_to(root.resolve())
 
 
-def _add(archive: tarfile.TarFile, root: Path, path: str) -> None:
-    """Add a file, or a link inside the tree."""
+def _add(archive: tarfile.TarFile, root: Path, path: str, name: str) -> None:
+    """Add a file, or a link inside the tree, below the folder `name`."""
     place = root / path
-    member = tarfile.TarInfo(f"{root.name}/{path}")
+    member = tarfile.TarInfo(f"{name}/{path}")
     member.mtime = _TIME
     if place.is_symlink() and _inside(root, path):
         member.type = tarfile.SYMTYPE

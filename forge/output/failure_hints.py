@@ -17,6 +17,7 @@ from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
 from forge.execution.worker_client import DECLINED_PREFIX
 from forge.output.known_names import cmake_commands, installed_headers
+from forge.output.platform_hints import remedy_for_platform
 from forge.toolchain.python_modules import install_command
 from forge.workspace.cmake_metadata import cmake_dependencies, targets, used_by_tests_only
 from forge.workspace.discovery import discover_embedded
@@ -151,7 +152,7 @@ def hint_of(output: str, context: FailureContext) -> str | None:
         hint = remedy(match[1] if pattern.groups else "", context) if match else None
         if hint:
             return hint
-    return None
+    return remedy_for_platform(plain, context.targets)
 
 
 def _block(lines: Sequence[str], start: int, extent: int) -> tuple[str, ...]:

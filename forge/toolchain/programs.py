@@ -46,10 +46,17 @@ class Tools:
     launcher: Path | None = None
 
 
-def find_tools(packages: Iterable[Package], variables: Mapping[str, str], launcher: str = "") -> Tools | None:
+def find_tools(
+    packages: Iterable[Package],
+    variables: Mapping[str, str],
+    launcher: str = "",
+    *,
+    has_compiler: bool = False,
+) -> Tools | None:
     """Return the programs to build `packages`, None if none of them needs CMake.
 
-    `launcher` is the name of the compiler launcher, if any. Raises EnvironmentFault with all missing
+    `launcher` is the name of the compiler launcher, if any; `has_compiler` if a compiler need not be on PATH.
+    Raises EnvironmentFault with all missing
     programs.
     """
     needy = [package for package in packages if package.build_type in CMAKE_TYPES]
@@ -68,7 +75,7 @@ def find_tools(packages: Iterable[Package], variables: Mapping[str, str], launch
         problems.append(not_found(launcher))
     texts = [(package, _project_text(package)) for package in needy if not package.embedded]
     compiled = [package for package, text in texts if _compiles(text)]
-    if compiled and not _has_compiler(variables):
+    if compiled and not (has_compiler or _has_compiler(variables)):
         problems.append(no_compiler(compiled))
     raise_if_any(problems, EnvironmentFault)
     assert cmake is not None  # noqa: S101  (checked above)

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 _INSTALL_MARKER = "install/.colcon_install_layout"
 _ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
 
-_ONE_PATH = ("--build-base", "--install-base", "--log-base", "--python", "--test-result-base", "--output")
+_ONE_PATH = (
+    *("--build-base", "--install-base", "--log-base", "--test-result-base", "--output"),
+    *("--python", "--toolchain-file", "--sysroot"),
+)
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
 _WITH_SHORT_OUTPUT = frozenset({"bundle", "graph"})
 """Commands whose option -o is --output."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING
 
+from forge.base.cmake_syntax import quoted
 from forge.base.layout import UNITS_FAILED_FILE
 from forge.workspace.resolve import INTERFACE_GROUP
 
@@ -44,7 +45,6 @@ def cache_entries(folder: Path) -> Pairs:
 def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
     """Return the files that CMake and its rules use, to be written into that folder."""
     from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
-    from forge.build.recipes.initial_cache import quoted  # noqa: PLC0415  (as above)
 
     marker, script = _marker(folder), folder / "compile_unit.sh"
     include = render(

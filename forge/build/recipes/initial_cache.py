@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from forge import __version__
+from forge.base.cmake_syntax import quoted
 from forge.base.frozen import frozen
 from forge.base.names import is_word
 from forge.base.templating import render
@@ -93,12 +94,6 @@ def manifest_variables(manifest: Manifest) -> str:
         arguments = " ".join(map(quoted, elements)) or '""'
         variables.append(_Variable(f"{manifest.name}_{name}", arguments))
     return render("cmake/manifest.cmake.j2", package=manifest.name, variables=variables)
-
-
-def quoted(*elements: str) -> str:
-    """Return a quoted CMake argument: the list of the elements, which may contain any character."""
-    escaped = (re.sub(r'([\\"$])', r"\\\1", element).replace(";", r"\;") for element in elements)
-    return '"' + ";".join(escaped) + '"'
 
 
 def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:

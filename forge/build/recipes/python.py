@@ -39,6 +39,7 @@ def _recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
         "--site-packages",
         context.site_packages,
         *more,
+        *(("--target", context.layout.target) if context.layout.target else ()),
         *(("--link",) if context.layout.symlink and not package.embedded else ()),
     )
     return Recipe((Step(StepKind.INSTALL, argv, build),))

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from installer.utils import Scheme
 
 MANIFEST = "install_manifest.txt"
+TARGET_PYTHON = "/usr/bin/python3"
+"""The interpreter in the first line of scripts for another platform."""
 
 
 @frozen
@@ -55,6 +57,8 @@ class WheelInstall:
     """The script folder of a package without a setup.py, relative to the prefix; None for lib/PACKAGE."""
     link: bool = False
     """Symlink files to their sources instead of copying."""
+    target: str = ""
+    """The platform, '' for this machine."""
 
 
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
@@ -62,11 +66,21 @@ def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     refuse_what_no_backend_reads(options.source)
     wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
     schemes = _schemes(options)
+    if options.target:
+        _refuse_compiled(wheel, options)
     installed = _unpack(wheel, options, schemes)
     if options.link:
         link_to_sources(Wheel(options.source, options.build, schemes, output), installed)
     _remove_stale(options.build / MANIFEST, installed, options.prefix)
     return tuple(wheel_warnings(options.source, options.prefix / options.site_packages, installed))
+
+
+def _refuse_compiled(wheel: Path, options: WheelInstall) -> None:
+    """Raise WorkspaceError for a wheel with compiled modules, which are for this machine."""
+    if not wheel.stem.endswith("-none-any"):
+        message = f"compiled modules of '{options.package}' cannot be built for '{options.target}'"
+        hint = "build them with CMake in a package of their own, or build this package on the target"
+        raise WorkspaceError(Problem(message, Location(options.source), hint))
 
 
 def _schemes(options: WheelInstall) -> dict[str, str]:
@@ -91,7 +105,10 @@ def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tupl
             raise_if_any(invalid_scripts(points, options.source), WorkspaceError)
         _remove_links(options.build / MANIFEST)
         destination = _Prefix(
-            schemes, interpreter=options.python, script_kind="posix", overwrite_existing=True
+            schemes,
+            interpreter=TARGET_PYTHON if options.target else options.python,
+            script_kind="posix",
+            overwrite_existing=True,
         )
         try:
             installer.install(source, destination, additional_metadata={"INSTALLER": b"forge\n"})

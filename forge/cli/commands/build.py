@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan
     from forge.cli.build_options import BuildOptions
     from forge.cli.main import Parser
+    from forge.toolchain.cross.toolchain import CrossBuild
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
@@ -84,7 +85,9 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     mode.warn(loaded.warnings)
     selected = names_to_build(loaded.selection, loaded.resolution, loaded.resolution.needs)
     names = check_before_planning(loaded, selected, layout, options)
-    context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn)
+    cross = _cross_build(options, layout, variables)
+    variables |= cross.variables if cross else {}
+    context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn, cross)
     audit = _audit(options, layout, variables)
     create_output_folders(layout)
     keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
@@ -106,6 +109,8 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
             if options.query.strict:
                 raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
             return report_left_out(selected, names)
+        if cross:
+            cross.prepare_compilers(task.package for task in plan.tasks.values())
         from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if all is up to date)
 
         prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
@@ -131,6 +136,23 @@ def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)
     named_inputs.save()
     state.confirm_up_to_date(plan, snapshot, hashes)
     return plan
+
+
+def _cross_build(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> CrossBuild | None:
+    """Return how to build for --target, None for this machine; raises EnvironmentFault without compilers."""
+    if options.folders.target is None:
+        return None
+    from forge.toolchain.cross.toolchain import prepare_cross_build  # noqa: PLC0415  (only with --target)
+
+    given = options.cross
+    return prepare_cross_build(
+        options.folders.target,
+        layout,
+        variables,
+        toolchain_file=given.toolchain_file,
+        sysroot=given.sysroot,
+        python_version=given.target_python,
+    )
 
 
 def _audit(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> Audit | None:

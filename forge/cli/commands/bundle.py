@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, print_warnings
+from forge.cli.options import TargetOptions, add_options, read_options
 from forge.environment.bundling import write_bundle
 from forge.environment.install_state import recorded_underlays
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 def register(parser: Parser) -> None:
     """Add the options of `forge bundle`."""
     parser.add_argument("-o", "--output", metavar="FILE", help="archive to write (default: WORKSPACE.tar.gz)")
+    add_options(parser, "platform", TargetOptions)
     parser.add_argument(
         "--with-build-files",
         action="store_true",
@@ -35,9 +37,12 @@ def register(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the archive and print a summary; returns 0."""
-    install = Path(options.install_base).absolute()
-    output = Path(os.path.abspath(options.output or f"{Path.cwd().name}.tar.gz"))  # noqa: PTH100  (no '..' in it)
-    files, size = write_bundle(install, output, build_files=options.with_build_files)
+    target = read_options(TargetOptions, options).target
+    base = Path(options.install_base).absolute()
+    install = base / target.triple if target else base
+    name = f"{Path.cwd().name}-{target.triple}" if target else Path.cwd().name
+    output = Path(os.path.abspath(options.output or f"{name}.tar.gz"))  # noqa: PTH100  (no '..' in it)
+    files, size = write_bundle(install, output, build_files=options.with_build_files, name=base.name)
     print(f"{output}: {files} files, {size / 1e6:.1f} MB")
     underlays = [str(path) for path in recorded_underlays(install)]
     if underlays:

@@ -79,6 +79,10 @@ def run(namespace: argparse.Namespace) -> int:
     built = [name for name in names if name not in absent]
     warn(not_built_here(built, loaded, layout))
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
+    if layout.target:
+        from forge.testing.emulation import require_emulator  # noqa: PLC0415  (only with --target)
+
+        require_emulator([loaded.packages[name] for name in built], layout)
     context = prepare_context(options, loaded, names, layout, variables)
     plan = make_test_plan(built, loaded, context, warn)
     with (

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.build.recipes.initial_cache import quoted
+from forge.base.cmake_syntax import quoted
 
 # A backslash before a semicolon cannot be an element of a CMake list at all; brackets must be balanced there.
 _elements = st.text(st.characters(codec="utf-8", exclude_characters="\x00\r\\[]", exclude_categories=["Cs"]))

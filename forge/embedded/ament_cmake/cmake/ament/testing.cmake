@@ -74,6 +74,10 @@ function(ament_add_test name)
     endif()
   endforeach()
 
+  # CTest knows an emulator only for commands that are targets.
+  if(CMAKE_CROSSCOMPILING_EMULATOR AND "${ARG_COMMAND}" MATCHES "^\\$<TARGET_FILE:")
+    list(INSERT ARG_COMMAND 0 ${CMAKE_CROSSCOMPILING_EMULATOR})
+  endif()
   add_test(NAME "${name}"
     COMMAND "${Python3_EXECUTABLE}" -u "${ARG_RUNNER}" ${words} --command ${ARG_COMMAND}
     WORKING_DIRECTORY "${ARG_WORKING_DIRECTORY}")

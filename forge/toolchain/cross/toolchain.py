@@ -1,0 +1,138 @@
+"""Prepares the compilers for a target: their CMake toolchain file and the variables of the environment."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.cmake_syntax import quoted
+from forge.base.errors import EnvironmentFault, Problem, raise_if_any
+from forge.base.files import text_or_nothing, write_if_changed
+from forge.base.frozen import frozen
+from forge.base.layout import TOOLCHAIN_DIR
+from forge.base.templating import render
+from forge.toolchain.cross.targets import TRIPLES
+from forge.toolchain.cross.zig import Zig, find_zig
+from forge.toolchain.programs import compiled_packages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from forge.base.layout import Layout
+    from forge.toolchain.cross.targets import Target
+    from forge.workspace.model import Package
+
+_FILE = "toolchain.cmake"
+_EMULATOR = "CMAKE_CROSSCOMPILING_EMULATOR"
+_INCLUDE = re.compile(r'\binclude\s*\(\s*"?([^")]+)')
+_VERSIONED = re.compile(r"python(\d+)\.(\d+)")
+
+
+@frozen
+class CrossBuild:
+    """How to build for a target; `zig` is None if a toolchain file of the user names the compilers."""
+
+    target: Target
+    file: Path
+    variables: Mapping[str, str]
+    """Variables for the steps of packages."""
+    zig: Zig | None = None
+    python_version: tuple[int, int] | None = None
+    """The version of Python on the target, None for that of this machine."""
+
+    @property
+    def cmake_args(self) -> tuple[str, ...]:
+        """Return the CMake arguments for all packages."""
+        return (f"-DCMAKE_TOOLCHAIN_FILE={self.file}",)
+
+    def prepare_compilers(self, packages: Iterable[Package]) -> None:
+        """Compile the libraries of the compilers if one of the packages needs them."""
+        if self.zig and compiled_packages(package for package in packages if not package.embedded):
+            self.zig.compile_libraries(self.file.parent)
+
+
+def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
+    target: Target,
+    layout: Layout,
+    variables: Mapping[str, str],
+    *,
+    toolchain_file: Path | None = None,
+    sysroot: Path | None = None,
+    python_version: tuple[int, int] | None = None,
+) -> CrossBuild:
+    """Write the toolchain file, and scripts for zig's compilers without one of the user's.
+
+    Raises EnvironmentFault without compilers, and for paths that do not exist.
+    """
+    raise_if_any(_problems(target, toolchain_file, sysroot), EnvironmentFault)
+    folder = layout.build / TOOLCHAIN_DIR
+    file = folder / _FILE
+    zig = None if toolchain_file else find_zig(target, layout, variables)
+    if zig:
+        zig.write_compilers(folder)
+    command = emulator(target, sysroot, variables)
+    text = render(
+        "cross/toolchain.cmake.j2",
+        target=target.with_glibc,
+        base=quoted(str(toolchain_file)) if toolchain_file else "",
+        processor=target.cmake_processor,
+        sysroot=quoted(str(sysroot)) if sysroot else "",
+        install=os.path.relpath(layout.install, folder),
+        emulator=quoted(*command) if command else "",
+    )
+    write_if_changed(file, text)
+    found = {**_pkg_config(target, sysroot), **(zig.compilers(folder) if zig else {})}
+    return CrossBuild(target, file, found, zig, python_version or _python_of(sysroot))
+
+
+def emulator(target: Target, sysroot: Path | None, variables: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the command that runs programs of the target on this machine, () if there is none."""
+    if target.is_host:
+        return ("/usr/bin/env",)
+    qemu = shutil.which(f"qemu-{target.cpu}", path=variables.get("PATH"))
+    libraries = sysroot or Path("/usr", target.triple)
+    if qemu is None:
+        return ()
+    return (qemu, "-L", str(libraries)) if libraries.is_dir() else (qemu,)
+
+
+def has_emulator(layout: Layout) -> bool:
+    """Tell whether the last build for a target knew an emulator, or uses files that may name one."""
+    own = text_or_nothing(layout.build / TOOLCHAIN_DIR / _FILE)
+    named = _INCLUDE.search(own)
+    text = text_or_nothing(named[1]) if named else ""
+    return _EMULATOR in own + text or _INCLUDE.search(text) is not None
+
+
+def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None) -> Iterator[Problem]:
+    if toolchain_file is None and not target.is_known:
+        hint = f"use one of {', '.join(TRIPLES.values())}, or describe the compilers in a '--toolchain-file'"
+        yield Problem(f"unknown target '{target.triple}'", hint=hint)
+    if toolchain_file and target.glibc:
+        hint = f"pass '--target {target.triple}'"
+        yield Problem("'--toolchain-file' decides which version of glibc is used", hint=hint)
+    if toolchain_file and not toolchain_file.is_file():
+        yield Problem(f"--toolchain-file: '{toolchain_file}' does not exist")
+    if sysroot and not sysroot.is_dir():
+        yield Problem(f"--sysroot: '{sysroot}' is not a folder")
+
+
+def _pkg_config(target: Target, sysroot: Path | None) -> dict[str, str]:
+    """Return the variables that keep pkg-config from finding libraries of this machine."""
+    if sysroot is None:
+        return {"PKG_CONFIG_LIBDIR": os.devnull}
+    folders = (f"{sysroot}/usr/{name}/pkgconfig" for name in (f"lib/{target.triple}", "lib", "share"))
+    return {"PKG_CONFIG_LIBDIR": os.pathsep.join(folders), "PKG_CONFIG_SYSROOT_DIR": str(sysroot)}
+
+
+def _python_of(sysroot: Path | None) -> tuple[int, int] | None:
+    """Return the version of the Python in a sysroot."""
+    if sysroot is None:
+        return None
+    names = [os.path.basename(os.path.realpath(sysroot / "usr/bin/python3"))]  # noqa: PTH119
+    names += sorted(path.parent.name for path in sysroot.glob("usr/lib/python3.*/os.py"))
+    versions = [(int(match[1]), int(match[2])) for match in map(_VERSIONED.fullmatch, names) if match]
+    return versions[0] if versions else None

@@ -1,0 +1,48 @@
+"""The names of platforms."""
+
+from __future__ import annotations
+
+import pytest
+
+from forge.toolchain.cross.targets import parse_target
+
+
+@pytest.mark.parametrize(
+    ("word", "triple", "glibc", "cpu"),
+    [
+        ("aarch64-linux-gnu", "aarch64-linux-gnu", "", "aarch64"),
+        ("aarch64-linux-gnu.2.35", "aarch64-linux-gnu", "2.35", "aarch64"),
+        ("aarch64-unknown-linux-gnu", "aarch64-linux-gnu", "", "aarch64"),
+        ("arm64", "aarch64-linux-gnu", "", "aarch64"),
+        ("arm64.2.31", "aarch64-linux-gnu", "2.31", "aarch64"),
+        ("armhf", "arm-linux-gnueabihf", "", "arm"),
+        ("armv7l", "arm-linux-gnueabihf", "", "arm"),
+        ("riscv64", "riscv64-linux-gnu", "", "riscv64"),
+        ("amd64", "x86_64-linux-gnu", "", "x86_64"),
+    ],
+)
+def test_a_platform_has_the_names_of_debian_docker_and_rust(
+    word: str, triple: str, glibc: str, cpu: str
+) -> None:
+    target = parse_target(word)
+    assert (target.triple, target.glibc, target.cpu) == (triple, glibc, cpu)
+    assert target.is_known
+    assert target.with_glibc == (f"{triple}.{glibc}" if glibc else triple)
+
+
+@pytest.mark.parametrize("word", ["aarch64-poky-linux", "mips64el-linux-gnuabi64", "aarch64-linux-musl"])
+def test_another_name_is_kept_for_a_toolchain_file(word: str) -> None:
+    target = parse_target(word)
+    assert target.triple == word
+    assert not target.is_known
+
+
+@pytest.mark.parametrize("word", ["", "../x", "a b", "aarch64-linux-gnu.2", "x/y"])
+def test_a_name_is_a_folder(word: str) -> None:
+    with pytest.raises(ValueError, match="is not the name of a platform"):
+        parse_target(word)
+
+
+def test_cmake_calls_processors_as_the_kernel_does() -> None:
+    assert parse_target("armhf").cmake_processor == "armv7l"
+    assert parse_target("arm64").cmake_processor == "aarch64"
