@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,12 +13,21 @@ if TYPE_CHECKING:
 _SECRET = frozenset({"FORGE_CACHE_TOKEN", "FORGE_REMOTE_CACHE"})
 """Variables that may contain credentials, which only forge needs."""
 
+SEQUENTIAL = "sequential"
+EXECUTORS = ("parallel", SEQUENTIAL)
+
 _USER = re.compile(r"(?<=://)[^/\s]*@")
 
 
 def setting(name: str, variables: Mapping[str, str]) -> str | None:
     """Return the value of FORGE_`name`, else of COLCON_`name`, else None."""
     return variables.get(f"FORGE_{name}") or variables.get(f"COLCON_{name}") or None
+
+
+def default_executor(executors: tuple[str, ...]) -> str:
+    """Return the executor that the environment selects if it is one of these, else the first."""
+    name = setting("DEFAULT_EXECUTOR", os.environ)
+    return name if name in executors else executors[0]
 
 
 def home(variables: Mapping[str, str]) -> Path:

@@ -18,6 +18,7 @@ from forge.environment.install_state import recorded_rosdistro, recorded_underla
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
+from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,10 +44,10 @@ def install_package(
     """
     prefix = layout.prefix(package.name)
     files = frozenset(_own_files(package.name, layout) if installed is None else map(str, installed))
-    if package.build_type == "ament_python":
+    if _is_registered_by_forge(package):
         _write_implicit(package, prefix, symlink=layout.symlink)
     share = prefix / "share" / package.name
-    hooks = package_hooks(package.name, package.build_type, files, python.site_packages)
+    hooks = package_hooks(package.name, files, python.site_packages, ament=_is_registered_by_forge(package))
     _remove_stale_hooks(share / "hook", {f"{name}.dsv" for name in hooks}, layout.build_dir(package.name))
     for name, line in hooks.items():
         write_if_changed(share / "hook" / f"{name}.dsv", scripts.render_dsv([line]))
@@ -80,7 +81,7 @@ def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], 
     share = prefix / "share" / package.name
     files_of_package = [share / f"package.{extension}" for extension in ("dsv", *SHELLS)]
     files_of_package += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
-    if package.build_type == "ament_python":
+    if _is_registered_by_forge(package):
         files_of_package += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
     found.update(map(str, files_of_package))
     # A listed file may be missing: the package's own code can remove files that CMake installed.
@@ -150,8 +151,13 @@ def _own_files(name: str, layout: Layout) -> Iterator[str]:
     yield from (path.removeprefix(f"{prefix}/") for path in listed if path.startswith(f"{prefix}/"))
 
 
+def _is_registered_by_forge(package: Package) -> bool:
+    """Tell whether forge adds a package to the ament index: CMake code does so itself, or means not to."""
+    return package.ros and package.build_type not in {*CMAKE_TYPES, "python"}
+
+
 def _write_implicit(package: Package, prefix: Path, *, symlink: bool) -> None:
-    """Write the index marker and package.xml of an ament_python package unless its setup.py installs them."""
+    """Write the index marker and package.xml of a package unless its own build installs them."""
     marker = prefix / INDEX / "packages" / package.name
     if not marker.exists():
         replace_file(marker, b"")

@@ -6,13 +6,12 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
 from forge.base.lazy import LazyTuple
-from forge.base.names import did_you_mean
+from forge.build.build_types import build_type_of, unknown_type, unknown_types
 from forge.build.model import BuildInputs, Fingerprint
-from forge.build.recipes import RECIPES
 from forge.build.tasks import BuildPlan, StepKind, Task
 from forge.build.up_to_date import (
     CONFIGURING,
@@ -70,7 +69,7 @@ def make_plan(
         names = tuple(name for name in ordered_names(observed) if name in wanted)
     closed = closures(resolution.needs, ordered)
     raise_if_any(
-        (*_unknown_types(names, resolution), *_not_installed(names, resolution, closed, snapshot)),
+        (*_of_unknown_type(names, resolution), *_not_installed(names, resolution, closed, snapshot)),
         WorkspaceError,
     )
     hashes = DependencyHashes(
@@ -184,7 +183,7 @@ def _inputs(
     more = global_inputs.named(package, snapshot)
     return BuildInputs(
         forge=global_inputs.forge,
-        options=(*RECIPES[package.build_type].options(package, context.of(package)), *more.options),
+        options=(*build_type_of(package).options(package, context.of(package)), *more.options),
         tools=(*global_inputs.tools_of(package), *more.tools),
         environment=(*global_inputs.environment_of(package), *more.environment),
         sources=snapshot.sources[package.name].digest,
@@ -217,7 +216,7 @@ def _task(
     """Return the task as conditional on its dependencies: to be run only if one of them changes."""
     name = package.name
     record = snapshot.records.get(name)
-    recipe = cache(partial(RECIPES[package.build_type].recipe, package, context.of(package)))
+    recipe = cache(partial(build_type_of(package).recipe, package, context.of(package)))
     earlier = tuple(sorted({*(record.files if record else ()), *snapshot.listed.get(name, ())}))
     return Task(
         name=name,
@@ -241,19 +240,9 @@ def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step,
     return tuple(replace(step, replaces=earlier) if step.kind is StepKind.INSTALL else step for step in steps)
 
 
-def _unknown_types(names: Iterable[str], resolution: DependencyResolution) -> Iterable[Problem]:
-    for name in names:
-        package = resolution.packages[name]
-        if package.build_type not in RECIPES:
-            message = f"unsupported build type '{package.build_type}' of package '{name}'"
-            yield Problem(message, Location(package.manifest.path), _hint_on_type(package.build_type, name))
-
-
-def _hint_on_type(build_type: str, name: str) -> str:
-    if build_type == "catkin":
-        what = "catkin, the build type of a package.xml that names none, is for ROS 1"
-        return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"
-    return did_you_mean(build_type, RECIPES) or f"supported build types: {', '.join(sorted(RECIPES))}"
+def _of_unknown_type(names: Sequence[str], resolution: DependencyResolution) -> Iterable[Problem]:
+    unknown = unknown_types(resolution.packages[name] for name in names)
+    return (unknown_type(resolution.packages[name]) for name in names if name in unknown)
 
 
 def _not_installed(

@@ -32,6 +32,8 @@ class StepKind(Enum):
     CTEST = "ctest"
     PYTEST = "pytest"
     UNITTEST = "unittest"
+    TEST = "test"
+    """The tests of a build type that is neither CMake's nor Python's."""
 
 
 class StepCondition(Enum):

@@ -7,7 +7,7 @@ import sys
 from contextlib import closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import compiled_templates, own_cache, without_secrets
+from forge.base.env_vars import SEQUENTIAL, compiled_templates, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR, TEMPLATES_DIR
@@ -24,7 +24,7 @@ from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.job_pool import without_job_variables
 from forge.execution.opening import open_job_pool
-from forge.execution.options import DASK, SEQUENTIAL
+from forge.execution.options import DASK
 from forge.execution.scheduler import Scheduler
 from forge.execution.task_setup import TaskSetup
 from forge.output.charts.sampling import sample_usage

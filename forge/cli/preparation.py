@@ -16,6 +16,7 @@ from forge.base.distributions import VARIABLE, distribution_in
 from forge.base.errors import Problem, WorkspaceError, print_problem, raise_if_any, share_hints
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
+from forge.build.build_types import leave_out
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
 from forge.build.planning import GlobalInputs
@@ -99,6 +100,17 @@ def require_packages(loaded: LoadedWorkspace) -> None:
         hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
         problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
         raise WorkspaceError(problem)
+
+
+def without_unknown_types(
+    names: Sequence[str], loaded: LoadedWorkspace, options: BuildOptions, warn: WarningReporter
+) -> tuple[str, ...]:
+    """Return the names without packages of unknown build types that nothing requires; warn about these."""
+    query = options.query
+    requested = frozenset(names) if query.strict else query.named
+    found, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
+    warn(warnings)
+    return found
 
 
 def check_before_planning(

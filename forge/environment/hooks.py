@@ -9,10 +9,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
-def package_hooks(name: str, build_type: str, files: Iterable[str], site_packages: str) -> dict[str, str]:
+def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament: bool) -> dict[str, str]:
     """Return the dsv line of each hook, by name and in colcon's order.
 
-    `files` are relative to the prefix; `site_packages` is the interpreter's folder below it.
+    `files` are relative to the prefix; `site_packages` is the interpreter's folder below it. `ament` adds the
+    prefix to AMENT_PREFIX_PATH, for packages that do not do so themselves.
     """
     folders: dict[str, list[str]] = {}
     for file in sorted(files):
@@ -26,7 +27,7 @@ def package_hooks(name: str, build_type: str, files: Iterable[str], site_package
         **_numbered("pythonpath", "PYTHONPATH", _python_folders(folders, site_packages)),
         **_numbered("pkg_config_path", "PKG_CONFIG_PATH", _pkg_configs(folders)),
     }
-    if build_type == "ament_python":
+    if ament:
         hooks["ament_prefix_path"] = _line("AMENT_PREFIX_PATH", "")
     return hooks
 

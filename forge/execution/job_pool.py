@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.build.tasks import StepKind
@@ -91,7 +92,10 @@ class JobPool:
             yield found, self._pool.descriptors
         else:
             with self._share() as jobs:
-                yield self._without_jobserver(found, jobs), ()
+                found = self._without_jobserver(found, jobs)
+                if Path(step.argv[0]).name == "make":
+                    found["MAKEFLAGS"] = self._flags.line(jobs)
+                yield found, ()
 
     def stop(self) -> None:
         """Let no further package start."""

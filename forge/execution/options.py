@@ -6,7 +6,7 @@ import contextlib
 import os
 from typing import TYPE_CHECKING
 
-from forge.base.env_vars import setting
+from forge.base.env_vars import EXECUTORS, default_executor
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.options import option
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 DASK = "dask"
 """The executor that builds packages on the workers of a Dask cluster."""
-SEQUENTIAL = "sequential"
-EXECUTORS = ("parallel", SEQUENTIAL)
 
 
 def _positive(text: str) -> int:
@@ -110,9 +108,3 @@ class ExecutorOptions:
         if self.executor == DASK and not self.scheduler:
             hint = "start a scheduler with `dask scheduler` and use the address it prints"
             raise SelectionError(Problem("'--executor dask' needs '--scheduler ADDRESS'", hint=hint))
-
-
-def default_executor(executors: tuple[str, ...]) -> str:
-    """Return the executor that the environment selects if it is one of these, else the first."""
-    name = setting("DEFAULT_EXECUTOR", os.environ)
-    return name if name in executors else executors[0]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from forge.base.errors import ForgeError, Problem
+from forge.base.extensions import entry_points, load
 from forge.base.names import did_you_mean
 
 if TYPE_CHECKING:
@@ -33,25 +34,12 @@ def find_target(name: str, known: Iterable[str]) -> Target:
 
     Raises ForgeError if it does not exist or cannot be loaded.
     """
-    from importlib.metadata import entry_points  # noqa: PLC0415  (needed only for targets of other distributions)
-
-    found = entry_points(group=GROUP)
-    if name not in found.names:
-        names = sorted({*known, *found.names})
+    found = entry_points(GROUP)
+    if name not in found:
+        names = sorted({*known, *found})
         near = did_you_mean(name, names)
         available = f"available targets: {', '.join(names)}"
         hint = f"{near} {available}" if near else available
         raise ForgeError(Problem(f"unknown target '{name}'", hint=hint))
-    chosen = found[name]
-    try:
-        target: Target = chosen.load()
-    except Exception as error:
-        raise ForgeError(_unusable(name, chosen.value, f"{type(error).__name__}: {error}")) from error
-    if not callable(getattr(target, "files", None)):
-        raise ForgeError(_unusable(name, chosen.value, "it has no function 'files'"))
+    target: Target = load(found[name], "target", ("files",))
     return target
-
-
-def _unusable(name: str, value: str, reason: str) -> Problem:
-    hint = f"fix or remove the distribution with this entry point of the group '{GROUP}'"
-    return Problem(f"the target '{name}' cannot be loaded from '{value}': {reason}", hint=hint)

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.files import remove_tree, text_or_nothing
 from forge.base.frozen import frozen
-from forge.toolchain.programs import CMAKE_TYPES, find_program
+from forge.build.tests.recipes import DATA_FILE, OMITTED
+from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, find_program
 from forge.toolchain.python_modules import install_command
 
 if TYPE_CHECKING:
@@ -24,11 +25,7 @@ if TYPE_CHECKING:
 
     from forge.base.errors import WarningReporter
     from forge.build.tasks import BuildPlan, Task
-    from forge.testing.recipes import TestContext
-
-DATA_FILE = ".coverage"
-OMITTED = ("setup.py", "test/*", "tests/*")
-"""Files of Python packages that are not counted, relative to the package."""
+    from forge.build.tests.recipes import TestContext
 
 _XML, _PAGES = "coverage.xml", "coverage.html"
 _ROOT = re.compile(r"<coverage\s[^>]*>")
@@ -71,7 +68,7 @@ def plan_coverage(
     Warns about packages that were not compiled for coverage. Raises EnvironmentFault for missing programs.
     """
     compiled = [task for task in plan.tasks.values() if task.package.build_type in CMAKE_TYPES]
-    python = [task for task in plan.tasks.values() if task.package.build_type not in CMAKE_TYPES]
+    python = [task for task in plan.tasks.values() if task.package.build_type in PYTHON_TYPES]
     counting = [task for task in compiled if _counts_lines(task.build_dir)]
     gcovr = find_program("gcovr", variables)
     problems = []

@@ -10,19 +10,20 @@ from forge.base.errors import EnvironmentFault, Location, Problem, Several, Work
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.base.text import listed
+from forge.build.build_types import build_type_of, unknown_types
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
+from forge.build.tests.detection import inspect_tests
+from forge.build.tests.recipes import TestContext, framework
 from forge.build.up_to_date import source_changes
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
-from forge.testing.detection import inspect_tests
-from forge.testing.recipes import TEST_RECIPES, PackageTests, TestContext, framework
 from forge.toolchain.interpreter import find_interpreter
-from forge.toolchain.programs import CMAKE_TYPES, find_ctest
+from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
 
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 
     from forge.base.errors import WarningReporter
     from forge.base.layout import Layout
+    from forge.build.tests.options import TestOptions
     from forge.execution.options import JobOptions
-    from forge.testing.options import TestOptions
     from forge.workspace.load import LoadedWorkspace
     from forge.workspace.model import Package
 
@@ -47,15 +48,16 @@ def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[str, .
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     own = [name for name in loaded.selection.names if not loaded.packages[name].embedded]
     kinds = {name: loaded.packages[name].build_type for name in own}
+    unknown = unknown_types(loaded.packages[name] for name in own)
     warn(
         Problem(
             f"cannot test '{name}': unsupported build type '{kind}'",
             several=Several(f"cannot test {{}}: unsupported build type '{kind}'", name),
         )
         for name, kind in kinds.items()
-        if kind not in TEST_RECIPES
+        if name in unknown
     )
-    return tuple(name for name, kind in kinds.items() if kind in TEST_RECIPES)
+    return tuple(name for name in own if name not in unknown)
 
 
 def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, tuple[str, ...]]:
@@ -161,7 +163,7 @@ def prepare_context(
     ctest = find_ctest(os.environ) if types & CMAKE_TYPES else None
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, recorded)
-    missing = missing_modules(interpreter.path, _TEST_MODULES) if types - CMAKE_TYPES else ()
+    missing = missing_modules(interpreter.path, _TEST_MODULES) if types & PYTHON_TYPES else ()
     return TestContext(
         root=loaded.workspace.root,
         layout=layout,
@@ -184,22 +186,15 @@ def make_test_plan(
     names: Sequence[str], loaded: LoadedWorkspace, context: TestContext, warn: WarningReporter
 ) -> BuildPlan:
     """Return a task per package, without dependencies. Raises EnvironmentFault if pytest is missing."""
-    looks = {}
-    for name in names:
-        package = loaded.packages[name]
-        looks[name] = inspect_tests(package, context.source(package), context.layout.build_dir(name))
-    raise_if_any(_without_pytest([loaded.packages[name] for name in names], context, looks), EnvironmentFault)
+    packages = [loaded.packages[name] for name in names]
+    raise_if_any(_without_pytest(packages, context), EnvironmentFault)
     if context.options.pytest_with_coverage and "pytest_cov" not in context.modules:
         warn([Problem("coverage is not measured: the interpreter has no pytest-cov")])
-    tasks = {}
-    for name in names:
-        package = loaded.packages[name]
-        tasks[name] = _task(package, context.of(package), looks[name])
-    return BuildPlan(tasks)
+    return BuildPlan({package.name: _task(package, context.of(package)) for package in packages})
 
 
-def _task(package: Package, context: TestContext, seen: PackageTests) -> Task:
-    recipe = TEST_RECIPES[package.build_type](package, context, seen)
+def _task(package: Package, context: TestContext) -> Task:
+    recipe = build_type_of(package).tests(package, context)
     return Task(
         name=package.name,
         package=package,
@@ -214,17 +209,19 @@ def _task(package: Package, context: TestContext, seen: PackageTests) -> Task:
     )
 
 
-def _without_pytest(
-    packages: Sequence[Package], context: TestContext, looks: Mapping[str, PackageTests]
-) -> Iterator[Problem]:
+def _without_pytest(packages: Sequence[Package], context: TestContext) -> Iterator[Problem]:
     wanting = [
         package.name
         for package in packages
-        if package.build_type not in CMAKE_TYPES
-        and framework(package, context.of(package), looks[package.name]) == "pytest"
+        if package.build_type in PYTHON_TYPES and _framework(package, context) == "pytest"
     ]
     if wanting and "pytest" not in context.modules:
         packages_text = ", ".join(f"'{name}'" for name in wanting)
         command = install_command(context.python, ("pytest",))
         hint = f"{command}; or test with unittest: --python-testing unittest"
         yield Problem(f"'{context.python}' has no pytest, which is required by {packages_text}", hint=hint)
+
+
+def _framework(package: Package, context: TestContext) -> str:
+    tests = inspect_tests(package, context.source(package), context.layout.build_dir(package.name))
+    return framework(package, context.of(package), tests)

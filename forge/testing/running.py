@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
+    from forge.build.tests.recipes import TestContext
     from forge.execution.job_pool import JobPool
     from forge.testing.outcomes import Case, Outcome
-    from forge.testing.recipes import TestContext
 
 RESULT = "colcon_test.rc"
 
@@ -110,8 +110,9 @@ def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
     exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
     for case in (case for outcome in found if outcome.path == str(own) for case in outcome.cases):
         selector = _selector(case, task.name, step.kind, exists)
-        # Without a result, repeat the whole run.
-        repeat = step if case.name.endswith(".missing_result") else _again(step, selector)
+        # Without a result, or a way to select one test, repeat the whole run.
+        whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
+        repeat = step if whole else _again(step, selector)
         label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
         yield Failure(task.name, label, first_lines([case]), step_line(repeat, environment_file(task)))
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
+PYTHON_TYPES = frozenset({"ament_python", "python"})
 
 _CMAKE_HINT = (
     "install it with forge, `pip install 'ros-forge[cmake]'`, or with your distribution's cmake package"

@@ -129,7 +129,7 @@ class _Walk:
                     waiting.append((f"{folder}/{name}", child))
 
     def identity(self, spelling: str, entries: Mapping[str, bool]) -> Identity:
-        if MARKER_FILES.isdisjoint(entries) and not self.overrides.by_path:
+        if MARKER_FILES.isdisjoint(entries) and not (self.overrides.by_path or self.overrides.build_types):
             return NOT_A_PACKAGE
         return identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
 

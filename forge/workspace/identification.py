@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
+OWN_TYPES = frozenset({"cmake", "python", "ros"})
+"""The types of colcon.pkg and *.meta files that forge knows, besides those that begin with 'ros.'."""
 PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml"})
 MARKER_FILES = (
     frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
@@ -49,7 +51,7 @@ def identify(
         own = _colcon_pkg(folder)
         said = overrides.placed(folder.place)
         conflicts = _claim(folder, own, said, overrides)
-        identity = _identify(folder, variables)
+        identity = _identify(folder, variables, overrides.build_types)
         package = identity.package
         if package is not None:
             _check_name(package)
@@ -111,7 +113,7 @@ def _claim(
     return tuple(conflicts)
 
 
-def _identify(folder: Folder, variables: Mapping[str, str]) -> Identity:
+def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[str, ...]) -> Identity:
     claimed = folder.type or folder.name
     identity = _as_ros(folder, variables)
     if identity is None and not PLAIN.isdisjoint(folder.entries):
@@ -119,11 +121,28 @@ def _identify(folder: Folder, variables: Mapping[str, str]) -> Identity:
         from forge.workspace.plain_packages import identify_plain  # noqa: PLC0415
 
         identity = identify_plain(folder)
+    if identity is None:
+        identity = _as_other(folder, build_types)
     if identity is not None:
         return identity
     return (
         _incomplete(folder, "its files do not provide the missing name or type") if claimed else NOT_A_PACKAGE
     )
+
+
+def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
+    """Return the package that a build type of another distribution finds, or None.
+
+    It is the build type that the user assigned, else the first one in forge.toml.
+    """
+    if folder.type is not None:
+        assigned = folder.type not in OWN_TYPES and not folder.type.startswith("ros.")
+        build_types = (folder.type,) if assigned else ()
+    if not build_types:
+        return None
+    from forge.workspace.finders import identify_with  # noqa: PLC0415  (it looks for plugins)
+
+    return next(filter(None, (identify_with(name, folder) for name in build_types)), None)
 
 
 def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:

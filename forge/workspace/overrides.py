@@ -15,7 +15,7 @@ from forge.base.files import read_file
 from forge.base.formats import read_yaml
 from forge.base.frozen import frozen
 from forge.base.names import is_below, is_word
-from forge.workspace.forge_toml import package_options
+from forge.workspace.forge_toml import package_options, plugin_types, read_forge_toml
 from forge.workspace.model import Dependency, DependencyKind
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ class Overrides:
 
     by_name: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     by_path: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    build_types: tuple[str, ...] = ()
+    """Build types of other distributions that find packages without package.xml."""
 
     def named(self, name: str) -> Mapping[str, Any]:
         """Return the options of a package."""
@@ -64,9 +66,10 @@ def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overr
             for name, values in _section(options, key, path).items():
                 merged = target.setdefault(str(name) if key == "names" else _real(path, str(name)), {})
                 merge(merged, values)
-    for name, values in package_options(root).items():
+    content = read_forge_toml(root)
+    for name, values in package_options(content, root).items():
         merge(by_name.setdefault(name, {}), values)
-    return Overrides(by_name, by_path)
+    return Overrides(by_name, by_path, plugin_types(content, root))
 
 
 def read_colcon_pkg(folder: Path) -> dict[str, Any]:

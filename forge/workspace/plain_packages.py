@@ -39,7 +39,7 @@ def identify_plain(folder: Folder) -> Identity | None:
 
     Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
     """
-    for step in (_ambiguous, _cmake_package, _python_package, _project):
+    for step in (_ambiguous, cmake_package, python_package):
         identity = step(folder)
         if identity is not None:
             return identity
@@ -73,7 +73,8 @@ def _ambiguous(folder: Folder) -> Identity | None:
     return Identity(notes=(Problem(message, Location(folder.path), hint),))
 
 
-def _cmake_package(folder: Folder) -> Identity | None:
+def cmake_package(folder: Folder) -> Identity | None:
+    """Read CMakeLists.txt."""
     if not folder.may_be("cmake") or not folder.has("CMakeLists.txt"):
         return None
     text = folder.text("CMakeLists.txt")
@@ -95,10 +96,15 @@ def _cmake_package(folder: Folder) -> Identity | None:
     wanted = set() if assigned else cmake_dependencies((text, *_cmake_texts(folder.place))) - {name}
     kinds = frozenset({DependencyKind.BUILD, DependencyKind.EXEC})
     dependencies = tuple(Dependency(need, kinds) for need in sorted(wanted))
-    return Identity(_plain(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
+    return Identity(plain_package(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
 
 
-def _python_package(folder: Folder) -> Identity | None:
+def python_package(folder: Folder) -> Identity | None:
+    """Read the metadata of a Python package: setup.py, else pyproject.toml."""
+    return _setup_py(folder) or _project(folder)
+
+
+def _setup_py(folder: Folder) -> Identity | None:
     """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools."""
     if not folder.may_be("python") or not folder.has("setup.py"):
         return None
@@ -139,7 +145,7 @@ def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
         return Identity(problems=(Problem(message, Location(path), hint),))
     notes = () if facts.name or folder.name else (_no_literal(folder, path),)
     name = folder.name or facts.name or folder.place.resolve().name
-    package = _plain(folder, name, "python", path, facts.dependencies)
+    package = plain_package(folder, name, "python", path, facts.dependencies)
     manifest = replace(package.manifest, version=facts.version, maintainers=facts.maintainers)
     return Identity(replace(package, manifest=manifest), notes=notes)
 
@@ -154,10 +160,10 @@ def _toml_facts(folder: Folder) -> PythonMetadata | None:
     return read_pyproject(read_toml(folder.content("pyproject.toml"), folder.place / "pyproject.toml"))
 
 
-def _plain(
-    folder: Folder, name: str, build_type: str, path: Path, dependencies: tuple[Dependency, ...]
+def plain_package(
+    folder: Folder, name: str, build_type: str, path: Path, dependencies: tuple[Dependency, ...] = ()
 ) -> Package:
-    """Return a package without package.xml."""
+    """Return a package without package.xml; `path` is the file that describes it."""
     own = tuple(dependency for dependency in dependencies if dependency.name != name)
     return Package(folder.path, Manifest(name, "", "", build_type, own, path), ros=False)
 

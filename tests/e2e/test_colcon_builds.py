@@ -164,10 +164,22 @@ def test_what_cannot_be_built_is_an_error_of_both(twins: Twins) -> None:
 
 
 MEANT = {
-    "skips packages of an unknown build type, with a warning": ("", "wierd"),
     "rejects a cycle that only a `test_depend` closes": ("<test_depend>b</test_depend>", "cmake"),
 }
 """Lines of the page, each with a package that shows the difference."""
+
+
+def test_packages_of_an_unknown_build_type_are_left_out_by_both(twins: Twins) -> None:
+    """Unless one is selected by name: colcon skips it, and builds nothing."""
+    twins.package("a")
+    twins.package("b")
+    twins.write("src/a/package.xml", manifest_text("a", build_type="wierd"))
+    ours, theirs = twins.build()
+    assert told(ours) == told(theirs)
+    ours, theirs = twins.try_to_build("--packages-select", "a")
+    assert (ours.code, theirs.code) == (2, 0)
+    line = "| skips packages of an unknown build type, with a warning, also if they are selected |"
+    assert line in (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("line", MEANT)

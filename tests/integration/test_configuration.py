@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge import __version__
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
@@ -201,5 +202,6 @@ def test_global_options_may_stand_in_files(forge: Forge, root: Path) -> None:
 
 def test_the_tables_are_shown(forge: Forge) -> None:
     shown = forge("extensions").out
-    assert "build types: ament_cmake ament_python cmake python\n" in shown
-    assert "shells: bash fish sh zsh\n" in shown
+    assert shown.startswith("build types (entry points 'forge.build_types'):\n  ament_cmake   ros-forge ")
+    assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  c " in shown
+    assert f"\nshells:\n  bash  ros-forge {__version__}\n" in shown

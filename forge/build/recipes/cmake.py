@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
     from forge.build.recipes.context import BuildContext
+    from forge.build.tests.recipes import TestContext
+    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 
@@ -57,6 +59,22 @@ def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     fast = (FAST_ROSIDL,) if fast_rosidl.is_accelerated(package, context) else ()
     distribution = (f"--rosdistro={value}" for _, value in _distribution(package, context))
     return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args, *fast)
+
+
+def tests(package: Package, context: TestContext) -> Recipe:
+    """Return the CTest run of a built package."""
+    from forge.build.tests.detection import inspect_tests  # noqa: PLC0415  (a build tests nothing)
+    from forge.build.tests.recipes import ctest_recipe  # noqa: PLC0415  (as above)
+
+    source, build = context.source(package), context.layout.build_dir(package.name)
+    return ctest_recipe(package, context, inspect_tests(package, source, build))
+
+
+def identify(folder: Folder) -> Identity | None:
+    """Return the package of a CMakeLists.txt."""
+    from forge.workspace.plain_packages import cmake_package  # noqa: PLC0415  (few workspaces have one)
+
+    return cmake_package(folder)
 
 
 def common_arguments(context: BuildContext) -> tuple[str, ...]:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import re
+import sys
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base.distributions import OLDEST
 from forge.base.frozen import frozen
+from forge.base.layout import PACKAGE
+from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import LINKS, MANIFEST
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from forge.base.frozen import Pairs
     from forge.base.layout import Layout
-    from forge.build.tasks import Step
     from forge.workspace.model import DependencyKind, Package
 
 
@@ -66,6 +68,10 @@ class BuildContext:
     flags: Pairs = ()
     """For each of these languages, the flags set by the environment."""
 
+    def source(self, package: Package) -> Path:
+        """Return the absolute folder of a package."""
+        return self.root / package.path
+
     def of(self, package: Package) -> BuildContext:
         """Return the context extended by the package's own settings.
 
@@ -92,22 +98,27 @@ class BuildContext:
 
 @frozen
 class Recipe:
-    """The steps of one package, and the files that forge writes before the first step."""
+    """The steps of one package, the files that forge writes before the first one, and what it removes.
 
-    steps: tuple[Step, ...]
-    files: tuple[tuple[Path, str], ...] = ()
-
-
-@frozen
-class BuildType:
-    """The functions of one build type.
-
-    `options` returns the options that affect the result. An up-to-date package needs only these, not a
-    recipe.
+    `clean` are the results of earlier tests to remove before the first step of a test run; names may be glob
+    patterns.
     """
 
-    recipe: Callable[[Package, BuildContext], Recipe]
-    options: Callable[[Package, BuildContext], tuple[str, ...]]
+    steps: tuple[Step, ...] = ()
+    files: tuple[tuple[Path, str], ...] = ()
+    clean: tuple[Path, ...] = ()
+
+
+def install_tree(package: Package, context: BuildContext, staged: Path) -> Step:
+    """Return the step that installs all files below `staged`, a folder in the shape of the prefix.
+
+    Build systems that stage (`DESTDIR`) need it in a merged install folder, where forge must know which files
+    belong to which package.
+    """
+    build, prefix = context.layout.build_dir(package.name), context.layout.prefix(package.name)
+    program = (sys.executable, "-S", "-E", str(PACKAGE / "build/recipes/install_tree.py"))
+    argv = (*program, str(staged), str(prefix), str(build / "install_manifest.txt"))
+    return Step(StepKind.INSTALL, argv, build)
 
 
 COMPILING = (

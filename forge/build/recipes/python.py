@@ -9,6 +9,8 @@ from forge.build.tasks import Step, StepKind
 
 if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
+    from forge.build.tests.recipes import TestContext
+    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 
@@ -20,6 +22,22 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
 def plain_recipe(package: Package, context: BuildContext) -> Recipe:
     """Return the one step for a plain Python package: its scripts go to bin, which is on the PATH."""
     return _recipe(package, context, "--scripts", "bin")
+
+
+def tests(package: Package, context: TestContext) -> Recipe:
+    """Return the pytest or unittest run."""
+    from forge.build.tests.detection import inspect_tests  # noqa: PLC0415  (a build tests nothing)
+    from forge.build.tests.recipes import python_recipe  # noqa: PLC0415  (as above)
+
+    source, build = context.source(package), context.layout.build_dir(package.name)
+    return python_recipe(package, context, inspect_tests(package, source, build))
+
+
+def identify(folder: Folder) -> Identity | None:
+    """Return the package of a setup.py or pyproject.toml."""
+    from forge.workspace.plain_packages import python_package  # noqa: PLC0415  (few workspaces have one)
+
+    return python_package(folder)
 
 
 def _recipe(package: Package, context: BuildContext, *more: str) -> Recipe:

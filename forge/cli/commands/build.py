@@ -28,6 +28,7 @@ from forge.cli.preparation import (
     prepare,
     report_left_out,
     warn_of_lost_underlays,
+    without_unknown_types,
 )
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir
@@ -83,7 +84,12 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     warn_of_lost_underlays(layout, os.environ, mode.warn)
     loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     mode.warn(loaded.warnings)
-    selected = names_to_build(loaded.selection, loaded.resolution, loaded.resolution.needs)
+    selected = without_unknown_types(
+        names_to_build(loaded.selection, loaded.resolution, loaded.resolution.needs),
+        loaded,
+        options,
+        mode.warn,
+    )
     names = check_before_planning(loaded, selected, layout, options)
     cross = _cross_build(options, layout, variables)
     variables |= cross.variables if cross else {}

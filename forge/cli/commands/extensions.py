@@ -1,17 +1,23 @@
-"""`forge extensions`: list supported build types, event handlers, executors and shells."""
+"""`forge extensions`: list what can be extended, and the distributions that do so."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.build.recipes import RECIPES
+from forge import __version__
+from forge.base.env_vars import EXECUTORS
+from forge.base.extensions import distribution_of, entry_points
+from forge.build.build_types import OWN
 from forge.environment.shells import SHELLS
-from forge.execution.options import DASK, EXECUTORS
+from forge.execution.options import DASK
+from forge.interfaces.rendering import TARGETS
+from forge.interfaces.targets import GROUP as TARGET_GROUP
 from forge.output.handlers import HANDLERS
-from forge.testing.recipes import TEST_RECIPES
+from forge.workspace.finders import GROUP as BUILD_TYPE_GROUP
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Iterable, Iterator
 
     from forge.cli.main import Parser
 
@@ -21,15 +27,26 @@ def register(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:  # noqa: ARG001  (every command is run with its options)
-    """Print the lists."""
-    handlers = [f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items()]
-    tables = {
-        "build types": sorted(RECIPES),
-        "tested build types": sorted(TEST_RECIPES),
-        "event handlers": sorted(handlers),
-        "executors": sorted((*EXECUTORS, DASK)),
-        "shells": sorted(SHELLS),
-    }
-    for title, rows in tables.items():
-        print(f"{title}: {' '.join(rows)}")
+    """Print each kind of extension, and below it the extensions with their distributions."""
+    handlers = (f"{name}{'+' if on else '-'}" for name, on in HANDLERS.items())
+    _print("build types", OWN, BUILD_TYPE_GROUP)
+    _print("interface targets", TARGETS, TARGET_GROUP)
+    _print("event handlers", handlers)
+    _print("executors", (*EXECUTORS, DASK))
+    _print("shells", SHELLS)
     return 0
+
+
+def _print(kind: str, own: Iterable[str], group: str = "") -> None:
+    """Print one kind; other distributions extend it by entry points of `group`, if it has one."""
+    print(f"{kind} (entry points '{group}'):" if group else f"{kind}:")
+    rows = [(name, f"ros-forge {__version__}") for name in sorted(own)]
+    rows += _of_others(group, {name for name, _ in rows}) if group else ()
+    width = max(len(name) for name, _ in rows)
+    print(*(f"  {name:<{width}}  {distribution}" for name, distribution in rows), sep="\n")
+
+
+def _of_others(group: str, own: set[str]) -> Iterator[tuple[str, str]]:
+    for name, entry in entry_points(group).items():
+        remark = " (not used: forge has its own)" if name in own else ""
+        yield name, f"{distribution_of(entry)}{remark}"

@@ -8,20 +8,21 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.env_vars import SEQUENTIAL
 from forge.base.errors import WarningReporter, WorkspaceError, print_problem
 from forge.build.events import Finished
 from forge.build.markers import create_output_folders
+from forge.build.tests.options import TestOptions
 from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, displayed, read_options
 from forge.cli.preparation import build_variables, require_packages
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
-from forge.execution.options import SEQUENTIAL, JobOptions
+from forge.execution.options import JobOptions
 from forge.execution.scheduler import Scheduler
 from forge.output.handlers import ReportOptions
 from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
 from forge.testing.failures import table
-from forge.testing.options import TestOptions
 from forge.testing.outcomes import Counts
 from forge.testing.preparing import (
     absent_problems,
@@ -43,10 +44,10 @@ if TYPE_CHECKING:
 
     from forge.base.errors import Problem
     from forge.build.tasks import BuildPlan
+    from forge.build.tests.recipes import TestContext
     from forge.cli.main import Parser
     from forge.cli.session import Session
     from forge.testing.coverage import CoveredLines
-    from forge.testing.recipes import TestContext
 
 
 def register(parser: Parser) -> None:

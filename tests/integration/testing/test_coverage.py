@@ -13,8 +13,8 @@ import pytest
 from forge.base.errors import EnvironmentFault, WarningReporter
 from forge.base.layout import Layout
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.build.tests.recipes import TestContext
 from forge.testing.coverage import CoveredLines, coverage_lines, plan_coverage, write_reports
-from forge.testing.recipes import TestContext
 from forge.toolchain.python_modules import install_command
 from tests.packages import package
 

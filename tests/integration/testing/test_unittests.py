@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.build.tests.recipes import UNITTESTS
 from forge.testing.collecting import collect
-from forge.testing.recipes import UNITTESTS
 from tests.unit.testing.test_unittests import TESTS
 
 if TYPE_CHECKING:

@@ -46,12 +46,12 @@ SITE = "lib/python3.11/site-packages"
 )
 def test_files_call_for_hooks(files: list[str], expected: dict[str, str]) -> None:
     """Each hook by its name, as a dsv line; other files need no hook."""
-    hooks = package_hooks("p", "cmake", files, SITE)
+    hooks = package_hooks("p", files, SITE, ament=False)
     assert hooks == {name: f"prepend-non-duplicate;{line}" for name, line in expected.items()}
 
 
 def test_python_packages_are_on_the_ament_path_last() -> None:
     """Others say so in their own local_setup, or are no ament packages."""
-    hooks = package_hooks("p", "ament_python", [f"{SITE}/p.py", "bin/p"], SITE)
+    hooks = package_hooks("p", [f"{SITE}/p.py", "bin/p"], SITE, ament=True)
     assert list(hooks) == ["path", "pythonpath", "ament_prefix_path"]
     assert hooks["ament_prefix_path"] == "prepend-non-duplicate;AMENT_PREFIX_PATH;"

@@ -22,7 +22,9 @@ SETUP = "from setuptools import setup\nsetup({})\n"
 
 
 def walked(root: Path, **overrides: dict[str, dict[str, str]]) -> Workspace:
-    return discover(root, ["."], {}, overrides=Overrides(**overrides))
+    return discover(
+        root, ["."], {}, overrides=Overrides(overrides.get("by_name", {}), overrides.get("by_path", {}))
+    )
 
 
 def only(root: Path) -> Package:

@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from forge.base.layout import Layout
-from forge.build.recipes import RECIPES
+from forge.build.build_types import OWN
 from forge.build.recipes.context import BuildContext
 from forge.workspace.discovery import discover_embedded
 from tests.packages import package
 
-AMENT = RECIPES["ament_cmake"]
+AMENT = OWN["ament_cmake"]
 HUMBLE = BuildContext(
     root=Path("/ws"),
     layout=Layout(Path("/ws/build"), Path("/ws/install"), None),

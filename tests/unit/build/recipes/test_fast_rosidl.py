@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from forge.base.layout import Layout
-from forge.build.recipes import RECIPES
+from forge.build.build_types import OWN
 from forge.build.recipes.context import BuildContext
 from forge.build.tasks import StepKind
 from forge.workspace.discovery import ROS_DEFAULTS
@@ -14,7 +14,7 @@ from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
 from tests.packages import manifest_text, package
 
-AMENT = RECIPES["ament_cmake"]
+AMENT = OWN["ament_cmake"]
 CONTEXT = BuildContext(
     root=Path("/w s"),
     layout=Layout(Path("/w s/build"), Path("/w s/install"), None),

@@ -6,23 +6,26 @@ Exit codes of CTest and pytest distinguish failed tests from failed runs, and so
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.base.layout import PACKAGE
 from forge.base.templating import render
+from forge.build.recipes.context import Recipe
 from forge.build.tasks import TEST_FAILURES, Step, StepCondition, StepKind
-from forge.testing.coverage import DATA_FILE, OMITTED
-from forge.testing.options import TestOptions
+from forge.build.tests.options import TestOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from forge.base.layout import Layout
     from forge.workspace.model import Package
 
 NO_TESTS = "no tests"
-UNITTESTS = Path(__file__).with_name("unittests.py")
+UNITTESTS = PACKAGE / "testing/unittests.py"
+DATA_FILE = ".coverage"
+OMITTED = ("setup.py", "test/*", "tests/*")
+"""Files of Python packages that coverage.py does not count, relative to the package."""
 _OF_CTEST = ((8, TEST_FAILURES),)
 _OF_PYTHON = ((1, TEST_FAILURES), (5, NO_TESTS))
 
@@ -79,21 +82,10 @@ class PackageTests:
     wants: frozenset[str] = frozenset()
 
 
-@frozen
-class TestRecipe:
-    """Steps, files to write before, and old results to remove before."""
-
-    __test__ = False  # pytest collects classes with this prefix
-
-    steps: tuple[Step, ...] = ()
-    files: tuple[tuple[Path, str], ...] = ()
-    clean: tuple[Path, ...] = ()
-
-
-def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> TestRecipe:
+def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
     """Return the CTest run with colcon's options; no steps without tests."""
     if not look.configuration:
-        return TestRecipe()
+        return Recipe()
     build = context.layout.build_dir(package.name)
     until_fail = context.options.retest_until_fail
     named = any(word in {"-C", "--build-config"} for word in context.options.ctest_args)
@@ -110,10 +102,10 @@ def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> 
     stale = [build / "Testing" / "TAG"]
     if not context.options.ctest_args:
         stale += [build / "Testing" / "[0-9]*-[0-9]*", build / "test_results" / package.name / "*.xml"]
-    return TestRecipe((step, *(again,) * context.options.retest_until_pass), clean=tuple(stale))
+    return Recipe((step, *(again,) * context.options.retest_until_pass), clean=tuple(stale))
 
 
-def python_recipe(package: Package, context: TestContext, look: PackageTests) -> TestRecipe:
+def python_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
     """Return the pytest run if the package requires pytest, else the unittest run."""
     name = framework(package, context, look)
     return (pytest_recipe if name == "pytest" else unittest_recipe)(package, context, look)
@@ -127,7 +119,7 @@ def framework(package: Package, context: TestContext, look: PackageTests) -> str
     return "pytest" if "pytest" in look.wants or "python3-pytest" in declared else "unittest"
 
 
-def pytest_recipe(package: Package, context: TestContext, look: PackageTests) -> TestRecipe:
+def pytest_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
     """Return the pytest run; without plugins for repetition the whole run is repeated."""
     build = context.layout.build_dir(package.name)
     junit = context.results_of(package.name) / "pytest.xml"
@@ -151,12 +143,10 @@ def pytest_recipe(package: Package, context: TestContext, look: PackageTests) ->
     env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
     step = Step(StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
     further = 0 if repeats or reruns else options.retest_until_fail or options.retest_until_pass
-    return TestRecipe(
-        (step, *(_again(step, context),) * further), ((junit, missing_result(package, "pytest")),)
-    )
+    return Recipe((step, *(_again(step, context),) * further), ((junit, missing_result(package, "pytest")),))
 
 
-def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> TestRecipe:
+def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> Recipe:
     """Return the unittest run through forge's runner, which writes a JUnit file."""
     junit = context.results_of(package.name) / "unittest.xml"
     argv = (
@@ -173,20 +163,12 @@ def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> 
     further = (_again(step, context),) * (
         context.options.retest_until_fail or context.options.retest_until_pass
     )
-    return TestRecipe((step, *further), ((junit, missing_result(package, "unittest")),))
+    return Recipe((step, *further), ((junit, missing_result(package, "unittest")),))
 
 
 def missing_result(package: Package, program: str) -> str:
     """Return a placeholder result, so that a crashed run is reported."""
     return render("testing/missing_result.xml.j2", package=package.name, program=program)
-
-
-TEST_RECIPES: Mapping[str, Callable[[Package, TestContext, PackageTests], TestRecipe]] = {
-    "ament_cmake": ctest_recipe,
-    "cmake": ctest_recipe,
-    "ament_python": python_recipe,
-    "python": python_recipe,
-}
 
 
 def _again(step: Step, context: TestContext) -> Step:

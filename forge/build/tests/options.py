@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from forge.base.env_vars import EXECUTORS, default_executor
 from forge.base.frozen import frozen
 from forge.base.options import option
-from forge.execution.options import EXECUTORS, default_executor
 
 _RUNNERS = "test runners"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import WorkspaceError
 from forge.base.files import text_or_nothing
 from forge.base.formats import read_toml
-from forge.testing.recipes import PackageTests
+from forge.build.tests.recipes import PackageTests
 from forge.toolchain.programs import CMAKE_TYPES
 from forge.workspace.model import DependencyKind
 from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py

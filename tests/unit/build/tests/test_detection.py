@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.testing.detection import has_ctests, inspect_tests, requirements_of_tests
+from forge.build.tests.detection import has_ctests, inspect_tests, requirements_of_tests
 from tests.packages import package
 
 if TYPE_CHECKING:

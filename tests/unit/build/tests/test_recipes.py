@@ -10,8 +10,8 @@ import pytest
 
 from forge.base.layout import Layout
 from forge.build.tasks import TEST_FAILURES, Step, StepCondition
-from forge.testing.options import TestOptions
-from forge.testing.recipes import (
+from forge.build.tests.options import TestOptions
+from forge.build.tests.recipes import (
     PackageTests,
     TestContext,
     ctest_recipe,

@@ -1,0 +1,166 @@
+"""The build types: forge's own, and those of other distributions.
+
+A build type of another distribution is an entry point of the group 'forge.build_types'. It refers to a module
+(or another object) with the functions of BuildType:
+
+    [project.entry-points."forge.build_types"]
+    make = "my_distribution.make"
+
+Entry points are searched only for a build type that is not one of OWN.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from forge.base.errors import ForgeError, Location, Problem, Several
+from forge.base.extensions import call
+from forge.base.frozen import frozen
+from forge.base.graph import closure
+from forge.base.names import did_you_mean
+from forge.build.recipes import cmake, python
+from forge.build.recipes.context import Recipe, common_options
+from forge.workspace.finders import plugin
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+
+    from forge.build.recipes.context import BuildContext
+    from forge.build.tests.recipes import TestContext
+    from forge.workspace.identity import Folder, Identity
+    from forge.workspace.model import Package
+
+_Result = TypeVar("_Result")
+
+
+class BuildType(Protocol):
+    """What forge asks a build type. The functions return values; they run no programs and write no files."""
+
+    def identify(self, folder: Folder, /) -> Identity | None:
+        """Return the package in a folder without package.xml, None if it is none of this build type."""
+
+    def options(self, package: Package, context: BuildContext, /) -> tuple[str, ...]:
+        """Return the inputs besides sources, dependencies and tools: `common_options` and further ones.
+
+        A package is built again when one of them changes.
+        """
+
+    def recipe(self, package: Package, context: BuildContext, /) -> Recipe:
+        """Return the steps that build the package and install it into its prefix."""
+
+    def tests(self, package: Package, context: TestContext, /) -> Recipe:
+        """Return the steps that test the package, none if it has no tests."""
+
+
+@frozen
+class _Own:
+    """One of forge's own build types."""
+
+    identify: Callable[[Folder], Identity | None]
+    options: Callable[[Package, BuildContext], tuple[str, ...]]
+    recipe: Callable[[Package, BuildContext], Recipe]
+    tests: Callable[[Package, TestContext], Recipe]
+
+
+def _needs_manifest(_: Folder) -> None:
+    """Find no package: those of the build type have a package.xml."""
+
+
+OWN: Mapping[str, BuildType] = {
+    "ament_cmake": _Own(_needs_manifest, cmake.ament_options, cmake.ament_recipe, cmake.tests),
+    "ament_python": _Own(_needs_manifest, common_options, python.recipe, python.tests),
+    "cmake": _Own(cmake.identify, cmake.plain_options, cmake.plain_recipe, cmake.tests),
+    "python": _Own(python.identify, common_options, python.plain_recipe, python.tests),
+}
+
+
+def find_build_type(name: str) -> BuildType | None:
+    """Return a build type, None if it is unknown; raises ForgeError for a plugin that cannot be loaded."""
+    return OWN[name] if name in OWN else _plugin(name)
+
+
+def build_type_of(package: Package) -> BuildType:
+    """Return the build type of a package; raises ForgeError if it is unknown."""
+    found = find_build_type(package.build_type)
+    if found is None:
+        raise ForgeError(unknown_type(package))
+    return found
+
+
+def unknown_types(packages: Iterable[Package]) -> frozenset[str]:
+    """Return the names of the packages whose build type is unknown."""
+    return frozenset(package.name for package in packages if find_build_type(package.build_type) is None)
+
+
+def leave_out(
+    names: Sequence[str],
+    packages: Mapping[str, Package],
+    needs: Mapping[str, frozenset[str]],
+    requested: Container[str],
+) -> tuple[tuple[str, ...], tuple[Problem, ...]]:
+    """Return `names` without packages of unknown build types, and warnings about these.
+
+    A package that is `requested` or needed by another one of a known build type remains: planning reports it
+    as an error.
+    """
+    unknown = unknown_types(packages[name] for name in names)
+    if not unknown:
+        return tuple(names), ()
+    built = [name for name in names if name not in unknown or name in requested]
+    left_out = unknown - closure(needs, built)
+    problems = (_left_out(packages[name]) for name in names if name in left_out)
+    return tuple(name for name in names if name not in left_out), tuple(problems)
+
+
+def _left_out(package: Package) -> Problem:
+    kind, hint = package.build_type, hint_on_type(package.build_type, package.name)
+    several = Several(f"skipping {{}}: unknown build type '{kind}'", package.name, hint_on_type(kind))
+    location = Location(package.manifest.path)
+    return Problem(f"skipping '{package.name}': unknown build type '{kind}'", location, hint, several)
+
+
+def unknown_type(package: Package) -> Problem:
+    """Return the problem of a package that cannot be built because its build type is unknown."""
+    message = f"unsupported build type '{package.build_type}' of package '{package.name}'"
+    return Problem(message, Location(package.manifest.path), hint_on_type(package.build_type, package.name))
+
+
+def hint_on_type(build_type: str, name: str = "NAME") -> str:
+    """Return what to do about an unknown build type."""
+    if build_type == "catkin":
+        what = "catkin, the build type of a package.xml that names none, is for ROS 1"
+        return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"
+    others = f"supported build types: {', '.join(sorted(OWN))}; others need a plugin, see `forge extensions`"
+    return did_you_mean(build_type, OWN) or others
+
+
+def _plugin(name: str) -> BuildType | None:
+    """Return the build type of another distribution."""
+    found = plugin(name)
+    return None if found is None else _Plugin(name, found)
+
+
+class _Plugin:
+    """A build type of another distribution, whose exceptions and wrong results become ForgeErrors."""
+
+    def __init__(self, name: str, module: BuildType) -> None:
+        self._what = f"the build type '{name}'"
+        self._module = module
+
+    def identify(self, folder: Folder) -> Identity | None:
+        return call(self._what, self._module.identify, folder)
+
+    def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
+        return self._checked(tuple, call(self._what, self._module.options, package, context))
+
+    def recipe(self, package: Package, context: BuildContext) -> Recipe:
+        return self._checked(Recipe, call(self._what, self._module.recipe, package, context))
+
+    def tests(self, package: Package, context: TestContext) -> Recipe:
+        return self._checked(Recipe, call(self._what, self._module.tests, package, context))
+
+    def _checked(self, wanted: type[_Result], result: object) -> _Result:
+        if not isinstance(result, wanted):
+            message = f"{self._what} returned {type(result).__name__} instead of a {wanted.__name__}"
+            raise ForgeError(Problem(message))
+        return result

@@ -1,0 +1,1 @@
+"""The steps that test the packages of each build type."""

@@ -1,0 +1,58 @@
+"""Finds packages without package.xml by the build types of other distributions.
+
+Their entry points are searched only for the types in colcon.pkg, *.meta files and forge.toml that forge does
+not know. forge.build.build_types has the whole protocol of a build type.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.extensions import call, entry_points, load
+from forge.workspace.identity import Identity
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.workspace.identity import Folder
+
+GROUP = "forge.build_types"
+FUNCTIONS = ("identify", "options", "recipe", "tests")
+
+
+def plugin(name: str) -> Any:  # noqa: ANN401  (a module of another distribution)
+    """Return the build type `name` of another distribution, None if there is none.
+
+    Raises ForgeError if it cannot be loaded.
+    """
+    return _plugin(name, tuple(sys.path))
+
+
+def identify_with(name: str, folder: Folder) -> Identity | None:
+    """Return the package that the build type `name` finds in a folder, None if there is none."""
+    found = plugin(name)
+    if found is None:
+        return None
+    identity = call(f"the build type '{name}'", found.identify, folder)
+    if not isinstance(identity, Identity | None):
+        message = f"the build type '{name}' returned {type(identity).__name__} instead of an Identity"
+        raise WorkspaceError(Problem(message, Location(folder.path)))
+    return identity
+
+
+def require_plugins(names: tuple[str, ...], file: Path) -> None:
+    """Raise WorkspaceError for the first build type of forge.toml that no distribution provides."""
+    for name in names:
+        if plugin(name) is None:
+            message = f"no installed distribution provides the build type '{name}'"
+            hint = f"install the distribution beside forge, or remove '{name}' from 'build-types'"
+            raise WorkspaceError(Problem(message, Location(file), hint))
+
+
+@cache
+def _plugin(name: str, _search_path: tuple[str, ...]) -> Any:  # noqa: ANN401  (as above)
+    entry = entry_points(GROUP).get(name)
+    return None if entry is None else load(entry, "build type", FUNCTIONS)
