@@ -419,7 +419,7 @@ def _saved_during_the_build(when: str) -> dict[str, str]:
     """
     wait = f"add_custom_target(wait COMMAND sleep 1.2)\n{BUILD}add_dependencies(x wait)\n"
     body = wait if when == "before" else BUILD + "add_custom_command(TARGET x POST_BUILD COMMAND sleep 1.2)\n"
-    files = {}
+    files: dict[str, str] = {}
     for name in (*SAVED, *(f"{name}_reverted" for name in SAVED)):
         where = f'"${{CMAKE_SOURCE_DIR}}" "${{CMAKE_SOURCE_DIR}}/../../outside_{name}"'
         folder = f"outside_{name}" if name.startswith("outside") else f"src/{name}"
