@@ -32,14 +32,15 @@ PACKAGES = (
         "execution",
         "testing",
     ),
-    *("output", "doctor", "cli"),
+    *("output", "doctor", "editor", "cli"),
 )
 """The packages of forge/; each may import those before it. What lies in none of them starts the command."""
 
 IMPURE = frozenset({"os", "subprocess", "threading", "time", "logging"})
 """What a module that calls itself pure does not import."""
 HEAVY = frozenset(
-    {"fsspec", "jinja2", "lark", "networkx", "numpy", "rich", "setuptools", "urllib3", "watchfiles", "yaml"}
+    {"fsspec", "jinja2", "lark", "lsprotocol", "networkx", "numpy", "pygls", "rich", "setuptools", "urllib3"}
+    | {"watchfiles", "yaml"}
 )
 LONGEST_FUNCTION = 60
 LONGEST_MODULE = 400
@@ -148,9 +149,16 @@ def test_the_interface_compiler_knows_nothing_of_building(module: str) -> None:
     assert not foreign
 
 
-@pytest.mark.parametrize("module", [m for m in modules() if not m.startswith(("interfaces", "cli.commands"))])
+@pytest.mark.parametrize(
+    "module", [m for m in modules() if not m.startswith(("interfaces", "editor", "cli.commands"))]
+)
 def test_building_does_not_import_the_interface_compiler(module: str) -> None:
     assert not [arrow for arrow in arrows(module) if arrow.target.startswith("interfaces")]
+
+
+def test_only_its_command_imports_the_language_server() -> None:
+    users = {module for module in modules() for arrow in arrows(module) if arrow.target.startswith("editor")}
+    assert {user for user in users if not user.startswith("editor")} == {"cli.commands.lsp"}
 
 
 def test_nothing_imports_what_forge_brings_along() -> None:

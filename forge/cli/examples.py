@@ -93,6 +93,11 @@ EXAMPLES: Mapping[str, Examples] = {
         ("forge extensions | less", "one screen at a time"),
         f"{_PAGE}#forge-extensions",
     ),
+    "lsp": Examples(
+        ("pip install 'ros-forge[lsp]'", "install what it needs, once"),
+        ("forge lsp", "as an editor starts it"),
+        "how-to/vscode.md",
+    ),
     "mixin": Examples(
         ("forge mixin show build", "all mixins of 'forge build' and their options"),
         ("forge mixin update", "fetch the mixins of all repositories"),

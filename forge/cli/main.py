@@ -40,6 +40,7 @@ COMMANDS = {
     "extensions": "list supported build types, event handlers, executors and shells",
     "mixin": "list, show and fetch mixins (named sets of options)",
     "interface": "compile, list and show .msg, .srv and .action files",
+    "lsp": "start the language server for interface definitions and package.xml",
     "pkg": "create packages and query installed ones",
     "run": "run an executable of an installed package",
     "env": "print the environment variables that sourcing the workspace sets",

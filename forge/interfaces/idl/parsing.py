@@ -152,6 +152,14 @@ class FileReader:
     text: str
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
+    references: list[tuple[Token, Token, TypeName]] = field(default_factory=list)
+    """Each scoped name of a message: its first and last word, and the message."""
+    structs: list[tuple[Token, TypeName]] = field(default_factory=list)
+    """The name of each struct, as a word of the text and in full."""
+    includes: list[Token] = field(default_factory=list)
+    """The paths of #include directives, in quotes or angle brackets."""
+    modules: list[Token] = field(default_factory=list)
+    """The names of modules."""
     _messages: list[Message] = field(default_factory=list)
     _starts: list[int] = field(default_factory=list)
     """The offset of each line, computed on first use."""
@@ -171,12 +179,19 @@ class FileReader:
                 case _:
                     pass
         for path, definition, notes in structs:
-            name = self._name(path, cast("Token", definition.children[0]))
+            word = cast("Token", definition.children[0])
+            name = self._name(path, word)
+            self.structs.append((word, name))
             self._messages.append(structures.message(name, definition, notes))
+        self.references += structures.references
         self._check_number([definition for _, definition, _ in structs])
 
+    def has_interface(self) -> bool:
+        """Tell whether the number of structs is that of a message, a service or an action."""
+        return 1 <= len(self._messages) <= len(_SECTIONS) + 1
+
     def interface(self) -> Interface:
-        """Return the interface; call this only if there are no problems."""
+        """Return the interface, without invalid members; call this only if there is one."""
         first = self._messages[0]
         stem = PurePosixPath(self.source.relative).stem
         name = TypeName(first.name.package, first.name.kind, stem)
@@ -216,6 +231,7 @@ class FileReader:
         """Yield each definition with its modules and annotations."""
         for child in cast("Iterable[Tree[Token]]", children):
             if child.data != "definition":
+                self.includes.append(cast("Token", child.children[0]))
                 continue
             *annotations, definition = cast("list[Tree[Token]]", child.children)
             if definition.data != "module":
@@ -225,6 +241,7 @@ class FileReader:
                 self.report(ParseError("modules are nested too deeply", offset=offset))
             else:
                 name = cast("Token", definition.children[0])
+                self.modules.append(name)
                 yield from self._definitions(definition.children[1:], (*path, name))
 
     def _name(self, path: tuple[Token, ...], name: Token) -> TypeName:
@@ -252,7 +269,7 @@ class FileReader:
         """Report a file whose structs do not form a message, a service or an action."""
         stem = PurePosixPath(self.source.relative).stem
         names = [cast("Token", struct.children[0]) for struct in structs]
-        if not 1 <= len(names) <= len(_SECTIONS) + 1:
+        if not self.has_interface():
             message = f"expected 1 struct (a message), 2 (a service) or 3 (an action), found {len(names)}"
             self.problems.append(Problem(message, Location(str(self.source.path))))
             return

@@ -56,6 +56,8 @@ class StructureReader:
     report: Callable[[ParseError], None]
     place: Callable[[int], Location]
     warn: Callable[[ParseError], None]
+    references: list[tuple[Token, Token, TypeName]] = field(default_factory=list)
+    """Each scoped name of a message: its first and last word, and the message."""
     _types: dict[str, Type] = field(default_factory=dict)
     _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(
         default_factory=dict
@@ -171,7 +173,9 @@ class StructureReader:
         written = "::".join(map(str, names))
         offset = _start(names[0])
         if len(names) == _NAME_PARTS:
-            return Named(TypeName(*map(str, names)))
+            name = TypeName(*map(str, names))
+            self.references.append((names[0], names[-1], name))
+            return Named(name)
         if len(names) > 1:
             hint = "write 'package::msg::Name'"
             raise ParseError(f"'{written}' does not have three parts", offset=offset, hint=hint)

@@ -67,12 +67,13 @@ _KEYWORDS = {
 
 @frozen
 class Declaration:
-    """A field or a constant as written; `value_offset` is where `value` starts in the line."""
+    """A field or a constant as written, and where its name and its value start in the line."""
 
     type: Type
     name: str
     constant: bool
     value: str | None
+    name_offset: int
     value_offset: int
 
 
@@ -90,12 +91,24 @@ def read_declaration(text: str, package: str) -> Declaration:
         _check_field(name, offset, type_)
         value = value.lstrip(" ")
         return Declaration(
-            type_, name, constant=False, value=value or None, value_offset=len(text) - len(value)
+            type_,
+            name,
+            constant=False,
+            value=value or None,
+            name_offset=offset,
+            value_offset=len(text) - len(value),
         )
     name, _, value = text[offset:].partition("=")
     name, value = name.rstrip(" "), value.lstrip(" ")
     _check_constant(name, offset, type_)
-    return Declaration(type_, name, constant=True, value=value, value_offset=len(text) - len(value))
+    return Declaration(
+        type_,
+        name,
+        constant=True,
+        value=value,
+        name_offset=offset,
+        value_offset=len(text) - len(value),
+    )
 
 
 @cache

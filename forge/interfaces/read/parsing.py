@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -69,23 +70,30 @@ def parse(source: Source) -> Interface:
         from forge.interfaces.idl.parsing import parse_idl  # noqa: PLC0415  (few packages have such files)
 
         return parse_idl(source)
+    interface, problems = parse_leniently(source)
+    raise_if_any(problems, InterfaceError)
+    return interface
+
+
+def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:
+    """Return what is valid in a .msg, .srv or .action file, and all problems of the file, sorted by line."""
     name = type_name(source)
-    lines = _lines(source)
-    sections = list(_sections(lines))
+    lines = lines_of(source)
+    sections = list(split_sections(lines))
     problems = _outline_problems(source, name, lines, len(sections))
     messages = []
-    for suffix, section in zip(SECTIONS[name.kind], sections, strict=False):
+    for suffix, section in zip_longest(SECTIONS[name.kind], sections[: len(SECTIONS[name.kind])]):
         reader = _SectionReader(replace(name, name=name.name + suffix), source)
-        messages.append(reader.read(section))
+        messages.append(reader.read(section or []))
         problems += reader.problems
-    raise_if_any(sorted(problems, key=_line_number), InterfaceError)
+    problems.sort(key=_line_number)
     match messages:
         case [message]:
-            return message
+            return message, problems
         case [request, response]:
-            return Service(name, request, response)
+            return Service(name, request, response), problems
         case _:
-            return Action(name, *messages)
+            return Action(name, *messages), problems
 
 
 def _attempt(source: Source) -> Parsed | InterfaceError:
@@ -103,7 +111,7 @@ def type_name(source: Source) -> TypeName:
 
 
 @frozen
-class _Line:
+class Line:
     """A line of a file; `text` has a space instead of each tab, which preserves columns."""
 
     number: int
@@ -111,16 +119,19 @@ class _Line:
     source: str
 
     def place(self, path: object, offset: int = 0) -> Location:
+        """Return the position of an offset in the line."""
         return Location(str(path), self.number, offset + 1, self.source)
 
 
-def _lines(source: Source) -> list[_Line]:
+def lines_of(source: Source) -> list[Line]:
+    """Return the lines of a file."""
     text = source.text.removeprefix(_BYTE_ORDER_MARK)
-    return [_Line(n, line.replace("\t", " "), line) for n, line in enumerate(text.splitlines(), 1)]
+    return [Line(n, line.replace("\t", " "), line) for n, line in enumerate(text.splitlines(), 1)]
 
 
-def _sections(lines: list[_Line]) -> Iterator[list[_Line]]:
-    section: list[_Line] = []
+def split_sections(lines: list[Line]) -> Iterator[list[Line]]:
+    """Yield the lines of each section, without the separators."""
+    section: list[Line] = []
     for line in lines:
         if line.text == _SEPARATOR:
             yield section
@@ -130,7 +141,7 @@ def _sections(lines: list[_Line]) -> Iterator[list[_Line]]:
     yield section
 
 
-def _outline_problems(source: Source, name: TypeName, lines: list[_Line], count: int) -> list[Problem]:
+def _outline_problems(source: Source, name: TypeName, lines: list[Line], count: int) -> list[Problem]:
     """Return the problems with the name of the file and its number of sections."""
     problems = []
     if source.text.startswith(_BYTE_ORDER_MARK):
@@ -158,7 +169,7 @@ def _line_number(problem: Problem) -> int:
 class _Entry:
     """A declaration and its comment lines."""
 
-    line: _Line
+    line: Line
     declaration: Declaration
     comments: list[str]
 
@@ -171,7 +182,7 @@ class _SectionReader:
     source: Source
     problems: list[Problem] = field(default_factory=list)
 
-    def read(self, lines: list[_Line]) -> Message:
+    def read(self, lines: list[Line]) -> Message:
         """Return the message, without invalid declarations."""
         heading = next((n for n, line in enumerate(lines) if not line.text.startswith("#")), len(lines))
         entries = self._entries(lines[heading:])
@@ -184,7 +195,7 @@ class _SectionReader:
         doc, _ = read_comments(line.text for line in lines[:heading])
         return Message(self.name, tuple(fields.values()), tuple(constants.values()), doc)
 
-    def _entries(self, lines: list[_Line]) -> list[_Entry]:
+    def _entries(self, lines: list[Line]) -> list[_Entry]:
         """Return the declarations, each with the comments before it, after it, and indented below it."""
         entries: list[_Entry] = []
         collected: list[str] = []
@@ -208,7 +219,7 @@ class _SectionReader:
                 collected = []
         return entries
 
-    def _declaration(self, line: _Line, code: str) -> Declaration | None:
+    def _declaration(self, line: Line, code: str) -> Declaration | None:
         try:
             return read_declaration(code, self.name.package)
         except ParseError as error:
@@ -222,9 +233,8 @@ class _SectionReader:
         if earlier:
             first = earlier.place.line if earlier.place else None
             kind = "constant" if declaration.constant else "field"
-            column = line.text.index(declaration.name, line.text.index(" "))
             message = f"{kind} '{declaration.name}' is already declared on line {first}"
-            self._report(line, ParseError(message, offset=column))
+            self._report(line, ParseError(message, offset=declaration.name_offset))
             return
         try:
             value = None if declaration.value is None else read_value(declaration.value, declaration.type)
@@ -238,5 +248,5 @@ class _SectionReader:
         elif value is not None and isinstance(declaration.type, Primitive | String):
             constants[declaration.name] = Constant(declaration.name, declaration.type, value, doc, place)
 
-    def _report(self, line: _Line, error: ParseError) -> None:
+    def _report(self, line: Line, error: ParseError) -> None:
         self.problems.append(Problem(error.message, line.place(self.source.path, error.offset), error.hint))

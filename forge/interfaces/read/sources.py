@@ -36,20 +36,29 @@ def read_folder(package: str, folder: Path, rosdistro: str = OLDEST) -> tuple[So
     An .idl file beside a .msg, .srv or .action file of the same name is ignored: rosidl generated it.
     Raises InterfaceError if there are no definitions, or if one is not UTF-8.
     """
+    definitions = definition_files(folder, rosdistro)
+    if not definitions:
+        hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
+        raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
     bases = definition_folders(folder, rosdistro)
+    kinds = [kind for base in bases for kind in _namespaces(base)]
+    in_order = sorted(definitions.items(), key=lambda item: (kinds.index(item[0].partition("/")[0]), item[0]))
+    return tuple(read_source(package, base, relative) for relative, base in in_order if base)
+
+
+def definition_files(folder: Path, rosdistro: str = OLDEST) -> dict[str, Path | None]:
+    """Return the folder of each definition of a package by its path below that folder.
+
+    None stands for a definition that a distribution removed.
+    """
     definitions: dict[str, Path | None] = {}
-    for base in bases:
+    for base in definition_folders(folder, rosdistro):
         found = (path for kind in _namespaces(base) for path in _files(base / kind, kind))
         for path in found:
             definitions.setdefault(path.relative_to(base).as_posix(), base)
         for relative in removed_definitions(base):
             definitions.setdefault(relative, None)
-    if not definitions:
-        hint = "definitions must be in subfolders msg, srv and action; .idl files in any subfolder"
-        raise InterfaceError(Problem(f"no interface definitions found in '{folder}'", hint=hint))
-    kinds = [kind for base in bases for kind in _namespaces(base)]
-    in_order = sorted(definitions.items(), key=lambda item: (kinds.index(item[0].partition("/")[0]), item[0]))
-    return tuple(read_source(package, base, relative) for relative, base in in_order if base)
+    return definitions
 
 
 def read_source(package: str, base: Path, relative: str) -> Source:

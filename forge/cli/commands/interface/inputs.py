@@ -102,11 +102,16 @@ def distribution_of(options: argparse.Namespace) -> str:
     The workspace is only looked for if neither --rosdistro nor ROS_DISTRO is set: in builds it always is, and
     the files that a search looks at would be inputs of the package.
     """
-    check_distribution(options.rosdistro)
-    chosen = options.rosdistro or os.environ.get(VARIABLE)
+    return distribution_in_folder(options.rosdistro, Path.cwd())
+
+
+def distribution_in_folder(rosdistro: str | None, folder: Path) -> str:
+    """Return the distribution of embedded definitions for a folder, as `distribution_of`."""
+    check_distribution(rosdistro)
+    chosen = rosdistro or os.environ.get(VARIABLE)
     if not chosen:
-        install = find_install(Path.cwd(), Path.home())
-        root = install.parent if install else Path.cwd()
+        install = find_install(folder, Path.home())
+        root = install.parent if install else folder
         chosen = known_rosdistro(None, root, install or root / "install")
     return distribution_in({VARIABLE: chosen} if chosen else {})
 

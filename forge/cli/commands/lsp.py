@@ -1,0 +1,56 @@
+"""`forge lsp`: answer an editor's questions about interface definitions and package.xml."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import EnvironmentFault, Problem
+from forge.cli.commands.interface.inputs import add_distribution, distribution_in_folder
+from forge.environment.installed import known_prefixes
+from forge.interfaces.read.sources import Library
+from forge.workspace.root import find_install, find_root
+
+if TYPE_CHECKING:
+    import argparse
+
+    from forge.cli.main import Parser
+    from forge.editor.index import Index
+
+
+def register(parser: Parser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--stdio",
+        action="store_true",
+        help="use standard input and output, which is the default; many editors pass this option",
+    )
+    add_distribution(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Answer requests until the editor ends the session."""
+    try:
+        from forge.editor.server import serve  # noqa: PLC0415  (an extra)
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] not in {"pygls", "lsprotocol"}:
+            raise
+        problem = Problem("'forge lsp' needs pygls 2", hint="run: pip install 'ros-forge[lsp]'")
+        raise EnvironmentFault(problem) from None
+    serve(lambda folder: _open(folder, options.rosdistro))
+    return 0
+
+
+def _open(folder: Path, rosdistro: str | None) -> Index:
+    """Return the index of the workspace around a folder."""
+    from forge.editor.index import Index  # noqa: PLC0415  (an extra)
+
+    root = find_root(folder, Path.home())
+    install = find_install(root, Path.home())
+    library = Library(
+        prefixes=known_prefixes(os.environ, install), rosdistro=distribution_in_folder(rosdistro, root)
+    )
+    index = Index(root, library, os.environ)
+    index.scan()
+    return index

@@ -1,0 +1,85 @@
+"""The problems of one file: those that the compiler reports, and those of `--strict` as warnings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import InterfaceError
+from forge.base.frozen import frozen
+from forge.editor.text import span_at
+from forge.interfaces.model import Catalog
+from forge.interfaces.read.lint import lint
+from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.resolve.dependencies import undeclared_dependencies
+from forge.interfaces.resolve.resolution import nested_messages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+    from forge.base.errors import Problem, Severity
+    from forge.editor.index import Index
+    from forge.editor.text import Span
+    from forge.interfaces.read.occurrences import Reading
+
+
+@frozen
+class Diagnostic:
+    """A problem with a part of a file."""
+
+    span: Span
+    severity: Severity
+    message: str
+
+
+def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
+    """Return the problems of a file, in the order of their lines."""
+    manifest, reading = index.manifest(path), index.reading(path)
+    if manifest:
+        lines = manifest.text.split("\n")
+        found = [*_all(manifest.errors, "error", lines), *_all(manifest.warnings, "warning", lines)]
+    elif reading:
+        lines = reading.source.text.splitlines()
+        errors = (*reading.problems, *_unresolved(index, reading))
+        found = _all(errors, "error", lines)
+        wrong = {each.span.line for each in found}
+        found += [d for d in _all(_doubtful(index, reading), "warning", lines) if d.span.line not in wrong]
+    else:
+        found = []
+    return tuple(sorted(dict.fromkeys(found), key=lambda each: (each.span.line, each.span.start)))
+
+
+def _all(problems: Iterable[Problem], severity: Severity, lines: list[str]) -> list[Diagnostic]:
+    return [
+        Diagnostic(
+            span_at(problem.location, lines),
+            severity,
+            f"{problem.message}\nhint: {problem.hint}" if problem.hint else problem.message,
+        )
+        for problem in problems
+    ]
+
+
+def _unresolved(index: Index, reading: Reading) -> Iterator[Problem]:
+    """Yield unknown types and cycles; those in other files are problems of these files."""
+    if reading.interface is None:
+        return
+    try:
+        nested_messages(Parsed(reading.source, reading.interface), index)
+    except InterfaceError as error:
+        own = str(reading.source.path)
+        for problem in error.problems:
+            if problem.location is None or str(problem.location.path) == own:
+                yield problem
+
+
+def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
+    """Yield missing dependencies of the package, and definitions that `--strict` rejects."""
+    if reading.interface is None:
+        return
+    manifest = index.manifest_of(reading.source.path)
+    if manifest:
+        catalog = Catalog(reading.source.package, {reading.name: reading.interface}, {}, {})
+        yield from undeclared_dependencies(catalog, manifest.dependencies)
+    if not reading.problems:
+        yield from lint([Parsed(reading.source, reading.interface)])

@@ -1,0 +1,189 @@
+"""All definitions and manifests of a workspace, with unsaved buffers in place of files.
+
+Each file is read once, and again only when it changes. Definitions of underlays and of embedded packages are
+read on demand.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import ForgeError, InterfaceError
+from forge.editor.manifests import MANIFEST, ManifestReading, read_manifest
+from forge.interfaces.model import Message, Source, TypeName
+from forge.interfaces.read.occurrences import Reading, read_leniently
+from forge.interfaces.read.parsing import ENDINGS, Parsed
+from forge.interfaces.read.sources import definition_files
+from forge.workspace.load import find_packages
+from forge.workspace.selection import SearchPaths
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from forge.interfaces.read.sources import Library
+
+_SUFFIXES = frozenset(f".{ending}" for ending in ENDINGS)
+
+
+class Index:
+    """The files below `root`; `library` has the definitions of all other packages."""
+
+    def __init__(self, root: Path, library: Library, variables: Mapping[str, str]) -> None:
+        """Start empty; `scan` reads the workspace."""
+        self.root = root
+        self.library = library
+        self._variables = variables
+        self._buffers: dict[Path, str] = {}
+        self._readings: dict[Path, Reading] = {}
+        self._manifests: dict[Path, ManifestReading] = {}
+        self._by_name: dict[TypeName, Path] = {}
+        self._users: dict[TypeName, set[Path]] = {}
+        self._elsewhere: tuple[TypeName, ...] | None = None
+
+    def scan(self) -> None:
+        """Read all packages of the workspace."""
+        try:
+            packages = find_packages(self.root, SearchPaths(), self._variables).packages
+        except ForgeError:
+            packages = {}  # an invalid forge.toml: files are read as they are opened
+        for package in packages.values():
+            folder = self.root / package.path
+            self.refresh(folder / MANIFEST)
+            for relative, base in definition_files(folder).items():
+                if base:
+                    self.refresh(base / relative)
+
+    def open(self, path: Path, text: str) -> None:
+        """Use the text of a buffer in place of the file."""
+        self._buffers[path] = text
+        self._put(path, text)
+
+    def close(self, path: Path) -> None:
+        """Use the file again."""
+        self._buffers.pop(path, None)
+        self.refresh(path)
+
+    def refresh(self, path: Path) -> None:
+        """Read a file again that was changed, created or removed."""
+        if path in self._buffers or not is_known(path):
+            return
+        try:
+            self._put(path, path.read_text(encoding="utf-8", errors="replace"))
+        except OSError:
+            self._put(path, None)
+
+    def reading(self, path: Path) -> Reading | None:
+        """Return what is known about a definition."""
+        return self._readings.get(path)
+
+    def manifest(self, path: Path) -> ManifestReading | None:
+        """Return what is known about a package.xml."""
+        return self._manifests.get(path)
+
+    def text(self, path: Path) -> str:
+        """Return the text of a file, empty if it cannot be read."""
+        known = self._readings.get(path) or self._manifests.get(path)
+        match known:
+            case Reading():
+                return known.source.text
+            case ManifestReading():
+                return known.text
+        try:
+            return path.read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return ""
+
+    def manifest_of(self, path: Path) -> ManifestReading | None:
+        """Return the manifest of the package that contains a file."""
+        for folder in path.parents:
+            if folder / MANIFEST in self._manifests:
+                return self._manifests[folder / MANIFEST]
+        return None
+
+    def readings(self) -> Iterator[Reading]:
+        """Yield all definitions of the workspace."""
+        return iter(self._readings.values())
+
+    def manifests(self) -> Iterator[ManifestReading]:
+        """Yield all manifests of the workspace."""
+        return iter(self._manifests.values())
+
+    def users(self, name: TypeName) -> tuple[Path, ...]:
+        """Return the definitions that refer to a message."""
+        return tuple(sorted(self._users.get(name, ())))
+
+    def find(self, name: TypeName) -> Parsed | None:
+        """Return an interface, without what is invalid in it, or None."""
+        path = self._by_name.get(name)
+        if path is None:
+            return self.library.find(name)
+        reading = self._readings[path]
+        return Parsed(reading.source, reading.interface or Message(name))
+
+    def find_or_none(self, name: TypeName) -> Parsed | None:
+        """Return an interface; None also if its file in another workspace is invalid."""
+        try:
+            return self.find(name)
+        except InterfaceError:
+            return None
+
+    def own_names(self) -> Iterator[TypeName]:
+        """Yield the names of the interfaces of the workspace."""
+        return iter(self._by_name)
+
+    def names(self) -> Iterator[TypeName]:
+        """Yield the names of all interfaces, those of the workspace first."""
+        yield from self._by_name
+        if self._elsewhere is None:
+            self._elsewhere = tuple(self.library.names())
+        yield from (name for name in self._elsewhere if name not in self._by_name)
+
+    def distribution_hint(self, name: TypeName) -> str | None:
+        """Return which ROS distributions have an interface that this one lacks, or None."""
+        return self.library.distribution_hint(name)
+
+    def _put(self, path: Path, text: str | None) -> None:
+        """Replace what is known about a file; None removes it."""
+        if path.name == MANIFEST:
+            self._manifests.pop(path, None)
+            if text is not None:
+                self._manifests[path] = read_manifest(path, text, self._variables)
+            return
+        self._forget(path)
+        if text is not None:
+            reading = read_leniently(Source(self._package_of(path), _relative(path), path, text))
+            self._readings[path] = reading
+            self._by_name.setdefault(reading.name, path)
+            for each in reading.occurrences:
+                if each.type:
+                    self._users.setdefault(each.type, set()).add(path)
+
+    def _forget(self, path: Path) -> None:
+        old = self._readings.pop(path, None)
+        if old is None:
+            return
+        if self._by_name.get(old.name) == path:
+            del self._by_name[old.name]
+        for each in old.occurrences:
+            if each.type:
+                self._users[each.type].discard(path)
+
+    def _package_of(self, path: Path) -> str:
+        """Return the name of the package that contains a definition."""
+        manifest = self.manifest_of(path)
+        if manifest is None:
+            found = next((f / MANIFEST for f in path.parents if (f / MANIFEST).is_file()), None)
+            if found:
+                self.refresh(found)
+                manifest = self._manifests.get(found)
+        return (manifest.name if manifest else None) or path.parent.parent.name
+
+
+def is_known(path: Path) -> bool:
+    """Tell whether a file is of a kind that the language server understands."""
+    return path.suffix in _SUFFIXES or path.name == MANIFEST
+
+
+def _relative(path: Path) -> str:
+    return f"{path.parent.name}/{path.name}"

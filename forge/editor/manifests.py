@@ -1,0 +1,89 @@
+"""A package.xml in an editor: its problems, and where it names packages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.errors import WorkspaceError
+from forge.base.frozen import frozen
+from forge.base.xml import parse_xml
+from forge.editor.text import Span
+from forge.workspace.discovery import ROS_DEFAULTS
+from forge.workspace.manifest import DEPENDENCY_KINDS, parse_manifest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from forge.base.errors import Problem
+    from forge.base.xml import Element
+    from forge.workspace.model import Manifest
+
+MANIFEST = "package.xml"
+
+
+@frozen
+class PackageMention:
+    """A package that a manifest names: its own in <name>, or a dependency."""
+
+    tag: str
+    name: str
+    span: Span
+
+
+@frozen
+class ManifestReading:
+    """The result of reading one package.xml; `manifest` is None if it is invalid."""
+
+    path: Path
+    text: str
+    manifest: Manifest | None
+    errors: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+    mentions: tuple[PackageMention, ...] = ()
+
+    @property
+    def name(self) -> str | None:
+        """The name of the package, also of an invalid manifest, None if it has none."""
+        return next((each.name for each in self.mentions if each.tag == "name"), None)
+
+    @property
+    def dependencies(self) -> frozenset[str]:
+        """The packages that it depends on."""
+        return frozenset(each.name for each in self.mentions if each.tag != "name")
+
+
+def read_manifest(path: Path, text: str, variables: Mapping[str, str]) -> ManifestReading:
+    """Read a package.xml that may be incomplete."""
+    content = text.encode()
+    try:
+        mentions = tuple(_mentions(parse_xml(content, path), text.split("\n")))
+    except WorkspaceError as error:
+        return ManifestReading(path, text, None, error.problems)
+    try:
+        manifest = parse_manifest(content, path, {**ROS_DEFAULTS, **variables})
+    except WorkspaceError as error:
+        return ManifestReading(path, text, None, error.problems, mentions=mentions)
+    return ManifestReading(path, text, manifest, warnings=manifest.warnings, mentions=mentions)
+
+
+def _mentions(root: Element, lines: list[str]) -> Iterator[PackageMention]:
+    for child in root.children:
+        name = child.text.strip()
+        if name and (child.tag == "name" or child.tag in DEPENDENCY_KINDS):
+            span = _span_of_text(child, name, lines)
+            if span:
+                yield PackageMention(child.tag, name, span)
+
+
+def _span_of_text(element: Element, text: str, lines: list[str]) -> Span | None:
+    """Return where the text of an element is; None if it is not on one of the first lines of the element."""
+    line = element.line - 1
+    start = lines[line].find(">", element.column - 1) + 1
+    if not start:
+        return None
+    for number, begin in ((line, start), (line + 1, 0)):
+        column = lines[number].find(text, begin) if number < len(lines) else -1
+        if column >= 0:
+            return Span(number, column, column + len(text))
+    return None

@@ -1,0 +1,162 @@
+"""Where definitions name messages, fields and constants, for editors; what is invalid is left out.
+
+Lines and columns count from 0, in characters.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from forge.base.errors import InterfaceError
+from forge.base.frozen import frozen
+from forge.interfaces.model import Named, TypeName, element_of, sections_of
+from forge.interfaces.read.declarations import read_declaration
+from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.parsing import SECTIONS, lines_of, parse_leniently, split_sections, type_name
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from forge.base.errors import Location, Problem
+    from forge.interfaces.idl.parsing import FileReader
+    from forge.interfaces.model import Interface, Message, Source
+
+_INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')
+_CONSTANTS = "_Constants"
+
+
+class NameKind(Enum):
+    """What an occurrence is."""
+
+    REFERENCE = "reference"
+    """A message as the type of a field."""
+    INTERFACE = "interface"
+    """The name of a struct in an .idl file."""
+    FIELD = "field"
+    CONSTANT = "constant"
+    FILE = "file"
+    """The name of an interface in the path of an #include directive."""
+
+
+@frozen
+class Occurrence:
+    """A name in a line of a definition, from column `start` up to `end`.
+
+    `owner` is the message that contains it; `type` the message that a reference names. Column `stem` is where
+    the name of a reference starts, after its package.
+    """
+
+    kind: NameKind
+    line: int
+    start: int
+    end: int
+    name: str
+    owner: TypeName
+    type: TypeName | None = None
+
+    @property
+    def stem(self) -> int:
+        """The column at which the name starts, after its package."""
+        return self.end - len(self.name)
+
+
+@frozen
+class Reading:
+    """The result of reading one file for an editor; `interface` is None if the file has none."""
+
+    source: Source
+    interface: Interface | None
+    problems: tuple[Problem, ...] = ()
+    occurrences: tuple[Occurrence, ...] = ()
+
+    @property
+    def name(self) -> TypeName:
+        """The name of the interface; of a broken .idl file, the one that its path stands for."""
+        if self.interface:
+            return self.interface.name
+        named = type_name(self.source)
+        return replace(named, kind=self.source.relative.partition("/")[0])
+
+
+def read_leniently(source: Source) -> Reading:
+    """Read a file that may be incomplete: report all problems, and keep what is valid."""
+    if source.relative.endswith(".idl"):
+        return _read_idl(source)
+    interface, problems = parse_leniently(source)
+    return Reading(source, interface, tuple(problems), tuple(_in_lines(source)))
+
+
+def _in_lines(source: Source) -> Iterator[Occurrence]:
+    """Yield the names in the declarations of a .msg, .srv or .action file."""
+    name = type_name(source)
+    for suffix, section in zip(SECTIONS[name.kind], split_sections(lines_of(source)), strict=False):
+        owner = replace(name, name=name.name + suffix)
+        for line in section:
+            code = line.text.partition("#")[0].rstrip()
+            if code:
+                yield from _in_line(code, line.number - 1, owner)
+
+
+def _in_line(code: str, line: int, owner: TypeName) -> Iterator[Occurrence]:
+    try:
+        declaration = read_declaration(code, owner.package)
+    except ParseError:
+        return
+    element = element_of(declaration.type)
+    if isinstance(element, Named):
+        end = re.compile(r"[\w/]*").match(code).end()  # type: ignore[union-attr]  # matches nothing as well
+        yield Occurrence(NameKind.REFERENCE, line, 0, end, element.name.name, owner, element.name)
+    kind = NameKind.CONSTANT if declaration.constant else NameKind.FIELD
+    start = declaration.name_offset
+    yield Occurrence(kind, line, start, start + len(declaration.name), declaration.name, owner)
+
+
+def _read_idl(source: Source) -> Reading:
+    from forge.interfaces.idl.parsing import read_idl  # noqa: PLC0415  (few packages have such files)
+
+    try:
+        reader = read_idl(source)
+    except InterfaceError as error:
+        return Reading(source, None, error.problems)
+    interface = reader.interface() if reader.has_interface() else None
+    return Reading(source, interface, tuple(reader.problems), tuple(_in_idl(reader, interface)))
+
+
+def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurrence]:
+    """Yield the names in an .idl file."""
+    main = interface.name if interface else type_name(reader.source)
+    for word in reader.includes:
+        if path := _INCLUDE.fullmatch(word):
+            place = reader.place((word.start_pos or 0) + path.start(3))
+            yield _at(place, NameKind.FILE, path[3], main, TypeName(*path.groups()))
+    for word, name in reader.structs:
+        yield _at(reader.place(word.start_pos or 0), NameKind.INTERFACE, str(word), name)
+    for word in reader.modules:
+        if word.endswith(_CONSTANTS):
+            place = reader.place(word.start_pos or 0)
+            yield _at(place, NameKind.INTERFACE, word.removesuffix(_CONSTANTS), main)
+    for first, last, name in reader.references:
+        written = _at(reader.place(last.start_pos or 0), NameKind.REFERENCE, name.name, main, name)
+        start = reader.place(first.start_pos or 0)
+        same_line = start.line == written.line + 1
+        yield replace(written, start=(start.column or 1) - 1) if same_line else written
+    for message in sections_of(interface) if interface else ():
+        yield from _declared(message)
+
+
+def _declared(message: Message) -> Iterator[Occurrence]:
+    """Yield the names of the fields and constants of a struct."""
+    for kind, declared in ((NameKind.FIELD, message.fields), (NameKind.CONSTANT, message.constants)):
+        for each in declared:
+            if each.place:
+                yield _at(each.place, kind, each.name, message.name)
+
+
+def _at(
+    place: Location, kind: NameKind, name: str, owner: TypeName, type_: TypeName | None = None
+) -> Occurrence:
+    start = (place.column or 1) - 1
+    return Occurrence(kind, (place.line or 1) - 1, start, start + len(name), name, owner, type_)

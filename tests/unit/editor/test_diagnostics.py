@@ -1,0 +1,91 @@
+"""The problems of single files, as an editor shows them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.editor.diagnostics import diagnose
+from tests.editors import index_of
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.editor.index import Index
+    from tests.conftest import Tree
+
+
+@pytest.fixture
+def index(tree: Tree) -> Index:
+    return index_of(tree({"src/nav/package.xml": manifest_text("nav"), "src/nav/msg/Goal.msg": "int8 x\n"}))
+
+
+def told(index: Index, file: str, text: str) -> list[str]:
+    """Return the problems of a file of the package with this text."""
+    path = index.root / "src/nav" / file
+    index.open(path, text)
+    return [
+        f"{each.span.line}:{each.span.start}-{each.span.end} {each.severity}: {each.message.splitlines()[0]}"
+        for each in diagnose(index, path)
+    ]
+
+
+_IDL = "module nav {\n  module msg {\n    struct A {\n      nav::msg::Gaol g;\n    };\n  };\n};\n"
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "problems"),
+    [
+        ("msg/A.msg", "int8 x\n", []),
+        ("msg/A.msg", "int8 X\n", ["0:5-6 error: invalid field name 'X'"]),
+        ("msg/A.msg", "int8\n\nint8 y\n", ["0:4-5 error: expected a name after 'int8'"]),
+        ("msg/A.msg", "A[] more\n", ["0:0-3 error: a message cannot contain itself: nav/A -> nav/A"]),
+        ("msg/A.msg", "std_msgs/Empty a\n", ["0:0-14 warning: 'nav' does not depend on 'std_msgs'"]),
+        ("msg/A.msg", "std_msgs/Empt a\n", ["0:0-13 error: unknown type 'std_msgs/Empt'"]),
+        ("srv/A.srv", "int8 x\n", ["0:0-6 error: a .srv file must contain exactly one '---'"]),
+        ("action/A.action", "int8 x\n---\n---\nGoal g\nFoo f\n", ["4:0-3 error: unknown type 'nav/Foo'"]),
+        ("msg/A.idl", _IDL, ["3:21-22 error: unknown type 'nav/Gaol'"]),
+        ("msg/A.idl", "module nav {\n  struct\n", ["1:8-9 error: unexpected end of file"]),
+        ("package.xml", manifest_text("nav", "<dpend>a</dpend>"), ["7:2-18 error: unknown element 'dpend'"]),
+        ("package.xml", "<package>\n", ["1:0-1 error: not well-formed XML: no element found"]),
+        ("package.xml", manifest_text("nav", "<depend/>"), ["7:2-11 warning: element 'depend' is empty"]),
+    ],
+)
+def test_problems_have_the_place_and_the_words_of_the_compiler(
+    index: Index, file: str, text: str, problems: list[str]
+) -> None:
+    assert told(index, file, text) == problems
+
+
+def test_the_hint_follows_the_message(index: Index) -> None:
+    path = index.root / "src/nav/msg/A.msg"
+    index.open(path, "int8 stdin\nGaol goal\n")
+    doubt, error = diagnose(index, path)
+    assert doubt.message.endswith("in common headers\nhint: rename it, for example to 'stdin_value'")
+    assert error.message == "unknown type 'nav/Gaol'\nhint: did you mean 'nav/Goal'?"
+
+
+def test_a_type_whose_file_is_broken_is_known(index: Index) -> None:
+    told(index, "msg/Goal.msg", "what is this\n")
+    assert told(index, "msg/A.msg", "Goal goal\n") == []
+
+
+def test_the_problems_of_another_file_are_shown_there(index: Index) -> None:
+    assert told(index, "msg/Goal.msg", "Missing x\n") == ["0:0-7 error: unknown type 'nav/Missing'"]
+    assert told(index, "msg/A.msg", "Goal goal\n") == []
+
+
+def test_a_cycle_is_shown_in_each_of_its_files(index: Index) -> None:
+    told(index, "msg/Goal.msg", "A a\n")
+    assert told(index, "msg/A.msg", "int8 x\nGoal goal\n") == [
+        "1:0-4 error: a message cannot contain itself: nav/A -> nav/Goal -> nav/A"
+    ]
+    assert told(index, "msg/Goal.msg", "A a\n") == [
+        "0:0-1 error: a message cannot contain itself: nav/Goal -> nav/A -> nav/Goal"
+    ]
+
+
+def test_a_file_that_is_not_known_has_no_problems(index: Index, tmp_path: Path) -> None:
+    assert diagnose(index, tmp_path / "src/nav/msg/Nowhere.msg") == ()
