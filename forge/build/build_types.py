@@ -11,26 +11,22 @@ Entry points are searched only for a build type that is not one of OWN.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol
 
 from forge.base.errors import ForgeError, Location, Problem, Several
-from forge.base.extensions import call
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
 from forge.build.recipes import cmake, python
-from forge.build.recipes.context import Recipe, common_options
-from forge.workspace.finders import plugin
+from forge.build.recipes.context import common_options
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
-    from forge.build.recipes.context import BuildContext
+    from forge.build.recipes.context import BuildContext, Recipe
     from forge.build.tests.recipes import TestContext
     from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
-
-_Result = TypeVar("_Result")
 
 
 class BuildType(Protocol):
@@ -136,31 +132,6 @@ def hint_on_type(build_type: str, name: str = "NAME") -> str:
 
 def _plugin(name: str) -> BuildType | None:
     """Return the build type of another distribution."""
-    found = plugin(name)
-    return None if found is None else _Plugin(name, found)
+    from forge.build.plugins import find_plugin  # noqa: PLC0415  (most builds use no plugin)
 
-
-class _Plugin:
-    """A build type of another distribution, whose exceptions and wrong results become ForgeErrors."""
-
-    def __init__(self, name: str, module: BuildType) -> None:
-        self._what = f"the build type '{name}'"
-        self._module = module
-
-    def identify(self, folder: Folder) -> Identity | None:
-        return call(self._what, self._module.identify, folder)
-
-    def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
-        return self._checked(tuple, call(self._what, self._module.options, package, context))
-
-    def recipe(self, package: Package, context: BuildContext) -> Recipe:
-        return self._checked(Recipe, call(self._what, self._module.recipe, package, context))
-
-    def tests(self, package: Package, context: TestContext) -> Recipe:
-        return self._checked(Recipe, call(self._what, self._module.tests, package, context))
-
-    def _checked(self, wanted: type[_Result], result: object) -> _Result:
-        if not isinstance(result, wanted):
-            message = f"{self._what} returned {type(result).__name__} instead of a {wanted.__name__}"
-            raise ForgeError(Problem(message))
-        return result
+    return find_plugin(name)
