@@ -70,11 +70,13 @@ def test_the_examples_run_on_the_target_as_here(tmp_path: Path) -> None:
 
 LISTS = """\
 cmake_minimum_required(VERSION 3.18)
-project(maker C)
+project(maker C CXX)
 find_package(ament_cmake REQUIRED)
 add_executable(generator generator.c)
 add_custom_command(OUTPUT made.h COMMAND generator made.h DEPENDS generator)
-add_executable(maker maker.c ${CMAKE_CURRENT_BINARY_DIR}/made.h)
+add_library(thrower SHARED thrower.cpp)
+add_executable(maker maker.cpp ${CMAKE_CURRENT_BINARY_DIR}/made.h)
+target_link_libraries(maker thrower)
 target_include_directories(maker PRIVATE ${CMAKE_CURRENT_BINARY_DIR})
 install(TARGETS maker DESTINATION lib/maker)
 if(BUILD_TESTING)
@@ -93,12 +95,22 @@ int main(int count, char ** words) {
   return fputs("#define ANSWER 0\\n", file) < 0 || fclose(file);
 }
 """,
-    "src/maker/maker.c": '#include "made.h"\nint main(void) { return ANSWER; }\n',
+    "src/maker/thrower.cpp": '#include <stdexcept>\nvoid fail() { throw std::runtime_error("x"); }\n',
+    "src/maker/maker.cpp": """\
+#include <exception>
+#include "made.h"
+void fail();
+int main()
+{
+  try { fail(); } catch (const std::exception &) { return ANSWER; } catch (...) { return 1; }
+}
+""",
     "debian.cmake": TOOLCHAIN,
 }
 
 
 def test_programs_of_the_build_and_of_tests_run_under_qemu(tree: Tree, forge: Forge) -> None:
+    """A generator, tests of two kinds, and an exception that a shared library throws."""
     root = tree(MAKER)
     built = forge("build", "--target", "arm64", *COMPILERS, cwd=root)
     assert built.code == 0, built.err

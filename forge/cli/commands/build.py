@@ -116,7 +116,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
                 raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
             return report_left_out(selected, names)
         if cross:
-            cross.prepare_compilers(task.package for task in plan.tasks.values())
+            mode.warn(cross.prepare_compilers(task.package for task in plan.tasks.values()))
         from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if all is up to date)
 
         prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)

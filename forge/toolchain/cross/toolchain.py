@@ -48,10 +48,11 @@ class CrossBuild:
         """Return the CMake arguments for all packages."""
         return (f"-DCMAKE_TOOLCHAIN_FILE={self.file}",)
 
-    def prepare_compilers(self, packages: Iterable[Package]) -> None:
-        """Compile the libraries of the compilers if one of the packages needs them."""
+    def prepare_compilers(self, packages: Iterable[Package]) -> tuple[Problem, ...]:
+        """Compile the libraries of the compilers if one of the packages needs them; return warnings."""
         if self.zig and compiled_packages(package for package in packages if not package.embedded):
-            self.zig.compile_libraries(self.file.parent)
+            return self.zig.compile_library(self.file.parent)
+        return ()
 
 
 def prepare_cross_build(  # noqa: PLR0913  (what describes a target)

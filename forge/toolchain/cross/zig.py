@@ -5,15 +5,13 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import shlex
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import own_cache
 from forge.base.errors import EnvironmentFault, Problem
-from forge.base.files import replace_file, write_if_changed
+from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR
 from forge.base.templating import render
@@ -28,9 +26,6 @@ if TYPE_CHECKING:
 _TOOLS = {"cc": "cc", "c++": "c++", "ar": "ar", "ranlib": "ranlib"}
 _COMPILERS = frozenset({"cc", "c++"})
 _VARIABLES = {"CC": "cc", "CXX": "c++", "AR": "ar", "RANLIB": "ranlib"}
-
-# What a first program needs: the C library, zig's own runtime, and the C++ library.
-_PROGRAM = "#include <iostream>\nint main() { std::cout << 1; }\n"
 
 
 @frozen
@@ -61,6 +56,7 @@ class Zig:
                 cache=shlex.quote(str(self.cache)),
                 zig=shlex.quote(str(self.program)),
                 flags=[shlex.quote(flag) for flag in flags],
+                library=shlex.quote(str(self.library)) if tool == "c++" else "",
             )
             write_if_changed(folder / name, text, mode=0o755)
 
@@ -68,27 +64,35 @@ class Zig:
         """Return the variables that name the compilers."""
         return {variable: str(folder / name) for variable, name in _VARIABLES.items()}
 
-    def compile_libraries(self, folder: Path) -> None:
-        """Let zig compile its C++ library for the target, unless it has done so: it takes minutes."""
+    @property
+    def library(self) -> Path:
+        """Return the archive of the C++ library for the target."""
         status = self.program.stat()
-        key = f"{self.program.resolve()} {status.st_size} {status.st_mtime_ns} {self.target.with_glibc}"
-        done = self.cache / f"forge_{hashlib.sha256(key.encode()).hexdigest()[:16]}"
-        if done.exists():
-            return
+        key = f"{self.program.resolve()} {status.st_size} {status.st_mtime_ns} {' '.join(self.flags)}"
+        return self.cache / "forge" / hashlib.sha256(key.encode()).hexdigest()[:16] / "libc++.a"
+
+    def compile_library(self, folder: Path) -> tuple[Problem, ...]:
+        """Compile the C++ library for the target unless that was done before; return a warning on failure."""
+        if self.library.exists():
+            return ()
         print(  # noqa: T201  (the reader wonders why nothing happens)
             f"zig compiles its C++ library for {self.target.with_glibc}, once for this machine: "
             "this takes a few minutes",
             file=sys.stderr,
             flush=True,
         )
-        with tempfile.TemporaryDirectory() as scratch:
-            source = Path(scratch, "program.cpp")
-            source.write_text(_PROGRAM, encoding="utf-8")
-            argv = (str(folder / "c++"), str(source), "-o", str(Path(scratch, "program")))
-            compiled = subprocess.run(argv, capture_output=True, text=True, check=False)
-        # Packages report errors better: they fail with the same one, in a step that can be repeated.
-        if compiled.returncode == 0:
-            replace_file(done, b"")
+        from forge.toolchain.cross.cxx_library import compile_cxx_library  # noqa: PLC0415  (rarely needed)
+
+        failure = compile_cxx_library(self.program, folder, self.library)
+        if not failure:
+            return ()
+        message = (
+            f"cannot compile the C++ library of this version of zig: {failure.strip().partition(chr(10))[0]}"
+        )
+        hint = (
+            "exceptions of the standard library are not caught outside of the shared library that throws them"
+        )
+        return (Problem(message, hint=hint),)
 
 
 def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zig:

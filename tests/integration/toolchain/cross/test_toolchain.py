@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,15 +14,17 @@ from forge.base.errors import EnvironmentFault
 from forge.base.layout import Layout
 from forge.toolchain.cross.targets import parse_target
 from forge.toolchain.cross.toolchain import has_emulator, prepare_cross_build
+from tests.packages import package
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.toolchain.cross.toolchain import CrossBuild
+    from forge.workspace.model import Package
     from tests.conftest import Tree
 
 QEMU = {"bin/qemu-aarch64": "#!/bin/sh\n"}
-ZIG = {"bin/zig": '#!/bin/sh\necho "$@" >> "$ZIG_GLOBAL_CACHE_DIR/../calls"\n'}
+ZIG = {"bin/zig": "#!/bin/sh\n"}
 
 
 @pytest.fixture(autouse=True)
@@ -39,6 +44,14 @@ def prepare(root: Path, word: str = "arm64", *, toolchain_file: str = "", sysroo
         toolchain_file=root / toolchain_file if toolchain_file else None,
         sysroot=root / sysroot if sysroot else None,
     )
+
+
+def compiled(root: Path) -> Package:
+    """Return a CMake package that enables C++."""
+    found = replace(package("hello", build_type="cmake"), path=root / "hello")
+    found.path.mkdir(exist_ok=True)
+    (found.path / "CMakeLists.txt").write_text("project(hello)\n")
+    return found
 
 
 def test_zig_on_path_is_the_compiler_of_a_known_target(tree: Tree) -> None:
@@ -115,16 +128,73 @@ def test_what_cannot_be_built_is_told_before_anything_is_written(
     assert not (root / "build").exists()
 
 
-def test_zig_compiles_its_library_once(tree: Tree, capsys: pytest.CaptureFixture[str]) -> None:
-    root = tree(ZIG)
+STAND_IN = r"""#!/bin/sh
+# Writes what zig is asked to write, after the last '-o' or for 'ar', and fails for a source named 'bad'.
+echo "$@" >> calls
+[ "$1" = env ] && { echo ".{ .lib_dir = \"$PWD/lib\" }"; exit; }
+case $* in *bad.cpp*) echo "bad.cpp:1: no" >&2; exit 1 ;; esac
+tool=$1 output=$3
+while [ "$#" -gt 0 ]; do [ "$1" = -o ] && output=$2; shift; done
+echo "$tool" > "$output"
+"""
+SOURCES = {
+    "lib/libcxx/src/any.cpp": "",
+    "lib/libcxx/src/new.cpp": "",
+    "lib/libcxx/src/support/win32/locale.cpp": "",
+    "lib/libcxxabi/src/cxa_guard.cpp": "",
+    "lib/libcxxabi/src/cxa_noexception.cpp": "",
+}
+
+
+def test_zig_compiles_its_library_once(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All sources for Linux are compiled, the command says why it takes so long, and other builds do not."""
+    root = tree({"bin/zig": STAND_IN, **SOURCES})
+    monkeypatch.chdir(root)
     cross = prepare(root)
-    (root / "cache/forge/zig").mkdir(parents=True)
-    assert cross.zig is not None
-    cross.zig.compile_libraries(cross.file.parent)
+    hello = compiled(root)
+    assert cross.prepare_compilers([]) == ()
+    assert not (root / "calls").exists()
+    assert cross.prepare_compilers([hello]) == ()
     assert capsys.readouterr().err == (
         "zig compiles its C++ library for aarch64-linux-gnu, once for this machine: this takes a few "
         "minutes\n"
     )
-    cross.zig.compile_libraries(cross.file.parent)
+    calls = (root / "calls").read_text()
+    assert sorted(re.findall(r"-c \S+/(\w+)\.cpp", calls)) == ["any", "cxa_guard"]
+    assert cross.zig is not None
+    assert cross.zig.library.read_text() == "ar\n"
+    assert cross.prepare_compilers([hello]) == ()
     assert capsys.readouterr().err == ""
-    assert len((root / "cache/forge/calls").read_text().splitlines()) == 1
+    assert (root / "calls").read_text() == calls
+
+
+def test_a_zig_whose_library_is_another_one_still_compiles(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is lost then is told; the next build tries again."""
+    root = tree({"bin/zig": STAND_IN, **SOURCES, "lib/libcxx/src/bad.cpp": ""})
+    monkeypatch.chdir(root)
+    cross = prepare(root)
+    (problem,) = cross.prepare_compilers([compiled(root)])
+    assert problem.message == "cannot compile the C++ library of this version of zig: bad.cpp:1: no"
+    assert "exceptions of the standard library" in (problem.hint or "")
+    assert cross.zig is not None
+    assert not cross.zig.library.exists()
+
+
+def test_only_a_link_gets_the_library(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tree({"bin/zig": STAND_IN, **SOURCES})
+    monkeypatch.chdir(root)
+    cross = prepare(root)
+    cross.prepare_compilers([compiled(root)])
+    assert cross.zig is not None
+    for words in ("-c a.cpp -o a.o", "a.o -o a", "a.cpp -o a", "--version"):
+        subprocess.run([cross.file.with_name("c++"), *words.split()], check=True)
+    *_, compiled_, linked, both, version = (root / "calls").read_text().splitlines()
+    flags = "-target aarch64-linux-gnu -fno-sanitize=undefined"
+    assert compiled_ == f"c++ {flags} -c a.cpp -o a.o"
+    assert linked == f"c++ {flags} -nostdlib++ -rdynamic {cross.zig.library} a.o -o a -lunwind"
+    assert both == f"c++ {flags} a.cpp -o a"
+    assert version == f"c++ {flags} --version"
