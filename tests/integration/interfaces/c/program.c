@@ -92,6 +92,11 @@ static void a_text_grows_out_of_itself(void)
   CHECK(rosidl_runtime_c__String__assignn(&text, text.data, 3));
   CHECK(text.size == 3 && memcmp(text.data, "ab\0", 4) == 0);
   CHECK(rosidl_runtime_c__String__copy(&text, &text) && text.size == 3);
+  CHECK(rosidl_runtime_c__String__resize(&text, 5) && text.size == 5 && text.capacity == 6);
+  CHECK(memcmp(text.data, "ab\0\0\0", 6) == 0);
+  CHECK(rosidl_runtime_c__String__resize(&text, 1) && strcmp(text.data, "a") == 0);
+  CHECK(!rosidl_runtime_c__String__resize(&text, SIZE_MAX) && text.size == 1);
+  CHECK(!rosidl_runtime_c__String__resize(NULL, 1));
   rosidl_runtime_c__String__fini(&text);
   rosidl_runtime_c__String__fini(&text);
   CHECK(rosidl_runtime_c__String__copy(&text, &text) && strcmp(text.data, "") == 0);

@@ -67,6 +67,28 @@ static inline bool rosidl_runtime_c__String__assign(rosidl_runtime_c__String * s
   return value && rosidl_runtime_c__String__assignn(str, value, strlen(value));
 }
 
+/* Truncate the string to `n` bytes, or extend it with zeros. */
+static inline bool rosidl_runtime_c__String__resize(rosidl_runtime_c__String * str, size_t n)
+{
+  if (!str || n == SIZE_MAX) {
+    return false;
+  }
+  if (n >= str->capacity) {
+    char * data = (char *)realloc(str->data, n + 1);
+    if (!data) {
+      return false;
+    }
+    str->data = data;
+    str->capacity = n + 1;
+  }
+  if (n > str->size) {
+    memset(str->data + str->size, 0, n - str->size);
+  }
+  str->data[n] = '\0';
+  str->size = n;
+  return true;
+}
+
 static inline bool rosidl_runtime_c__String__are_equal(
   const rosidl_runtime_c__String * lhs, const rosidl_runtime_c__String * rhs)
 {
