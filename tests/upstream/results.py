@@ -18,15 +18,17 @@ if TYPE_CHECKING:
 def count_tests(workspace: Path, packages: Collection[str]) -> dict[str, Count]:
     """Return passed and all tests of those packages that the workspace has results of.
 
-    A skipped test has not passed.
+    A skipped test has not passed; a test that the suite itself disables is not counted. A suite whose name is
+    that of an embedded package is in a package with `_tests` after the name.
     """
     found = {}
     for package in packages:
         outcomes = _outcomes(workspace, package)
         if outcomes:
             counts = sum((outcome.counts for outcome in outcomes), Counts())
-            missed = counts.errors + counts.failures + counts.skipped
-            found[package] = (counts.tests - missed, counts.tests)
+            skipped = sum(len(outcome.skipped) for outcome in outcomes)
+            total = counts.tests - (counts.skipped - skipped)
+            found[package] = (total - counts.errors - counts.failures - skipped, total)
     return found
 
 
@@ -40,4 +42,5 @@ def missed_tests(workspace: Path, packages: Collection[str]) -> Iterator[str]:
 
 
 def _outcomes(workspace: Path, package: str) -> tuple[Outcome, ...]:
-    return counted_once(collect(workspace / "build" / package).outcomes)
+    folders = (workspace / "build" / name for name in (package, f"{package}_tests"))
+    return tuple(outcome for folder in folders for outcome in counted_once(collect(folder).outcomes))

@@ -25,18 +25,19 @@ FOUND = Compatibility(
     (Repository("org/robot_msgs", "main", {"rolling": (1200, 1200)}, 1),),
 )
 
-JUNIT = """<testsuite name="test_it" tests="4" failures="1" errors="0" skipped="1">
+JUNIT = """<testsuite name="test_it" tests="5" failures="1" errors="0" skipped="1" disabled="1">
 <testcase classname="test_it" name="test_good"/>
 <testcase classname="test_it" name="test_better"/>
 <testcase classname="test_it" name="test_bad"><failure message="no"/></testcase>
+<testcase classname="test_it" name="DISABLED_test" status="notrun"/>
 <testcase classname="test_it" name="test_later"><skipped message="not today"/></testcase>
 </testsuite>
 """
 
 
 def workspace(folder: Path) -> Path:
-    """Return a workspace with the results of one suite and of another package."""
-    for package in ("rosidl_generator_py", "other"):
+    """Return a workspace with the results of two suites and of another package."""
+    for package in ("rosidl_generator_py", "rosidl_runtime_c_tests", "other"):
         results = folder / "build" / package / "test_results" / package
         results.mkdir(parents=True)
         (results / "test_it.xunit.xml").write_text(JUNIT)
@@ -61,7 +62,7 @@ def test_new_counts_leave_other_distributions_and_notes() -> None:
 
 
 def test_results_of_a_workspace_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A skipped test has not passed: it needs a note, as a failed one."""
+    """A skipped test needs a note, as a failed one; a disabled one is not counted."""
     file = tmp_path / "compatibility.json"
     options = [
         "--workspace",
@@ -74,11 +75,16 @@ def test_results_of_a_workspace_are_counted(tmp_path: Path, capsys: pytest.Captu
     assert main([*options, "--output", str(file)]) == 0
     found = read(file)
     assert found.commit == "abc1234"
-    assert found.suites == (Suite("rosidl_generator_py", {"jazzy": (2, 4)}),)
+    assert found.suites == (
+        Suite("rosidl_generator_py", {"jazzy": (2, 4)}),
+        Suite("rosidl_runtime_c", {"jazzy": (2, 4)}),
+    )
     assert found.sources == {"jazzy": "rosidl 4.6.5"}
     assert capsys.readouterr().out.splitlines() == [
         "jazzy: rosidl_generator_py: test_it.test_bad",
         "jazzy: rosidl_generator_py: test_it.test_later",
+        "jazzy: rosidl_runtime_c: test_it.test_bad",
+        "jazzy: rosidl_runtime_c: test_it.test_later",
     ]
 
 
