@@ -17,20 +17,22 @@ if TYPE_CHECKING:
 def fingerprints(catalogs: Iterable[Catalog], generator: str) -> dict[TypeName, str]:
     """Return a digest for each interface of the catalogs and for each nested message.
 
-    It covers the texts of all definitions that the code depends on, and `generator`, which identifies the
-    version of the generator.
+    It covers the texts of all definitions that the code depends on, whether it describes types, and
+    `generator`, which identifies the version of the generator.
     """
     interfaces: dict[TypeName, Interface] = {}
     sources: dict[TypeName, Source] = {}
+    described = False
     for catalog in catalogs:
         sources.update(catalog.sources)
         interfaces.update({name: catalog.known[name] for name in catalog.sources if name in catalog.known})
         interfaces.update(catalog.interfaces)
+        described |= catalog.has_descriptions
     needs = dict(_needs(interfaces))
     digests: dict[TypeName, str] = {}
     for name in TopologicalSorter(needs).static_order():
         below = [digests[need] for need in sorted(needs.get(name, ()))]
-        digests[name] = _digest(generator, _text(sources.get(name)), *below)
+        digests[name] = _digest(generator, str(described), _text(sources.get(name)), *below)
     return digests
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.interfaces.model import (
     Action,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from forge.interfaces.model import Catalog, Element, Interface, Type
 
-Description = dict[str, object]
+Description = dict[str, Any]
 """The JSON object that is hashed: the name and the fields of a type."""
 
 _PRIMITIVE_IDS = {

@@ -199,6 +199,8 @@ class Catalog:
     interfaces: Mapping[TypeName, Interface]
     known: Mapping[TypeName, Message]
     sources: Mapping[TypeName, Source]
+    has_descriptions: bool = False
+    """Whether the ROS distribution has type hashes and descriptions in generated code."""
 
 
 @frozen

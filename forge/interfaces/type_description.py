@@ -44,8 +44,8 @@ def describe(hasher: Hasher, name: TypeName) -> Description:
     referenced = hasher.referenced(name)
     return {
         "type_description_msg": {
-            "type_description": _with_defaults(hasher, name),
-            "referenced_type_descriptions": [_with_defaults(hasher, each) for each in referenced],
+            "type_description": described_type(hasher, name),
+            "referenced_type_descriptions": [described_type(hasher, each) for each in referenced],
         },
         "type_hashes": [
             {"type_name": str(each), "hash_string": hasher.hash(each)} for each in (name, *referenced)
@@ -53,7 +53,7 @@ def describe(hasher: Hasher, name: TypeName) -> Description:
     }
 
 
-def _with_defaults(hasher: Hasher, name: TypeName) -> Description:
+def described_type(hasher: Hasher, name: TypeName) -> Description:
     """Return the description of a type with default values, which are not part of the hash."""
     fields = [
         {**described, "default_value": "" if member.default is None else str(member.default)}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.distributions import OLDEST, VARIABLE
 from forge.base.errors import Location, Problem
 from forge.base.files import unfit
-from forge.base.standard_interfaces import EMBEDDED, SINCE, has_definitions
+from forge.base.standard_interfaces import EMBEDDED, SINCE, definition_folders, has_definitions
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import Dependency, DependencyKind, Package, Workspace
@@ -60,7 +60,14 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
     folders = [path for path in folders if not (path / SINCE).is_dir() or has_definitions(path, rosdistro)]
     packages = (read_package(EMBEDDED, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
-    return {p.name: replace(p, embedded=True) for p in packages}
+    return {p.name: _as_embedded(p, rosdistro) for p in packages}
+
+
+def _as_embedded(package: Package, rosdistro: str) -> Package:
+    """Return a package of forge, which may have services only in newer distributions."""
+    folders = () if package.has_services else definition_folders(package.path, rosdistro)
+    has_services = package.has_services or any((folder / "srv").is_dir() for folder in folders)
+    return replace(package, embedded=True, has_services=has_services)
 
 
 def special_files(root: Path, folder: Path) -> Iterator[Problem]:

@@ -74,9 +74,13 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
     except OSError as error:
         raise WorkspaceError(Problem(f"cannot read the manifest: {error.strerror}", Location(path))) from None
     manifest = parse_manifest(content, path, variables)
-    actions = root / folder / "action"
-    has_actions = actions.is_dir() and next(actions.glob("*.action"), None) is not None
-    return Package(folder, manifest, has_actions=has_actions)
+    has_actions, has_services = (_has_definitions(root / folder / kind) for kind in ("action", "srv"))
+    return Package(folder, manifest, has_actions=has_actions, has_services=has_services)
+
+
+def _has_definitions(folder: Path) -> bool:
+    """Tell whether a folder such as 'srv' contains files with its name as extension."""
+    return folder.is_dir() and next(folder.glob(f"*.{folder.name}"), None) is not None
 
 
 def _colcon_pkg(folder: Folder) -> dict[str, Any]:

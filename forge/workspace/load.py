@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from forge.base import ament_index
-from forge.base.distributions import distribution_in
+from forge.base.distributions import distribution_in, has_service_events
 from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
@@ -127,6 +127,7 @@ def resolve_workspace(
         discover_embedded(rosdistro),
         cache(lambda name: provider(name, underlays, system)),
         lambda: ament_index.resources("packages", underlays.prefixes),
+        events=has_service_events(rosdistro),
     )
     if GENERATORS in resolution.withheld:
         return resolution

@@ -93,6 +93,8 @@ class Package:
     embedded: bool = False
     has_actions: bool = False
     """Whether there are .action files, which require interfaces that manifests usually omit."""
+    has_services: bool = False
+    """Whether there are .srv files, which require further interfaces in newer ROS distributions."""
     ros: bool = True
     """Whether there is a package.xml; otherwise metadata is derived from CMake or Python files."""
     settings: Mapping[str, object] = field(default_factory=dict, hash=False)

@@ -32,6 +32,9 @@ FAMILY_MARKERS = {
 ACTION_NEEDS = ("action_msgs", "builtin_interfaces", "unique_identifier_msgs")
 """Packages that generated code of actions refers to, and that manifests often omit."""
 
+EVENT_NEEDS = ("service_msgs", "builtin_interfaces")
+"""Packages that the events of services refer to, in the ROS distributions that have events."""
+
 INTERFACE_GROUP = "rosidl_interface_packages"
 
 _GENERATORS = frozenset({GENERATORS, INTERFACE_GROUP})
@@ -79,14 +82,18 @@ def resolve_dependencies(
     embedded: Mapping[str, Package],
     provider: Callable[[str], object | None],
     installed: Callable[[], Iterable[str]] = tuple,
+    *,
+    events: bool = False,
 ) -> DependencyResolution:
     """Return the workspace's packages with the embedded ones that they depend on, recursively.
 
     `provider(name)` returns the prefix in which an underlay or the system has a package, else None;
-    `installed()` returns the names of the packages in underlays.
+    `installed()` returns the names of the packages in underlays. With `events`, the embedded generators
+    generate the events of services.
     """
     reasons = _provided_families(workspace, provider)
     answers, withheld = _embedded_providers(embedded, reasons)
+    events = events and GENERATORS in answers
     packages = dict(workspace)
     needs: dict[str, frozenset[str]] = {}
     missing: dict[str, tuple[str, ...]] = {}
@@ -95,7 +102,7 @@ def resolve_dependencies(
         name = waiting.pop()
         if name in needs:
             continue
-        wanted = _wanted(packages[name])
+        wanted = _wanted(packages[name], events=events)
         found = {other: _resolve(other, workspace, answers, provider) for other in wanted}
         needs[name] = frozenset(other.name for other in found.values() if other and other.name != name)
         unmet = [
@@ -220,12 +227,15 @@ def _names_of(package: Package) -> list[str]:
     return [package.name, *(e.content for e in exports if e.tag == "forge_provides")]
 
 
-def _wanted(package: Package) -> tuple[str, ...]:
+def _wanted(package: Package, *, events: bool) -> tuple[str, ...]:
     names = package.manifest.names(ALL_KINDS)
-    if package.has_actions and not _GENERATORS.isdisjoint((*names, *package.manifest.groups)):
-        # Except for the packages of this list.
-        names += tuple(need for need in ACTION_NEEDS if need != package.name)
-    return tuple(dict.fromkeys(names))
+    if _GENERATORS.isdisjoint((*names, *package.manifest.groups)):
+        return tuple(dict.fromkeys(names))
+    implied: tuple[str, ...] = ACTION_NEEDS if package.has_actions else ()
+    if events and (package.has_services or package.has_actions):
+        implied += EVENT_NEEDS
+    # Except for the packages of these lists.
+    return tuple(dict.fromkeys((*names, *(need for need in implied if need != package.name))))
 
 
 def _resolve(

@@ -442,3 +442,23 @@ def test_python_extra_tells_of_the_interpreter(rosidl: Ament) -> None:
         assert outcome.said("version") == sysconfig.get_python_version()
         headers = sysconfig.get_path("include", vars={"installed_base": sys.base_prefix})
         assert outcome.said("headers") == (headers if Path(headers).exists() else "")
+
+
+def test_services_have_events_in_the_distributions_that_have_them(rosidl: Ament) -> None:
+    """Nobody declares service_msgs; the project pretends to be built for Jazzy."""
+    project = rosidl(
+        f"{GENERATORS}set_property(GLOBAL PROPERTY rosidl_distribution jazzy)\n"
+        "set_property(GLOBAL PROPERTY rosidl_has_service_events TRUE)\n"
+        "set_property(GLOBAL PROPERTY rosidl_describes_types TRUE)\n"
+        "rosidl_generate_interfaces(${PROJECT_NAME} srv/Move.srv)\nament_package()",
+        name="motion",
+        manifest=MEMBER,
+        files={"srv/Move.srv": DEFINITIONS["srv/Move.srv"]},
+    ).install()
+    assert "    Event = Move_Event\n" in project.read(f"{SITE}/motion/srv/_move.py")
+    assert "motion__srv__Move_Event__init" in project.read(
+        "include/motion/motion/srv/detail/move__functions.h"
+    )
+    assert "include/motion/motion/srv/detail/move__description.h" in project.files()
+    exports = [file for file in project.files() if file.startswith("share/motion/cmake/")]
+    assert any("service_msgs" in project.read(file) for file in exports)

@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.templating import render
+from forge.interfaces.c.descriptions import description_views
 from forge.interfaces.c.functions import functions_view
 from forge.interfaces.c.text import declare, fits_int, needs_math, number, spell, units
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, symbol
 from forge.interfaces.cpp.text import comment, quoted
+from forge.interfaces.hashing import Hasher
 from forge.interfaces.model import Array, File, Primitive, Sequence, String, element_of, messages_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from forge.interfaces.c.descriptions import DescriptionView
     from forge.interfaces.model import Catalog, Constant, Field, Interface, Message
 
 _PARTS = ("struct", "functions", "type_support")
+_MAX_LITERAL = 4095
+"""The length of string literals that C99 compilers must support; they may warn about longer ones."""
 _NEVER_ENUMERATED = frozenset({"boolean", "float", "double", "long double"})
 
 
@@ -46,8 +51,9 @@ class StructView:
 def files(catalog: Catalog) -> Iterator[File]:
     """Yield the headers of all interfaces; paths are relative to the include folder."""
     yield from package_files(catalog)
+    headers_of = interface_files(catalog)
     for interface in catalog.interfaces.values():
-        yield from _headers_of(interface)
+        yield from headers_of(interface)
 
 
 def package_files(catalog: Catalog) -> Iterator[File]:
@@ -56,21 +62,24 @@ def package_files(catalog: Catalog) -> Iterator[File]:
     yield File(path, render("c/visibility_control.h.j2", guard=guard(path), package=catalog.package))
 
 
-def interface_files(_: Catalog) -> Callable[[Interface], Iterator[File]]:
+def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
     """Return a function that yields the headers of one interface."""
-    return _headers_of
+    hasher = Hasher(catalog) if catalog.has_descriptions else None
+
+    def headers_of(interface: Interface) -> Iterator[File]:
+        yield _main(interface, (*_PARTS, "description") if hasher else _PARTS)
+        yield _struct(interface)
+        yield _functions(interface)
+        yield _type_support(interface)
+        if hasher:
+            yield _description(interface, tuple(description_views(interface, hasher, catalog.sources)))
+
+    return headers_of
 
 
-def _headers_of(interface: Interface) -> Iterator[File]:
-    yield _main(interface)
-    yield _struct(interface)
-    yield _functions(interface)
-    yield _type_support(interface)
-
-
-def _main(interface: Interface) -> File:
+def _main(interface: Interface, parts: tuple[str, ...]) -> File:
     """Return the header that users include."""
-    headers = [detail_path(interface.name, part, "h") for part in _PARTS]
+    headers = [detail_path(interface.name, part, "h") for part in parts]
     return _file(interface, main_path(interface.name, "h"), "interface", headers=headers)
 
 
@@ -114,6 +123,19 @@ def _type_support(interface: Interface) -> File:
         headers=sorted([_visibility_path(interface.name.package), *runtime]),
         package=interface.name.package,
         handles=found,
+    )
+
+
+def _description(interface: Interface, types: tuple[DescriptionView, ...]) -> File:
+    """Return the header of type hashes and descriptions."""
+    detail = [detail_path(name, "description", "h") for name in needed(interface)]
+    return _file(
+        interface,
+        detail_path(interface.name, "description", "h"),
+        "description",
+        headers=sorted([*detail, "rosidl_runtime_c/detail/static_description.h"]),
+        types=types,
+        has_long_literals=any(len("".join(each.source)) > _MAX_LITERAL for each in types),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
-from forge.base.distributions import OLDEST
+from forge.base.distributions import OLDEST, has_service_events
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.files import read_file
 from forge.base.standard_interfaces import (
@@ -19,7 +19,7 @@ from forge.base.standard_interfaces import (
     has_definitions,
     removed_definitions,
 )
-from forge.interfaces.model import File, Source, TypeName
+from forge.interfaces.model import File, Source, TypeName, with_events
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
 
 if TYPE_CHECKING:
@@ -114,6 +114,11 @@ class Library:
     """The ROS distribution of the embedded definitions."""
     _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
 
+    @property
+    def has_events(self) -> bool:
+        """Whether services have messages for their events in the distribution."""
+        return has_service_events(self.rosdistro)
+
     def find(self, name: TypeName) -> Parsed | None:
         """Return the interface of that name, or None; raises InterfaceError if its file is invalid."""
         if name not in self._parsed:
@@ -168,7 +173,7 @@ class Library:
 
     def _parse(self, name: TypeName, path: Path) -> Parsed | None:
         source = read_source(name.package, path.parent.parent, f"{name.kind}/{path.name}")
-        interface = parse(source)
+        interface = with_events(parse(source)) if self.has_events else parse(source)
         return Parsed(source, interface) if interface.name == name else None
 
 

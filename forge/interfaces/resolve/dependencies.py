@@ -71,7 +71,7 @@ def dependency_catalogs(
         if name not in found:
             found[name] = require(name, known)
             waiting += [reference for _, reference in _references(found[name].interface)]
-    return _partial_catalogs(found)
+    return _partial_catalogs(found, has_descriptions=catalog.has_descriptions)
 
 
 def require(name: TypeName, known: DefinitionLookup) -> Parsed:
@@ -94,7 +94,7 @@ def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
                 yield member, element.name
 
 
-def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:
+def _partial_catalogs(found: Mapping[TypeName, Parsed], *, has_descriptions: bool) -> tuple[Catalog, ...]:
     messages = {message.name: message for p in found.values() for message in messages_of(p.interface)}
     packages: dict[str, list[TypeName]] = defaultdict(list)
     for name in sorted(found):
@@ -105,6 +105,7 @@ def _partial_catalogs(found: Mapping[TypeName, Parsed]) -> tuple[Catalog, ...]:
             {name: found[name].interface for name in names},
             messages,
             {name: found[name].source for name in names},
+            has_descriptions,
         )
         for package, names in packages.items()
     )

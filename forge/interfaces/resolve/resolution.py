@@ -40,7 +40,8 @@ def resolve(
     """Return the catalog of the parsed files of a package; `known` is only asked for referenced types.
 
     `unlisted` maps further types of the package to their files, which are not part of `parsed`, for hints.
-    With `events`, services have a message for the events of service introspection.
+    With `events`, services have a message for the events of service introspection, and generated code
+    describes its types: both came with the same ROS distribution.
     Raises InterfaceError for unknown types, cycles, and two files with the same name or generated file.
     """
     if events:
@@ -56,7 +57,7 @@ def resolve(
     raise_if_any(problems, InterfaceError)
     interfaces = {name: unique[name].interface for name in sorted(unique)}
     sources = {name: unique[name].source for name in interfaces} | search.sources
-    return Catalog(package, interfaces, messages, sources)
+    return Catalog(package, interfaces, messages, sources, has_descriptions=events)
 
 
 def nested_messages(parsed: Parsed, known: DefinitionLookup) -> dict[TypeName, Message]:

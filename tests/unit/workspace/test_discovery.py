@@ -122,9 +122,19 @@ def test_a_group_dependency_is_one_on_its_members(tree: Tree) -> None:
     assert discover(root, ["."], {}).packages["a"].manifest.names(RUN_KINDS) == ("b",)
 
 
-def test_actions_are_noticed(tree: Tree) -> None:
-    root = tree({"a/package.xml": manifest_text("a"), "a/action/Go.action": "---\n---\n"})
-    assert discover(root, ["."], {}).packages["a"].has_actions
+def test_actions_and_services_are_noticed(tree: Tree) -> None:
+    root = tree(
+        {
+            "a/package.xml": manifest_text("a"),
+            "a/action/Go.action": "---\n---\n",
+            "b/package.xml": manifest_text("b"),
+            "b/srv/Go.srv": "---\n",
+            "b/action/README.md": "",
+        }
+    )
+    found = discover(root, ["."], {}).packages
+    assert (found["a"].has_actions, found["a"].has_services) == (True, False)
+    assert (found["b"].has_actions, found["b"].has_services) == (False, True)
 
 
 def test_the_embedded_packages_are_sound() -> None:

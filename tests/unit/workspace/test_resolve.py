@@ -34,6 +34,7 @@ EMBEDDED = by_name(
     embedded("builtin_interfaces", "rosidl_cmake"),
     embedded("action_msgs", "builtin_interfaces"),
     embedded("unique_identifier_msgs"),
+    embedded("service_msgs", "builtin_interfaces"),
 )
 
 
@@ -108,6 +109,23 @@ def test_actions_need_what_their_manifest_leaves_unsaid() -> None:
     assert made.needs["a"] == unsaid | {"rosidl_default_generators"}
     bringing = replace(package("a"), has_actions=True)
     assert not resolve_dependencies(by_name(bringing), EMBEDDED, nobody).needs["a"]
+
+
+@pytest.mark.parametrize("is_action", [True, False])
+def test_services_with_events_need_what_their_manifest_leaves_unsaid(*, is_action: bool) -> None:
+    made = package("a", "rosidl_default_generators")
+    generating = by_name(replace(made, has_actions=is_action, has_services=not is_action))
+    assert "service_msgs" in resolve_dependencies(generating, EMBEDDED, nobody, events=True).needs["a"]
+    assert "service_msgs" not in resolve_dependencies(generating, EMBEDDED, nobody).packages
+    plain = by_name(package("a", "rosidl_default_generators"))
+    assert "service_msgs" not in resolve_dependencies(plain, EMBEDDED, nobody, events=True).packages
+
+
+def test_other_generators_know_themselves_what_events_need() -> None:
+    generating = replace(package("a", "rosidl_default_generators"), has_services=True)
+    installed = {"rosidl_default_generators": 1}
+    made = resolve_dependencies(by_name(generating), EMBEDDED, installed.get, events=True)
+    assert made.needs["a"] == frozenset()
 
 
 @pytest.mark.parametrize(

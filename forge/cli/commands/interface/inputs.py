@@ -135,7 +135,7 @@ def catalog_of(options: argparse.Namespace, folder: str | None, library: Library
         from forge.interfaces.read.lint import lint  # noqa: PLC0415  (only needed with --strict)
 
         raise_if_any(lint(parsed), InterfaceError)
-    return resolve(package, parsed, library, _unlisted(options))
+    return resolve(package, parsed, library, _unlisted(options), events=library.has_events)
 
 
 def _unlisted(options: argparse.Namespace) -> dict[str, str]:

@@ -132,7 +132,8 @@ def _catalogs(folders: Mapping[str, Path], library: Library) -> tuple[Catalog, .
 def _attempt(name: str, folder: Path, library: Library) -> Catalog | InterfaceError:
     """Return a catalog, or the error, so that errors of all packages are reported."""
     try:
-        return resolve(name, parse_all(read_folder(name, folder, library.rosdistro)), library)
+        parsed = parse_all(read_folder(name, folder, library.rosdistro))
+        return resolve(name, parsed, library, events=library.has_events)
     except InterfaceError as error:
         return error
 

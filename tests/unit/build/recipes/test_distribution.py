@@ -40,3 +40,7 @@ def test_a_distribution_has_the_packages_that_it_has_interfaces_of() -> None:
     present = {name: discover_embedded(name).keys() for name in ("humble", "jazzy", "rolling")}
     assert present["jazzy"] - present["humble"] == {"type_description_interfaces"}
     assert present["jazzy"] - present["rolling"] == {"actionlib_msgs"}
+
+
+def test_a_package_may_have_services_only_in_newer_distributions() -> None:
+    assert discover_embedded("jazzy")["type_description_interfaces"].has_services

@@ -17,17 +17,20 @@ macro(rosidl_generate_interfaces target)
   endif()
   _rosidl_read_files(_rosidl_tuples "${target}" ${_rosidl_UNPARSED_ARGUMENTS})
 
-  # Actions use these packages; most packages do not declare them.
-  if(_rosidl_tuples MATCHES ":action/|\\.action(;|$)")
-    if(NOT action_msgs_FOUND)
-      find_package(action_msgs QUIET)
+  # Actions, and services with events, use these packages; most packages do not declare them.
+  _rosidl_implied_packages(_rosidl_implied ${_rosidl_tuples})
+  foreach(_rosidl_dependency IN LISTS _rosidl_implied)
+    if(NOT ${_rosidl_dependency}_FOUND)
+      find_package(${_rosidl_dependency} QUIET)
     endif()
-    if(NOT action_msgs_FOUND)
+    if(NOT ${_rosidl_dependency}_FOUND)
       message(FATAL_ERROR
-        "'${PROJECT_NAME}' defines actions, which need the package 'action_msgs': "
-        "add <depend>action_msgs</depend> to package.xml")
+        "'${PROJECT_NAME}' defines services or actions, which need the package '${_rosidl_dependency}': "
+        "add <depend>${_rosidl_dependency}</depend> to package.xml")
     endif()
-    list(APPEND _rosidl_DEPENDENCIES action_msgs)
+  endforeach()
+  if(_rosidl_implied)
+    list(APPEND _rosidl_DEPENDENCIES ${_rosidl_implied})
     list(REMOVE_DUPLICATES _rosidl_DEPENDENCIES)
   endif()
   foreach(_rosidl_dependency IN LISTS _rosidl_DEPENDENCIES)
@@ -101,6 +104,19 @@ function(rosidl_interfaces_of_distribution variable)
     list(APPEND tuples ${found})
   endforeach()
   set(${variable} "${tuples}" PARENT_SCOPE)
+endfunction()
+
+# _rosidl_implied_packages(<variable> <tuple>...): the packages that generated code refers to in any case.
+function(_rosidl_implied_packages variable)
+  set(packages "")
+  get_property(has_events GLOBAL PROPERTY rosidl_has_service_events)
+  if(ARGN MATCHES ":action/|\\.action(;|$)")
+    list(APPEND packages action_msgs)
+  endif()
+  if(has_events AND ARGN MATCHES ":(srv|action)/|\\.(srv|action)(;|$)")
+    list(APPEND packages service_msgs)
+  endif()
+  set(${variable} "${packages}" PARENT_SCOPE)
 endfunction()
 
 # _rosidl_read_files(<variable> <target> <file>...): check the files, and return them as BASE:NAMESPACE/NAME.EXT.
