@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, TypeVar
 
 from forge.base.errors import ForgeError, Problem
 from forge.base.extensions import call
+from forge.build.inputs.fingerprints import content_digest, digest_strings, source_files
 from forge.build.recipes.context import Recipe
+from forge.build.up_to_date import BUILD_TYPE
 from forge.workspace.finders import plugin
 
 if TYPE_CHECKING:
@@ -29,6 +34,7 @@ class _Plugin:
     """A build type of another distribution, whose exceptions and wrong results become ForgeErrors."""
 
     def __init__(self, name: str, module: BuildType) -> None:
+        self._name = name
         self._what = f"the build type '{name}'"
         self._module = module
 
@@ -36,7 +42,8 @@ class _Plugin:
         return call(self._what, self._module.identify, folder)
 
     def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
-        return self._checked(tuple, call(self._what, self._module.options, package, context))
+        own = self._checked(tuple, call(self._what, self._module.options, package, context))
+        return (*own, f"{BUILD_TYPE}'{self._name}' {_code_digest(self._module)}")
 
     def recipe(self, package: Package, context: BuildContext) -> Recipe:
         return self._checked(Recipe, call(self._what, self._module.recipe, package, context))
@@ -49,3 +56,11 @@ class _Plugin:
             message = f"{self._what} returned {type(result).__name__} instead of a {wanted.__name__}"
             raise ForgeError(Problem(message))
         return result
+
+
+def _code_digest(plugin: object) -> str:
+    """Return a digest of a plugin's code: another version of it may build in another way."""
+    module = plugin if isinstance(plugin, ModuleType) else sys.modules[type(plugin).__module__]
+    file = Path(module.__file__ or "")
+    files = source_files(str(file.parent)) if file.name == "__init__.py" else (str(file),)
+    return digest_strings(*(content_digest(path) for path in files if path.endswith(".py")))

@@ -130,7 +130,7 @@ def _option(now: Sequence[str], then: Sequence[str]) -> str:
         return common
     before, after = _definitions(then[count:]), _definitions(now[count:])
     added = next((option for option in after if option not in before), None)
-    if added is not None and added.startswith((MANIFEST, NAMED_FILE)):
+    if added is not None and added.startswith((MANIFEST, NAMED_FILE, BUILD_TYPE)):
         return f"{added.rpartition(' ')[0]} changed"
     removed = next((option for option in before if option not in after), None)
     if added is not None:
@@ -185,7 +185,7 @@ def source_changes(changed_files: tuple[str, ...]) -> str:
     return f"'{changed_files[0]}'{rest} changed"
 
 
-MANIFEST, NAMED_FILE = "the evaluated package.xml", "the file "
+MANIFEST, NAMED_FILE, BUILD_TYPE = "the evaluated package.xml", "the file ", "the build type "
 """Prefixes of recorded options that end with a digest."""
 
 

@@ -104,6 +104,16 @@ def test_the_exit_code_of_a_plugins_tests_has_a_meaning(forge: Forge, greeter: P
 
 
 @pytest.mark.usefixtures("plugin")
+def test_another_version_of_a_plugin_builds_its_packages_again(
+    forge: Forge, greeter: Path, tmp_path: Path
+) -> None:
+    assert forge("build", cwd=greeter).code == 0
+    with (tmp_path / "plugin/site/forge_make.py").open("a") as stream:
+        stream.write("# version 2\n")
+    assert "greeter: build, the build type 'make' changed\n" in forge("build", "--dry-run", cwd=greeter).out
+
+
+@pytest.mark.usefixtures("plugin")
 def test_forge_lists_extensions_with_their_distributions(forge: Forge) -> None:
     lines = forge("extensions").out.splitlines()
     assert "  make          forge-make 1.0" in lines
