@@ -75,7 +75,7 @@ class Counts:
 def _kind(call: re.Match[str]) -> str:
     if KIND[call[2]] != "open":
         return "stat calls" if KIND[call[2]] == "stat" else "start"
-    if call[3].startswith("/proc/"):
+    if call[3].startswith(("/proc/", "/sys/")):
         return "the state of the machine"  # it is asked the oftener the longer it takes
     return "folders listed" if "O_DIRECTORY" in call[4] else "files read"
 
