@@ -98,7 +98,7 @@ class CrossOptions:
         metavar="FILE",
     )
     sysroot: Path | None = option(
-        "copy of the target's file system with libraries and headers, for --target",
+        "copy of the target's file system with libraries and headers, for --toolchain-file",
         parse=_absolute,
         metavar="DIR",
     )

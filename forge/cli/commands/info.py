@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.distributions import OLDEST
 from forge.base.errors import EnvironmentFault, Problem, SelectionError, print_warnings
+from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import did_you_mean
 from forge.cli import options as shared
 from forge.cli import package_options
@@ -70,6 +71,8 @@ def _workspace(options: argparse.Namespace) -> Iterator[str]:
     yield f"  ROS distribution: {_rosdistro(options)}"
     if chain:
         yield f"  underlays: {' '.join(map(str, chain))}"
+    if targets := _targets(options):
+        yield f"  built for other platforms: {' '.join(targets)}"
 
 
 def _plain_surroundings(options: argparse.Namespace) -> dict[str, object]:
@@ -80,7 +83,14 @@ def _plain_surroundings(options: argparse.Namespace) -> dict[str, object]:
         "python": fields,
         "rosdistro": _rosdistro(options),
         "underlays": list(map(str, chain)),
+        "targets": _targets(options),
     }
+
+
+def _targets(options: argparse.Namespace) -> list[str]:
+    """Return the platforms for which packages are installed, besides this machine."""
+    install = Path.cwd() / options.install_base
+    return sorted(marker.parent.name for marker in install.glob(f"*/{LAYOUT_MARKER}"))
 
 
 def _rosdistro(options: argparse.Namespace) -> str:

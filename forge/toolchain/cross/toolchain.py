@@ -14,6 +14,7 @@ from forge.base.files import text_or_nothing, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.templating import render
+from forge.environment.prefixes import find_underlays
 from forge.toolchain.cross.targets import TRIPLES
 from forge.toolchain.cross.zig import Zig, find_zig
 from forge.toolchain.programs import compiled_packages
@@ -82,6 +83,7 @@ def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
         processor=target.cmake_processor,
         sysroot=quoted(str(sysroot)) if sysroot else "",
         install=os.path.relpath(layout.install, folder),
+        underlays=[quoted(str(root)) for root in _underlays(target, layout, variables)],
         emulator=quoted(*command) if command else "",
     )
     write_if_changed(file, text)
@@ -117,8 +119,19 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
         yield Problem("'--toolchain-file' decides which version of glibc is used", hint=hint)
     if toolchain_file and not toolchain_file.is_file():
         yield Problem(f"--toolchain-file: '{toolchain_file}' does not exist")
+    if sysroot and not toolchain_file:
+        message = "--sysroot needs --toolchain-file: the C++ libraries of a distribution do not fit zig's"
+        hint = "name a GCC for the target in it, for example that of Debian's package g++-aarch64-linux-gnu"
+        yield Problem(message, hint=hint)
     if sysroot and not sysroot.is_dir():
         yield Problem(f"--sysroot: '{sysroot}' is not a folder")
+
+
+def _underlays(target: Target, layout: Layout, variables: Mapping[str, str]) -> Iterator[Path]:
+    """Yield the sourced workspaces that were built for the target."""
+    for root in find_underlays(variables, layout.install).chain:
+        if root.name == target.triple:
+            yield root
 
 
 def _pkg_config(target: Target, sysroot: Path | None) -> dict[str, str]:

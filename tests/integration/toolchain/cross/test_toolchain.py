@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -74,6 +75,21 @@ def test_the_file_is_the_same_at_every_path(tree: Tree) -> None:
     assert str(root / "install") not in prepare(root).file.read_text()
 
 
+def test_packages_are_found_in_underlays_for_the_target_only(tree: Tree) -> None:
+    """Those for this machine have generators, but not the libraries."""
+    names = ("here/install", "there/install/aarch64-linux-gnu")
+    setups = {f"{name}/local_setup.sh": "" for name in names}
+    root = tree({**ZIG, **setups})
+    variables = {
+        "PATH": str(root / "bin"),
+        "XDG_CACHE_HOME": str(root / "cache"),
+        "COLCON_PREFIX_PATH": os.pathsep.join(str(root / name) for name in names),
+    }
+    text = prepare_cross_build(parse_target("arm64"), layout(root), variables).file.read_text()
+    assert f'list(APPEND CMAKE_FIND_ROOT_PATH "{root}/there/install/aarch64-linux-gnu")' in text
+    assert f"{root}/here" not in text
+
+
 def test_an_unchanged_file_is_not_written_again(tree: Tree) -> None:
     root = tree(ZIG)
     files = sorted(prepare(root).file.parent.iterdir())
@@ -115,6 +131,7 @@ def test_the_processor_of_this_machine_needs_no_emulator(tree: Tree, monkeypatch
         ("arm64", {}, "no compiler for 'aarch64-linux-gnu' found"),
         ("mips-linux-gnu", {}, "unknown target 'mips-linux-gnu'"),
         ("arm64.2.31", {"toolchain_file": "own.cmake"}, "'--toolchain-file' decides which version of glibc"),
+        ("arm64", {"sysroot": "."}, "--sysroot needs --toolchain-file"),
         ("arm64", {"toolchain_file": "gone.cmake"}, "gone.cmake' does not exist"),
         ("arm64", {"toolchain_file": "own.cmake", "sysroot": "own.cmake"}, "is not a folder"),
     ],

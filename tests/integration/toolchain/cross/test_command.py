@@ -1,0 +1,73 @@
+"""What `--target` means for commands, and what it refuses."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from tests.conftest import Forge, Tree
+
+SETUP = """\
+from setuptools import Distribution, setup
+class Compiled(Distribution):
+    def has_ext_modules(self):
+        return True
+setup(name="quick", version="1", packages=["quick"], distclass=Compiled)
+"""
+QUICK = {
+    "src/quick/package.xml": manifest_text("quick", build_type="ament_python"),
+    "src/quick/setup.py": SETUP,
+    "src/quick/quick/__init__.py": "",
+}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--sysroot", "x"), "--sysroot has no effect without --target"),
+        (("--toolchain-file", "x"), "--toolchain-file has no effect without --target"),
+        (("--target-python", "3.10"), "--target-python has no effect without --target"),
+        (("--target", "arm64", "--target-python", "2.7"), "expected a version such as '3.10', not '2.7'"),
+        (("--target", "x/y"), "'x/y' is not the name of a platform"),
+        (
+            ("--target", "arm64", "--executor", "dask", "--scheduler", "tcp://x:1"),
+            "--target cannot be combined with '--executor dask'",
+        ),
+    ],
+)
+def test_options_without_a_meaning_are_refused(
+    tree: Tree, forge: Forge, words: tuple[str, ...], message: str
+) -> None:
+    ran = forge("build", *words, cwd=tree(QUICK))
+    assert (ran.code, message in ran.err) == (2, True)
+
+
+def test_a_build_for_this_machine_imports_none_of_it(
+    tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("forge.toolchain.cross")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert forge("build", "--dry-run", cwd=tree(QUICK)).code == 0
+    assert not [name for name in sys.modules if name.startswith("forge.toolchain.cross")]
+
+
+def test_compiled_python_modules_are_refused(tree: Tree, forge: Forge) -> None:
+    """They would be for this machine; pure packages are installed for the target's Python."""
+    plain = {
+        "src/plain/package.xml": manifest_text("plain", build_type="ament_python"),
+        "src/plain/setup.py": "from setuptools import setup\nsetup(name='plain', packages=['plain'])\n",
+        "src/plain/plain/__init__.py": "",
+    }
+    root = tree({**QUICK, **plain, "own.cmake": ""})
+    words = ("--target", "arm64", "--toolchain-file", "own.cmake", "--target-python", "3.10")
+    ran = forge("build", *words, "--continue-on-error", cwd=root)
+    assert ran.code == 1
+    assert "compiled modules of 'quick' cannot be built for 'aarch64-linux-gnu'" in ran.err
+    site = "install/aarch64-linux-gnu/plain/lib/python3.10/site-packages"
+    assert (root / site / "plain/__init__.py").is_file()
+    assert "  built for other platforms: aarch64-linux-gnu\n" in forge("info", cwd=root).out
