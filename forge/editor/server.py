@@ -11,24 +11,49 @@ from typing import TYPE_CHECKING, Any
 
 from lsprotocol import types as lsp
 from pygls import uris
+from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 from pygls.workspace import ServerTextPosition, ServerTextRange
 
 from forge import __version__
+from forge.base.errors import ForgeError
+from forge.editor.completion import complete
 from forge.editor.diagnostics import diagnose
+from forge.editor.hover import hover
 from forge.editor.index import is_known
+from forge.editor.navigation import definition, references
+from forge.editor.rename import renamable, rename
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from forge.editor.completion import Proposal
     from forge.editor.index import Index
-    from forge.editor.text import Span
+    from forge.editor.rename import Renaming
+    from forge.editor.text import Place, Span
+
+    _AtPosition = (
+        lsp.HoverParams
+        | lsp.DefinitionParams
+        | lsp.ReferenceParams
+        | lsp.CompletionParams
+        | lsp.PrepareRenameParams
+        | lsp.RenameParams
+    )
 
 _SEVERITIES = {
     "error": lsp.DiagnosticSeverity.Error,
     "warning": lsp.DiagnosticSeverity.Warning,
     "note": lsp.DiagnosticSeverity.Information,
 }
+_KINDS = {
+    "type": lsp.CompletionItemKind.Struct,
+    "package": lsp.CompletionItemKind.Module,
+    "constant": lsp.CompletionItemKind.Constant,
+    "keyword": lsp.CompletionItemKind.Keyword,
+    "value": lsp.CompletionItemKind.Value,
+}
+_REFUSED = lsp.LSPErrorCodes.RequestFailed.value
 _WATCHED = "**/{package.xml,*.msg,*.srv,*.action,*.idl}"
 
 
@@ -49,10 +74,18 @@ class InterfaceServer(LanguageServer):
             lsp.TEXT_DOCUMENT_DID_CLOSE: self._did_close,
             lsp.TEXT_DOCUMENT_DID_SAVE: self._did_save,
             lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES: self._did_change_files,
+            lsp.TEXT_DOCUMENT_HOVER: self._hover,
+            lsp.TEXT_DOCUMENT_DEFINITION: self._definition,
+            lsp.TEXT_DOCUMENT_REFERENCES: self._references,
         }
         for method, handler in handlers.items():
             # pygls stores attributes in what it registers, which a method does not accept.
             self.feature(method)(partial(handler))
+        triggers = lsp.CompletionOptions(trigger_characters=["/", ":", "<", ">", " ", "="])
+        self.feature(lsp.TEXT_DOCUMENT_COMPLETION, triggers)(partial(self._completion))
+        self.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)(partial(self._prepare_rename))
+        renaming = lsp.RenameOptions(prepare_provider=True)
+        self.feature(lsp.TEXT_DOCUMENT_RENAME, renaming)(partial(self._rename))
 
     def _initialized(self, _: lsp.InitializedParams) -> None:
         """Read the workspace, and ask the editor to report changed files."""
@@ -111,6 +144,91 @@ class InterfaceServer(LanguageServer):
             self._index(path).refresh(path)
         self._publish()
 
+    def _hover(self, params: lsp.HoverParams) -> lsp.Hover | None:
+        asked = self._cursor(params)
+        text = hover(*asked) if asked else None
+        return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
+
+    def _definition(self, params: lsp.DefinitionParams) -> lsp.Location | None:
+        asked = self._cursor(params)
+        found = definition(*asked) if asked else None
+        return self._location(found) if found else None
+
+    def _references(self, params: lsp.ReferenceParams) -> list[lsp.Location]:
+        asked = self._cursor(params)
+        found = references(*asked, declaration=params.context.include_declaration) if asked else []
+        return [self._location(each) for each in found]
+
+    def _completion(self, params: lsp.CompletionParams) -> lsp.CompletionList | None:
+        asked = self._cursor(params)
+        if asked is None:
+            return None
+        found = complete(*asked)
+        where = self._range(asked[1], found.span)
+        items = [_item(each, where, number) for number, each in enumerate(found.items)]
+        return lsp.CompletionList(is_incomplete=not found.complete, items=items)
+
+    def _prepare_rename(self, params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
+        asked = self._cursor(params)
+        found = renamable(*asked) if asked else None
+        if asked is None or found is None:
+            return None
+        return lsp.PrepareRenamePlaceholder(self._range(asked[1], found.span), found.name)
+
+    def _rename(self, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
+        asked = self._cursor(params)
+        if asked is None:
+            return None
+        try:
+            found = rename(*asked, params.new_name)
+        except ForgeError as error:
+            raise JsonRpcException("; ".join(each.message for each in error.problems), _REFUSED) from None
+        if found.moves and not self._can_rename_files():
+            raise JsonRpcException(
+                "this editor cannot rename files, which renaming a type requires", _REFUSED
+            )
+        return self._workspace_edit(found)
+
+    def _can_rename_files(self) -> bool:
+        capabilities = self.client_capabilities.workspace
+        editing = capabilities.workspace_edit if capabilities else None
+        return lsp.ResourceOperationKind.Rename in ((editing and editing.resource_operations) or ())
+
+    def _workspace_edit(self, renaming: Renaming) -> lsp.WorkspaceEdit:
+        """Return the edits of all files, then the files that get another name."""
+        by_path: dict[Path, list[lsp.TextEdit | lsp.AnnotatedTextEdit | lsp.SnippetTextEdit]] = {}
+        for edit in renaming.edits:
+            change = lsp.TextEdit(self._range(edit.path, edit.span), edit.text)
+            by_path.setdefault(edit.path, []).append(change)
+        documents = self.workspace.text_documents
+        changes: list[Any] = [
+            lsp.TextDocumentEdit(
+                lsp.OptionalVersionedTextDocumentIdentifier(
+                    self._uri(path), documents[uri].version if (uri := self._uri(path)) in documents else None
+                ),
+                edits,
+            )
+            for path, edits in by_path.items()
+        ]
+        changes += [lsp.RenameFile(self._uri(old), new.as_uri()) for old, new in renaming.moves]
+        return lsp.WorkspaceEdit(document_changes=changes)
+
+    def _uri(self, path: Path) -> str:
+        return self._opened.get(path) or path.as_uri()
+
+    def _cursor(self, params: _AtPosition) -> tuple[Index, Path, int, int] | None:
+        """Return where a question is about, None in a file of another kind."""
+        path = _path(params.text_document.uri)
+        if path is None:
+            return None
+        index = self._index(path)
+        codec, lines = self.workspace.position_codec, index.text(path).splitlines()
+        position = codec.position_from_client_units(lines, params.position)
+        return index, path, position.line, position.character
+
+    def _location(self, place: Place) -> lsp.Location:
+        return lsp.Location(self._uri(place.path), self._range(place.path, place.span))
+
     def _publish(self) -> None:
         """Report the problems of all open files, because each may depend on any other."""
         for path, uri in sorted(self._opened.items()):
@@ -143,6 +261,17 @@ def serve(open_index: Callable[[Path], Index]) -> None:
     # The server closes its stream at the end; and whatever is printed must not get between its answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as answers, redirect_stdout(sys.stderr):
         InterfaceServer(open_index).start_io(stdout=answers)
+
+
+def _item(proposal: Proposal, where: lsp.Range, number: int) -> lsp.CompletionItem:
+    return lsp.CompletionItem(
+        proposal.label,
+        kind=_KINDS[proposal.kind],
+        detail=proposal.detail,
+        filter_text=proposal.match,
+        sort_text=f"{number:04}",
+        text_edit=lsp.TextEdit(where, proposal.text or proposal.label),
+    )
 
 
 def _path(uri: str) -> Path | None:

@@ -103,6 +103,11 @@ def declaration(path: Path, name: str) -> Location:
     return _location(path, element, _lines(content)) if element else Location(path)
 
 
+def tags_of(manifest_format: int) -> tuple[str, ...]:
+    """Return the elements that <package> may contain."""
+    return tuple(name for name, tag in _TAGS.items() if manifest_format in tag.formats)
+
+
 class _Reader:
     """Parses one manifest and collects problems."""
 

@@ -34,7 +34,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def client(root: Path) -> Iterator[Editor]:
     with editor() as found:
-        found.start(root)
+        found.start(root, workspace={"workspaceEdit": {"resourceOperations": ["rename"]}})
         yield found
 
 
@@ -58,6 +58,59 @@ def test_a_file_that_is_open_is_checked_again_if_another_one_changes(client: Edi
     change = {"uri": other.as_uri(), "type": 1}
     client.tell("workspace/didChangeWatchedFiles", changes=[change])
     assert client.problems(path) == []
+
+
+def test_questions_are_answered(client: Editor, root: Path) -> None:
+    path, point = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Point.msg"
+    client.open(path, "# \N{PINCHING HAND}\nshapes/Point[] points\n")
+    shown = client.at("textDocument/hover", path, "1:8")
+    assert "Serialized: 8 bytes" in shown["contents"]["value"]
+    assert client.at("textDocument/hover", path, "0:0") is None
+    assert client.at("textDocument/definition", path, "1:8")["uri"] == point.as_uri()
+    assert client.at("textDocument/definition", path, "0:0") is None
+    found = client.at("textDocument/references", point, "0:2", context={"includeDeclaration": False})
+    where = {"start": {"line": 1, "character": 0}, "end": {"line": 1, "character": 12}}
+    assert [each for each in found if each["uri"] == path.as_uri()] == [
+        {"uri": path.as_uri(), "range": where}
+    ]
+    assert client.at("textDocument/hover", root / "notes.txt", "0:0") is None
+
+
+def test_words_are_proposed_in_place_of_what_was_typed(client: Editor, root: Path) -> None:
+    path = root / "src/nav/msg/Path.msg"
+    client.open(path, "shapes/P\n")
+    found = client.at("textDocument/completion", path, "0:8")
+    where = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 8}}
+    edits = [each["textEdit"] for each in found["items"]]
+    assert edits == [{"range": where, "newText": "shapes/Point"}]
+    assert not found["isIncomplete"]
+    assert client.at("textDocument/completion", root / "notes.txt", "0:0") is None
+
+
+def test_a_rename_edits_all_files_and_moves_one(client: Editor, root: Path) -> None:
+    path, point = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Point.msg"
+    client.open(path, "shapes/Point[] points\n")
+    asked = client.at("textDocument/prepareRename", path, "0:8")
+    assert asked["placeholder"] == "Point"
+    *edits, move = client.at("textDocument/rename", path, "0:8", newName="Spot")["documentChanges"]
+    edit = next(each for each in edits if each["textDocument"]["uri"] == path.as_uri())
+    assert edit["textDocument"] == {"uri": path.as_uri(), "version": 1}
+    assert [(each["range"]["start"]["character"], each["newText"]) for each in edit["edits"]] == [(7, "Spot")]
+    spot = point.with_name("Spot.msg").as_uri()
+    assert (move["kind"], move["oldUri"], move["newUri"]) == ("rename", point.as_uri(), spot)
+    with pytest.raises(AssertionError, match="invalid interface name 'spot'"):
+        client.at("textDocument/rename", path, "0:8", newName="spot")
+    assert client.at("textDocument/prepareRename", root / "notes.txt", "0:0") is None
+    assert client.at("textDocument/rename", root / "notes.txt", "0:0", newName="A") is None
+
+
+def test_an_editor_that_cannot_rename_files_is_told(root: Path) -> None:
+    with editor() as client:
+        client.start(root)
+        path = root / "src/nav/msg/Path.msg"
+        client.open(path, "shapes/Point[] points\n")
+        with pytest.raises(AssertionError, match="this editor cannot rename files"):
+            client.at("textDocument/rename", path, "0:8", newName="Spot")
 
 
 def test_columns_count_in_the_units_of_the_editor(client: Editor, root: Path) -> None:

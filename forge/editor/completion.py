@@ -1,0 +1,166 @@
+"""Proposals for the word before a cursor: types, packages, values of constants, elements of package.xml."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Literal
+
+from forge.base import ament_index
+from forge.base.frozen import frozen
+from forge.base.standard_interfaces import EMBEDDED
+from forge.editor.text import Span
+from forge.interfaces.model import element_of, sections_of
+from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
+from forge.interfaces.read.errors import ParseError
+from forge.interfaces.site.text import type_text, value_text
+from forge.workspace.manifest import DEPENDENCY_KINDS, tags_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+    from forge.editor.index import Index
+    from forge.interfaces.read.occurrences import Reading
+
+MOST = 100
+"""The maximum number of proposals; with more, the editor asks again after the next character."""
+
+_TEXTS = ("string", "wstring")
+_IDL_TYPES = (
+    *("boolean", "octet", "char", "wchar", "float", "double", "string", "wstring", "sequence"),
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+)
+_BUILD_TYPES = ("ament_cmake", "ament_python", "cmake")
+_INTERFACE_GROUP = "rosidl_interface_packages"
+
+_TYPE = re.compile(r"[\w/]*")
+_VALUE = re.compile(r"(\S+)\s+\w+(?:\s+|\s*=\s*)(\S*)")
+_SCOPED = re.compile(r"(?:\w+::)*\w*\Z")
+_TAG = re.compile(r"<(\w*)\Z")
+_CONTENT = re.compile(r"<(\w+)[^<>]*>\s*([^<>\s]*)\Z")
+
+
+@frozen
+class Proposal:
+    """A word that may replace what was typed; editors match `match`, or else `label`, with what was typed."""
+
+    label: str
+    kind: Literal["type", "package", "constant", "keyword", "value"]
+    text: str | None = None
+    """The text to insert, if it is not the label."""
+    match: str | None = None
+    detail: str | None = None
+
+
+@frozen
+class Proposals:
+    """Proposals for a part of a line; more of them exist unless they are `complete`."""
+
+    span: Span
+    items: tuple[Proposal, ...]
+    complete: bool = True
+
+
+def complete(index: Index, path: Path, line: int, column: int) -> Proposals:
+    """Return the proposals at a cursor."""
+    lines = index.text(path).splitlines()
+    before = lines[line][:column] if line < len(lines) else ""
+    reading = index.reading(path)
+    if reading is None:
+        typed, found = _in_manifest(index, before)
+    elif path.suffix == ".idl":
+        typed = _SCOPED.search(before)[0]  # type: ignore[index]  # matches nothing as well
+        found = _idl_types(index, typed)
+    else:
+        typed, found = _in_declaration(index, reading, line, before)
+    matching = [each for each in found if _fits(each, typed)]
+    return Proposals(Span(line, column - len(typed), column), tuple(matching[:MOST]), len(matching) <= MOST)
+
+
+def _fits(proposal: Proposal, typed: str) -> bool:
+    word = typed.lower()
+    return proposal.label.lower().startswith(word) or (proposal.match or "").lower().startswith(word)
+
+
+def _in_declaration(index: Index, reading: Reading, line: int, before: str) -> tuple[str, Iterable[Proposal]]:
+    """Return what was typed in a line of a .msg, .srv or .action file, and what may stand there."""
+    if _TYPE.fullmatch(before):
+        return before, _types(index, reading, before)
+    value = _VALUE.fullmatch(before)
+    if value is None or "#" in before:
+        return "", ()
+    return value[2], _values(reading, line, value[1])
+
+
+def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
+    own = typed.rpartition("/")[0]
+    if not own:
+        yield from (Proposal(word, "keyword") for word in (*PRIMITIVES, *_TEXTS))
+    package = reading.source.package
+    messages = [name for name in index.names() if name.kind not in {"srv", "action"}]
+    if not own:
+        siblings = (name for name in messages if name.package == package)
+        yield from (Proposal(name.name, "type", detail=str(name)) for name in siblings)
+        others = {name.package for name in messages} - {package}
+        yield from (
+            Proposal(f"{name}/", "package") for name in _near_first(index, reading.source.path, others)
+        )
+    for name in messages if typed else ():
+        if name.package != package and (not own or own == name.package):
+            label = f"{name.package}/{name.name}"
+            yield Proposal(label, "type", match=None if own else name.name, detail=str(name))
+
+
+def _near_first(index: Index, path: Path, packages: Iterable[str]) -> list[str]:
+    """Return packages in order, those that the manifest declares first."""
+    manifest = index.manifest_of(path)
+    declared = manifest.dependencies if manifest else frozenset()
+    return sorted(packages, key=lambda name: (name not in declared, name))
+
+
+def _values(reading: Reading, line: int, written: str) -> Iterator[Proposal]:
+    """Yield the values of constants that have the type of a field, and of a boolean."""
+    try:
+        type_ = read_declaration(f"{written} x", reading.source.package).type
+    except ParseError:
+        return
+    element = element_of(type_)
+    if type_text(element, "").word == "bool":
+        yield from (Proposal(word, "value") for word in ("true", "false"))
+    owner = next((each.owner for each in reversed(reading.occurrences) if each.line <= line), None)
+    for section in sections_of(reading.interface) if reading.interface else ():
+        for constant in section.constants if section.name == owner else ():
+            if constant.type == element:
+                text = value_text(constant.value)
+                yield Proposal(constant.name, "constant", text, detail=f"= {text}")
+
+
+def _idl_types(index: Index, typed: str) -> Iterator[Proposal]:
+    package = typed.partition("::")[0] if "::" in typed else None
+    if package is None:
+        yield from (Proposal(word, "keyword") for word in _IDL_TYPES)
+    for name in index.names():
+        if name.kind not in {"srv", "action"} and package in {None, name.package}:
+            label = str(name).replace("/", "::")
+            yield Proposal(label, "type", match=None if package else name.name, detail=str(name))
+
+
+def _in_manifest(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
+    """Return what was typed in a package.xml, and what may stand there."""
+    if tag := _TAG.search(before):
+        return tag[1], (Proposal(name, "keyword") for name in tags_of(3))
+    content = _CONTENT.search(before)
+    if content is None:
+        return "", ()
+    if content[1] in DEPENDENCY_KINDS:
+        return content[2], (Proposal(name, "package") for name in _packages(index))
+    words = {"build_type": _BUILD_TYPES, "member_of_group": (_INTERFACE_GROUP,)}.get(content[1], ())
+    return content[2], (Proposal(word, "value") for word in words)
+
+
+def _packages(index: Index) -> list[str]:
+    """Return the packages of the workspace, of underlays and of forge."""
+    own = {manifest.name for manifest in index.manifests() if manifest.name}
+    installed = ament_index.resources("packages", index.library.prefixes)
+    embedded = (path.parent.name for path in EMBEDDED.glob("*/package.xml"))
+    return sorted({*own, *installed, *embedded})

@@ -1,0 +1,118 @@
+"""What is under a cursor, where it is declared, and where it is used."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.base.standard_interfaces import EMBEDDED
+from forge.editor.manifests import MANIFEST
+from forge.editor.text import Place, Span
+from forge.interfaces.read.occurrences import NameKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from forge.editor.index import Index
+    from forge.editor.manifests import PackageMention
+    from forge.interfaces.model import TypeName
+    from forge.interfaces.read.occurrences import Occurrence, Reading
+
+_START = Span(0, 0, 0)
+
+
+def occurrence_at(reading: Reading, line: int, column: int) -> Occurrence | None:
+    """Return the name in a definition under a cursor, or None."""
+    at_cursor = (each for each in reading.occurrences if each.line == line)
+    return next((each for each in at_cursor if each.start <= column <= each.end), None)
+
+
+def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMention | None:
+    """Return the package that a manifest names under a cursor, or None."""
+    manifest = index.manifest(path)
+    mentions = manifest.mentions if manifest else ()
+    return next((each for each in mentions if each.span.contains(line, column)), None)
+
+
+def type_at(reading: Reading, line: int, column: int) -> TypeName | None:
+    """Return the interface that a definition names under a cursor, or None."""
+    found = occurrence_at(reading, line, column)
+    if found is None or found.kind in {NameKind.FIELD, NameKind.CONSTANT}:
+        return None
+    return found.type or reading.name
+
+
+def definition(index: Index, path: Path, line: int, column: int) -> Place | None:
+    """Return where the name under a cursor is declared, or None."""
+    if mention := mention_at(index, path, line, column):
+        return _package_place(index, mention.name)
+    reading = index.reading(path)
+    occurrence = occurrence_at(reading, line, column) if reading else None
+    if reading is None or occurrence is None:
+        return None
+    name = type_at(reading, line, column)
+    return _type_place(index, name) if name else Place(path, _span(occurrence))
+
+
+def references(index: Index, path: Path, line: int, column: int, *, declaration: bool) -> list[Place]:
+    """Return where the name under a cursor is used in the workspace, and with `declaration` declared.
+
+    A line of a .msg, .srv or .action file without a name stands for the interface of the file.
+    """
+    if mention := mention_at(index, path, line, column):
+        return list(_package_uses(index, mention.name, declaration=declaration))
+    reading = index.reading(path)
+    if reading is None:
+        return []
+    occurrence = occurrence_at(reading, line, column)
+    if occurrence and occurrence.kind in {NameKind.FIELD, NameKind.CONSTANT}:
+        return [Place(path, _span(occurrence))] if declaration else []
+    name = (occurrence.type if occurrence else None) or reading.name
+    declared = _type_place(index, name) if declaration else None
+    used = (Place(user, _span(use)) for user, use in uses(index, name))
+    return [*([declared] if declared else []), *used]
+
+
+def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
+    """Yield the places in definitions of the workspace that name a message, without its declaration."""
+    for user in index.users(name):
+        reading = index.reading(user)
+        for each in reading.occurrences if reading else ():
+            if each.type == name:
+                yield user, each
+
+
+def package_manifest(index: Index, name: str) -> Path | None:
+    """Return the package.xml of a package in the workspace, an underlay or forge; None without one."""
+    for manifest in index.manifests():
+        if manifest.name == name:
+            return manifest.path
+    folders = (*(prefix / "share" / name for prefix in index.library.prefixes), EMBEDDED / name)
+    return next((folder / MANIFEST for folder in folders if (folder / MANIFEST).is_file()), None)
+
+
+def _type_place(index: Index, name: TypeName) -> Place | None:
+    parsed = index.find_or_none(name)
+    if parsed is None:
+        return None
+    reading = index.reading(parsed.source.path)
+    structs = [each for each in reading.occurrences if each.kind is NameKind.INTERFACE] if reading else []
+    return Place(parsed.source.path, _span(structs[0]) if structs else _START)
+
+
+def _package_place(index: Index, name: str) -> Place | None:
+    path = package_manifest(index, name)
+    manifest = index.manifest(path) if path else None
+    named = (each.span for each in manifest.mentions if each.tag == "name") if manifest else iter(())
+    return Place(path, next(named, _START)) if path else None
+
+
+def _package_uses(index: Index, name: str, *, declaration: bool) -> Iterator[Place]:
+    for manifest in index.manifests():
+        for each in manifest.mentions:
+            if each.name == name and (declaration or each.tag != "name"):
+                yield Place(manifest.path, each.span)
+
+
+def _span(occurrence: Occurrence) -> Span:
+    return Span(occurrence.line, occurrence.start, occurrence.end)

@@ -1,0 +1,132 @@
+"""Renames a field, a constant or a type: its declaration, its uses in definitions, and its file."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.errors import InterfaceError, Problem
+from forge.base.frozen import frozen
+from forge.editor.navigation import occurrence_at, uses
+from forge.editor.text import Edit, Span
+from forge.interfaces.model import TypeName
+from forge.interfaces.read.declarations import TYPE_NAME, read_declaration
+from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.occurrences import NameKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from forge.editor.index import Index
+    from forge.interfaces.read.occurrences import Occurrence, Reading
+
+_CMAKE = "CMakeLists.txt"
+
+
+@frozen
+class Renaming:
+    """The edits of files, and the files that get another name after them."""
+
+    edits: tuple[Edit, ...]
+    moves: tuple[tuple[Path, Path], ...] = ()
+
+
+@frozen
+class Renamable:
+    """A name that can be replaced, and the part of the line that stands for it."""
+
+    span: Span
+    name: str
+
+
+def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | None:
+    """Return the name under a cursor, or None.
+
+    A line of a .msg, .srv or .action file without a declaration stands for the interface of the file.
+    """
+    reading = index.reading(path)
+    if reading is None:
+        return None
+    occurrence = occurrence_at(reading, line, column)
+    if occurrence:
+        name = _type_of(reading, occurrence)
+        start = occurrence.stem if name else occurrence.start
+        return Renamable(Span(line, start, occurrence.end), name.name if name else occurrence.name)
+    lines = reading.source.text.splitlines()
+    if path.suffix == ".idl" or line >= len(lines) or any(each.line == line for each in reading.occurrences):
+        return None
+    return Renamable(Span(line, 0, len(lines[line])), reading.name.name)
+
+
+def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renaming:
+    """Return how to rename what is under a cursor; raises InterfaceError if that is impossible."""
+    reading = index.reading(path)
+    if reading is None or renamable(index, path, line, column) is None:
+        raise InterfaceError(Problem("there is no name of a type, field or constant here"))
+    occurrence = occurrence_at(reading, line, column)
+    name = _type_of(reading, occurrence) if occurrence else reading.name
+    if name is None and occurrence:
+        return _member(reading, occurrence, new)
+    return _type(index, name or reading.name, new)
+
+
+def _type_of(reading: Reading, occurrence: Occurrence) -> TypeName | None:
+    """Return the interface that an occurrence names, None for a field or constant."""
+    if occurrence.kind in {NameKind.FIELD, NameKind.CONSTANT}:
+        return None
+    return occurrence.type or reading.name
+
+
+def _member(reading: Reading, occurrence: Occurrence, new: str) -> Renaming:
+    constant = occurrence.kind is NameKind.CONSTANT
+    try:
+        read_declaration(f"int8 {new}=0" if constant else f"int8 {new}", reading.source.package)
+    except ParseError as error:
+        raise InterfaceError(Problem(error.message, hint=error.hint)) from None
+    others = (each for each in reading.occurrences if each.owner == occurrence.owner and each != occurrence)
+    if any(each.name == new and each.kind is occurrence.kind for each in others):
+        raise InterfaceError(Problem(f"'{new}' is already declared in '{occurrence.owner}'"))
+    span = Span(occurrence.line, occurrence.start, occurrence.end)
+    return Renaming((Edit(reading.source.path, span, new),))
+
+
+def _type(index: Index, old: TypeName, new: str) -> Renaming:
+    parsed = index.find_or_none(old)
+    declared = index.reading(parsed.source.path) if parsed else None
+    if declared is None:
+        raise InterfaceError(Problem(f"'{old}' is not part of the workspace"))
+    if not TYPE_NAME.fullmatch(new):
+        hint = "use CamelCase: letters and digits, the first in upper case"
+        raise InterfaceError(Problem(f"invalid interface name '{new}'", hint=hint))
+    if index.find_or_none(TypeName(old.package, old.kind, new)):
+        raise InterfaceError(Problem(f"'{old.package}/{old.kind}/{new}' already exists"))
+    edits = [
+        *(Edit(user, Span(use.line, use.stem, use.end), new) for user, use in uses(index, old)),
+        *_in_own_file(declared, old.name, new),
+        *_in_cmake(index, declared, old.name, new),
+    ]
+    path = declared.source.path
+    return Renaming(tuple(dict.fromkeys(edits)), ((path, path.with_name(f"{new}{path.suffix}")),))
+
+
+def _in_own_file(reading: Reading, old: str, new: str) -> Iterator[Edit]:
+    """Yield the names of the structs of an .idl file, such as X, X_Request and X_Constants."""
+    for each in reading.occurrences:
+        if each.kind is NameKind.INTERFACE and each.name.partition("_")[0] == old:
+            yield Edit(reading.source.path, Span(each.line, each.start, each.start + len(old)), new)
+
+
+def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Edit]:
+    """Yield where the CMakeLists.txt of the package names the file."""
+    manifest = index.manifest_of(reading.source.path)
+    if manifest is None:
+        return
+    path = manifest.path.with_name(_CMAKE)
+    folder, _, file = reading.source.relative.rpartition("/")
+    written = re.compile(
+        rf"(?<![\w/]){re.escape(folder)}/({re.escape(old)}){re.escape(file[len(old) :])}(?!\w)"
+    )
+    for number, line in enumerate(index.text(path).splitlines()):
+        for found in written.finditer(line):
+            yield Edit(path, Span(number, *found.span(1)), new)

@@ -1,0 +1,75 @@
+"""A small workspace with every kind of file, and a way to point into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.editors import index_of
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.editor.index import Index
+    from tests.conftest import Tree
+
+_BOX = """#include "shapes/msg/Point.idl"
+module shapes {
+  module msg {
+    module Box_Constants {
+      const short SIDES = 6;
+    };
+    struct Box {
+      shapes::msg::Point corner;
+    };
+  };
+};
+"""
+_CMAKE = """rosidl_generate_interfaces(${PROJECT_NAME}
+  "msg/Point.msg"
+  msg/Box.idl)
+"""
+_POINT = """# A place.
+
+uint8 FLAT=2  # no height
+
+float64 x  # to the right [m]
+float32 y 0.5
+"""
+FILES = {
+    "src/shapes/package.xml": manifest_text("shapes"),
+    "src/shapes/CMakeLists.txt": _CMAKE,
+    "src/shapes/msg/Point.msg": _POINT,
+    "src/shapes/msg/Box.idl": _BOX,
+    "src/nav/package.xml": manifest_text("nav", "<depend>shapes</depend>", "<depend>std_msgs</depend>"),
+    "src/nav/msg/Path.msg": "shapes/Point[] points\nstring name\n",
+    "src/nav/srv/Plan.srv": "shapes/Point goal\n---\nPath path\nbool ok\n",
+    "src/nav/action/Drive.action": "shapes/Box[2] boxes\n---\n---\nfloat32 left\n",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """Points at words of files."""
+
+    index: Index
+
+    def path(self, file: str) -> Path:
+        """Return the path of a file, which is named without 'src/'."""
+        return self.index.root / "src" / file
+
+    def at(self, file: str, word: str) -> tuple[Index, Path, int, int]:
+        """Return where a word is, as functions of the editor take it."""
+        path = self.path(file)
+        for number, line in enumerate(self.index.text(path).splitlines()):
+            if word in line:
+                return self.index, path, number, line.index(word) + 1
+        raise AssertionError(f"{file} has no '{word}'")
+
+
+@pytest.fixture
+def workspace(tree: Tree) -> Pointer:
+    return Pointer(index_of(tree(FILES)))

@@ -1,0 +1,101 @@
+"""Definitions and references of types, fields and packages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.standard_interfaces import EMBEDDED
+from forge.editor.navigation import definition, references
+
+if TYPE_CHECKING:
+    from forge.editor.text import Place
+    from tests.unit.editor.conftest import Pointer
+
+
+_IN_BOX = ("shapes/msg/Box.idl:0:21-26", "shapes/msg/Box.idl:7:6-24")
+
+
+def shown(workspace: Pointer, place: Place | None) -> str:
+    """Return a place as FILE:LINE:START-END, relative to src."""
+    assert place
+    file = place.path.relative_to(workspace.index.root / "src").as_posix()
+    return f"{file}:{place.span.line}:{place.span.start}-{place.span.end}"
+
+
+@pytest.mark.parametrize(
+    ("file", "word", "place"),
+    [
+        ("nav/msg/Path.msg", "Point", "shapes/msg/Point.msg:0:0-0"),
+        ("nav/srv/Plan.srv", "Path", "nav/msg/Path.msg:0:0-0"),
+        ("nav/action/Drive.action", "shapes/Box", "shapes/msg/Box.idl:6:11-14"),
+        ("nav/msg/Path.msg", "points", "nav/msg/Path.msg:0:15-21"),
+        ("shapes/msg/Box.idl", "Point", "shapes/msg/Point.msg:0:0-0"),
+        ("shapes/msg/Box.idl", "shapes::msg", "shapes/msg/Point.msg:0:0-0"),
+        ("shapes/msg/Box.idl", "SIDES", "shapes/msg/Box.idl:4:18-23"),
+        ("nav/package.xml", "shapes", "shapes/package.xml:2:8-14"),
+    ],
+)
+def test_a_name_leads_to_its_declaration(workspace: Pointer, file: str, word: str, place: str) -> None:
+    assert shown(workspace, definition(*workspace.at(file, word))) == place
+
+
+def test_what_lies_outside_of_the_workspace_is_found_as_well(workspace: Pointer) -> None:
+    header = workspace.path("nav/msg/Path.msg")
+    workspace.index.open(header, "std_msgs/Header header\nmissing/Type x\n")
+    found = definition(workspace.index, header, 0, 3)
+    assert found is not None
+    assert found.path == EMBEDDED / "std_msgs/msg/Header.msg"
+    assert definition(workspace.index, header, 1, 3) is None
+    package = definition(*workspace.at("nav/package.xml", "std_msgs"))
+    assert package is not None
+    assert package.path == EMBEDDED / "std_msgs/package.xml"
+
+
+@pytest.mark.parametrize(
+    ("file", "word", "places"),
+    [
+        (
+            "nav/msg/Path.msg",
+            "Point",
+            ["nav/msg/Path.msg:0:0-12", "nav/srv/Plan.srv:0:0-12", *_IN_BOX],
+        ),
+        ("shapes/msg/Point.msg", "# A place", ["nav/msg/Path.msg:0:0-12", "nav/srv/Plan.srv:0:0-12"]),
+        ("shapes/msg/Box.idl", "Box {", ["nav/action/Drive.action:0:0-10"]),
+        ("shapes/package.xml", "shapes", ["nav/package.xml:7:10-16"]),
+        ("shapes/msg/Point.msg", "x  #", []),
+        ("nav/package.xml", "Apache", []),
+    ],
+)
+def test_references_are_found_in_the_whole_workspace(
+    workspace: Pointer, file: str, word: str, places: list[str]
+) -> None:
+    found = references(*workspace.at(file, word), declaration=False)
+    assert [shown(workspace, each) for each in found][: len(places) or None] == places
+
+
+@pytest.mark.parametrize(
+    ("file", "word", "place"),
+    [
+        ("nav/msg/Path.msg", "Point", "shapes/msg/Point.msg:0:0-0"),
+        ("nav/srv/Plan.srv", "ok", "nav/srv/Plan.srv:3:5-7"),
+        ("nav/package.xml", "nav", "nav/package.xml:2:8-11"),
+    ],
+)
+def test_the_declaration_is_among_them_if_wanted(
+    workspace: Pointer, file: str, word: str, place: str
+) -> None:
+    found = references(*workspace.at(file, word), declaration=True)
+    assert place in [shown(workspace, each) for each in found]
+
+
+def test_references_follow_what_is_typed(workspace: Pointer) -> None:
+    workspace.index.open(workspace.path("nav/srv/Plan.srv"), "---\n")
+    workspace.index.open(workspace.path("nav/msg/Path.msg"), "shapes/Point[] points\nshapes/Point last\n")
+    found = references(*workspace.at("nav/msg/Path.msg", "Point"), declaration=False)
+    assert [shown(workspace, each) for each in found][:2] == [
+        "nav/msg/Path.msg:0:0-12",
+        "nav/msg/Path.msg:1:0-12",
+    ]
+    assert not any("Plan" in str(each.path) for each in found)

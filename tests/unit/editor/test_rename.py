@@ -1,0 +1,111 @@
+"""Renaming types, fields and constants."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.errors import InterfaceError
+from forge.editor.diagnostics import diagnose
+from forge.editor.rename import Renaming, renamable, rename
+
+if TYPE_CHECKING:
+    from tests.unit.editor.conftest import Pointer
+
+
+def apply(workspace: Pointer, renaming: Renaming) -> None:
+    """Do what an editor does: the edits from the end of each file, then the moves."""
+    for edit in sorted(renaming.edits, key=lambda edit: (edit.span.line, edit.span.start), reverse=True):
+        lines = edit.path.read_text(encoding="utf-8").splitlines()
+        line = lines[edit.span.line]
+        lines[edit.span.line] = line[: edit.span.start] + edit.text + line[edit.span.end :]
+        edit.path.write_text("\n".join((*lines, "")), encoding="utf-8")
+    for old, new in renaming.moves:
+        old.rename(new)
+    for path in {edit.path for edit in renaming.edits} | {path for move in renaming.moves for path in move}:
+        workspace.index.refresh(path)
+
+
+def words(workspace: Pointer, file: str) -> str:
+    """Return the text of a file on disk."""
+    return workspace.path(file).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("file", "word"),
+    [("nav/msg/Path.msg", "Point"), ("shapes/msg/Box.idl", "Point"), ("shapes/msg/Point.msg", "# A place")],
+)
+def test_a_type_is_renamed_with_its_file_and_its_uses(workspace: Pointer, file: str, word: str) -> None:
+    apply(workspace, rename(*workspace.at(file, word), "Spot"))
+    assert words(workspace, "nav/msg/Path.msg") == "shapes/Spot[] points\nstring name\n"
+    assert words(workspace, "nav/srv/Plan.srv").startswith("shapes/Spot goal\n")
+    assert '#include "shapes/msg/Spot.idl"' in words(workspace, "shapes/msg/Box.idl")
+    assert "shapes::msg::Spot corner;" in words(workspace, "shapes/msg/Box.idl")
+    assert '"msg/Spot.msg"' in words(workspace, "shapes/CMakeLists.txt")
+    assert words(workspace, "shapes/msg/Spot.msg").startswith("# A place.")
+    assert not workspace.path("shapes/msg/Point.msg").exists()
+    for reading in tuple(workspace.index.readings()):
+        assert diagnose(workspace.index, reading.source.path) == ()
+
+
+def test_the_structs_of_an_idl_file_follow_it(workspace: Pointer) -> None:
+    apply(workspace, rename(*workspace.at("nav/action/Drive.action", "shapes/Box"), "Crate"))
+    text = words(workspace, "shapes/msg/Crate.idl")
+    assert "module Crate_Constants {" in text
+    assert "struct Crate {" in text
+    assert "  msg/Crate.idl)" in words(workspace, "shapes/CMakeLists.txt")
+    assert diagnose(workspace.index, workspace.path("shapes/msg/Crate.idl")) == ()
+    assert words(workspace, "nav/action/Drive.action").startswith("shapes/Crate[2] boxes\n")
+
+
+@pytest.mark.parametrize(
+    ("file", "word", "new", "line"),
+    [
+        ("shapes/msg/Point.msg", "x  #", "right", "float64 right  # to the right [m]"),
+        ("shapes/msg/Point.msg", "FLAT", "LEVEL", "uint8 LEVEL=2  # no height"),
+        ("shapes/msg/Box.idl", "corner", "edge", "      shapes::msg::Point edge;"),
+        ("nav/srv/Plan.srv", "ok", "goal", "bool goal"),
+    ],
+)
+def test_a_member_is_renamed(workspace: Pointer, file: str, word: str, new: str, line: str) -> None:
+    apply(workspace, rename(*workspace.at(file, word), new))
+    assert line in words(workspace, file).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("file", "word", "new", "message"),
+    [
+        ("shapes/msg/Point.msg", "x  #", "y", "'y' is already declared in 'shapes/msg/Point'"),
+        ("shapes/msg/Point.msg", "x  #", "X", "invalid field name 'X'"),
+        ("shapes/msg/Point.msg", "x  #", "class", "field name 'class' is a keyword of Python and C++"),
+        ("shapes/msg/Point.msg", "FLAT", "flat", "invalid constant name 'flat'"),
+        ("nav/msg/Path.msg", "Point", "point", "invalid interface name 'point'"),
+        ("nav/msg/Path.msg", "Point", "Box", "'shapes/msg/Box' already exists"),
+        ("nav/package.xml", "shapes", "forms", "there is no name of a type, field or constant here"),
+    ],
+)
+def test_a_name_that_does_not_fit_is_refused(
+    workspace: Pointer, file: str, word: str, new: str, message: str
+) -> None:
+    with pytest.raises(InterfaceError) as error:
+        rename(*workspace.at(file, word), new)
+    assert error.value.problems[0].message == message
+
+
+def test_a_type_outside_of_the_workspace_is_not_renamed(workspace: Pointer) -> None:
+    workspace.index.open(workspace.path("nav/msg/Path.msg"), "std_msgs/Header header\n")
+    with pytest.raises(InterfaceError, match=r"'std_msgs/msg/Header' is not part of the workspace"):
+        rename(*workspace.at("nav/msg/Path.msg", "Header"), "Head")
+
+
+def test_what_can_be_renamed_is_known_beforehand(workspace: Pointer) -> None:
+    found = renamable(*workspace.at("nav/msg/Path.msg", "Point"))
+    assert found
+    assert (found.name, found.span.start, found.span.end) == ("Point", 7, 12)
+    whole = renamable(*workspace.at("nav/srv/Plan.srv", "---"))
+    assert whole
+    assert (whole.name, whole.span.start, whole.span.end) == ("Plan", 0, 3)
+    assert renamable(*workspace.at("nav/msg/Path.msg", "] points")) is None
+    assert renamable(*workspace.at("shapes/msg/Box.idl", "module msg")) is None
+    assert renamable(*workspace.at("nav/package.xml", "shapes")) is None
