@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "rolling")
@@ -77,14 +77,13 @@ def with_counts(found: Compatibility, distribution: str, counts: Mapping[str, Co
     return replace(found, suites=tuple(rows[name] for name in sorted(rows)))
 
 
-def with_repository(found: Compatibility, row: Repository, measured: Collection[str]) -> Compatibility:
-    """Return it with a row of counts in `measured` distributions; other distributions and notes stay."""
+def with_repository(found: Compatibility, row: Repository) -> Compatibility:
+    """Return it with the counts of a row; those of other distributions and notes stay."""
     rows = {each.name: each for each in found.repositories}
     if row.name in rows:
         before = rows[row.name]
-        counts = {name: count for name, count in before.counts.items() if name not in measured}
         types = max(before.types or 0, row.types or 0)
-        row = replace(row, counts=_ordered({**counts, **row.counts}), types=types, notes=before.notes)
+        row = replace(row, counts=_ordered({**before.counts, **row.counts}), types=types, notes=before.notes)
     rows[row.name] = row
     return replace(found, repositories=tuple(rows[name] for name in sorted(rows, key=str.lower)))
 

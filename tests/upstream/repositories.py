@@ -12,17 +12,16 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tests.upstream.figures import DISTRIBUTIONS, Repository, as_text, read, with_repository
-from tests.upstream.scope import checkouts, choose
+from tests.upstream.scope import batches, checkouts, choose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from tests.upstream.figures import Count
     from tests.upstream.scope import Chosen
 
 ROOT = Path(__file__).parents[2]
@@ -32,69 +31,85 @@ FOREIGN = ("AMENT_", "CMAKE_", "COLCON_", "FORGE_", "ROS_", "PYTHONPATH", "LD_LI
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure each repository in each distribution; write the file after every one."""
+    """Measure the repositories in each distribution; write the file after every batch."""
     options = _parser().parse_args(argv)
     sources = options.sources.resolve()
-    names = sorted({name for each in DISTRIBUTIONS for name in checkouts(sources, each)})
     with tempfile.TemporaryDirectory(prefix="forge-upstream-") as scratch:
         work = (options.work or Path(scratch)).resolve()
-        for name in options.only or names:
-            row = _measure(name, sources, work, options)
-            if row is not None:
-                found = with_repository(read(options.output), row, options.distribution or DISTRIBUTIONS)
-                found = replace(found, commit=options.commit or found.commit)
-                options.output.write_text(as_text(found), encoding="utf-8")
+        for distribution in options.distribution or DISTRIBUTIONS:
+            found = checkouts(sources, distribution)
+            names = [name for name in options.only or sorted(found) if name in found]
+            chosen = {name: choose(found[name], found, distribution) for name in names}
+            chosen = {name: each for name, each in chosen.items() if each.measured}
+            for batch in batches(chosen, distribution, options.batch):
+                repositories = {name: chosen[name] for name in batch}
+                headers = distribution in options.headers
+                result = _measure(work, distribution, repositories, headers=headers)
+                _record(options, sources, distribution, repositories, result)
     return 0
 
 
-def _measure(name: str, sources: Path, work: Path, options: argparse.Namespace) -> Repository | None:
-    """Return the row of a repository; None if it has no interface package. Tells each shortfall."""
-    counts: dict[str, Count] = {}
-    types = 0
-    for distribution in options.distribution or DISTRIBUTIONS:
-        all_checkouts = checkouts(sources, distribution)
-        if name not in all_checkouts:
-            continue
-        chosen = choose(all_checkouts[name], all_checkouts, distribution)
-        if not chosen.measured:
-            continue
-        workspace = _workspace(work / distribution / name, chosen)
-        headers = distribution in options.headers
-        checked, faults = _check(workspace, chosen, work / "cache", distribution, headers=headers)
-        for fault in faults:
-            _tell(f"{name} in {distribution}: {fault}")
-        passed = set(chosen.measured) - {fault.split(maxsplit=1)[0] for fault in faults}
-        counts[distribution] = (len(passed), len(chosen.measured))
-        types = max(types, checked)
-        _tell(f"{name} in {distribution}: {len(passed)} of {len(chosen.measured)}, {checked} types")
-    return Repository(name.replace("+", "/"), _commits(name, sources), counts, types) if counts else None
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What became of the packages of a batch."""
+
+    faults: Mapping[str, Sequence[str]]
+    """What is wrong with a package; no entry if nothing is."""
+    types: Mapping[str, int]
+    """How many types each package has that was built."""
 
 
-def _workspace(folder: Path, chosen: Chosen) -> Path:
+def _record(
+    options: argparse.Namespace,
+    sources: Path,
+    distribution: str,
+    chosen: Mapping[str, Chosen],
+    result: Result,
+) -> None:
+    """Add a distribution to the rows of repositories, and tell each shortfall."""
+    found = read(options.output)
+    for name, each in chosen.items():
+        passed = [package for package in each.measured if package not in result.faults]
+        types = sum(result.types.get(package, 0) for package in each.measured)
+        count = (len(passed), len(each.measured))
+        _tell(f"{name} in {distribution}: {count[0]} of {count[1]} packages, {types} types")
+        for package in each.measured:
+            for fault in result.faults.get(package, ()):
+                _tell(f"  {package}: {fault}")
+        row = Repository(name.replace("+", "/"), _commits(name, sources), {distribution: count}, types)
+        found = with_repository(found, row)
+    found = replace(found, commit=options.commit or found.commit)
+    options.output.write_text(as_text(found), encoding="utf-8")
+
+
+def _measure(work: Path, distribution: str, chosen: Mapping[str, Chosen], *, headers: bool) -> Result:
+    """Build the packages of repositories in one workspace and check what was built."""
+    workspace = _workspace(work / distribution / next(iter(chosen)), chosen.values())
+    packages = [package for each in chosen.values() for package in each.measured]
+    output = _build(workspace, work / "cache", distribution, packages)
+    built = [name for name in packages if (workspace / "install" / name / "share" / name).is_dir()]
+    if len(built) < len(packages):
+        _tell(output)
+    report = _types(workspace, built)
+    faults = {name: ["not built"] for name in packages if name not in built}
+    for name, fault in report["faults"].items():
+        faults.setdefault(name.partition("/")[0], []).append(f"{name}: {fault}")
+    for name, why in report["unread"].items():
+        _tell(f"rosbags cannot read {name}: {why}")
+    for name in built if headers else ():
+        faults.setdefault(name, []).extend(header_faults(workspace, name))
+    return Result({name: found for name, found in faults.items() if found}, report["types"])
+
+
+def _workspace(folder: Path, chosen: Iterable[Chosen]) -> Path:
     """Make a workspace of links to the packages; returns its folder."""
     source = folder / "src"
     source.mkdir(parents=True, exist_ok=True)
-    for name, path in {**chosen.others, **chosen.measured}.items():
-        link = source / name
-        if not link.is_symlink():
-            link.symlink_to(path)
+    packages = {name: path for each in chosen for name, path in {**each.others, **each.measured}.items()}
+    for name, path in packages.items():
+        if not (source / name).is_symlink():
+            (source / name).symlink_to(path)
     return folder
-
-
-def _check(
-    workspace: Path, chosen: Chosen, cache: Path, distribution: str, *, headers: bool
-) -> tuple[int, list[str]]:
-    """Build the packages; returns how many types they have and 'PACKAGE what is wrong' for each fault."""
-    output = _build(workspace, cache, distribution, list(chosen.measured))
-    built = [name for name in chosen.measured if (workspace / "install" / name / "share" / name).is_dir()]
-    faults = [f"{name} is not built" for name in chosen.measured if name not in built]
-    if faults:
-        faults.append(f"(output of the build)\n{output}")
-    report = _types(workspace, built)
-    faults += [f"{name.partition('/')[0]} {name}: {fault}" for name, fault in report["faults"].items()]
-    if headers:
-        faults += [f"{name} {fault}" for name in built for fault in header_faults(workspace, name)]
-    return sum(report["types"].values()), faults
 
 
 def _build(workspace: Path, cache: Path, distribution: str, packages: Sequence[str]) -> str:
@@ -115,7 +130,7 @@ def _build(workspace: Path, cache: Path, distribution: str, packages: Sequence[s
 def _types(workspace: Path, packages: Sequence[str]) -> dict[str, Any]:
     """Check the types of packages in the environment of their workspace."""
     if not packages:
-        return {"types": {}, "faults": {}}
+        return {"types": {}, "faults": {}, "unread": {}}
     script = 'source install/setup.bash && PYTHONPATH="$0:$PYTHONPATH" exec "$@"'
     command = [sys.executable, "-m", "tests.upstream.types_check", *packages]
     done = subprocess.run(
@@ -194,6 +209,13 @@ def _parser() -> argparse.ArgumentParser:
         default=["jazzy"],
         choices=DISTRIBUTIONS,
         help="distributions whose C++ headers are compiled (default: jazzy)",
+    )
+    parser.add_argument(
+        "--batch",
+        type=int,
+        default=10,
+        metavar="NUMBER",
+        help="how many repositories one workspace has at most (default: 10)",
     )
     parser.add_argument("--work", type=Path, metavar="FOLDER", help="keep the workspaces in this folder")
     return parser

@@ -28,7 +28,7 @@ _NEEDED = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """The packages of one repository that are built."""
+    """The packages of a repository that are built."""
 
     measured: Mapping[str, Path]
     """The interface packages of the repository."""
@@ -62,6 +62,28 @@ def choose(checkout: Path, all_checkouts: Mapping[str, Path], distribution: str)
     return Chosen(measured, others)
 
 
+def batches(chosen: Mapping[str, Chosen], distribution: str, most: int) -> Iterator[list[str]]:
+    """Yield the names of repositories that are built together: at most so many, no package from two sources.
+
+    Repositories with packages that forge has embedded are built alone, for theirs replace the embedded ones.
+    """
+    embedded = discover_embedded(distribution)
+    batch: dict[str, dict[str, Path]] = {}
+    for name, each in chosen.items():
+        packages = {**each.others, **each.measured}
+        if not embedded.keys().isdisjoint(packages):
+            yield [name]
+            continue
+        known = {package: path for one in batch.values() for package, path in one.items()}
+        clash = any(known.get(package, path) != path for package, path in packages.items())
+        if clash or len(batch) == most:
+            yield list(batch)
+            batch = {}
+        batch[name] = packages
+    if batch:
+        yield list(batch)
+
+
 def is_interface_package(package: Package) -> bool:
     """Tell whether a package generates interfaces with ament and needs no client library."""
     script = _script(package)
@@ -86,11 +108,11 @@ def dependencies(package: Package) -> Iterator[str]:
 
 
 def _found(name: str, all_checkouts: Mapping[str, Path], distribution: str) -> dict[str, Package]:
-    """Return the interface package of a name from the first checkout that has a folder of that name."""
+    """Return the package of a name from the first checkout that has a folder of that name."""
     for checkout in all_checkouts.values():
         if any(checkout.rglob(f"{name}/package.xml")) or checkout.name.endswith(f"+{name}"):
             package = _packages(checkout, distribution).get(name)
-            if package is not None and is_interface_package(package):
+            if package is not None:
                 return {name: package}
     return {}
 

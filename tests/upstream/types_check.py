@@ -2,7 +2,7 @@
 
 It runs in the environment of a built workspace. rosbags reads the installed definitions with its own parser,
 so that neither the order nor the types of fields come from forge. It prints JSON: the number of types of each
-package, and the faults of those that have one.
+package, the faults of those that have one, and which ones rosbags cannot read. Those are only read back.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ def main(packages: Sequence[str]) -> int:
     prefixes = [Path(entry) for entry in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)]
     shares = {path.name: path for prefix in prefixes for path in prefix.glob("share/*") if path.is_dir()}
     definitions = {name: list(_definitions(share)) for name, share in shares.items()}
-    peer, faults = _peer([path for paths in definitions.values() for path in paths])
+    peer, unread = _peer([path for paths in definitions.values() for path in paths])
     types: dict[str, int] = {}
+    faults: dict[str, str] = {}
     for package in packages:
         types[package] = len(definitions.get(package, ()))
         for path in definitions.get(package, ()):
@@ -44,8 +45,8 @@ def main(packages: Sequence[str]) -> int:
                 fault = _fault(peer, name, class_)
                 if fault:
                     faults[name] = fault
-    mine = {name: fault for name, fault in faults.items() if name.partition("/")[0] in packages}
-    print(json.dumps({"types": types, "faults": mine}))
+    mine = {name: why for name, why in unread.items() if name.partition("/")[0] in packages}
+    print(json.dumps({"types": types, "faults": faults, "unread": mine}))
     return 0
 
 
@@ -60,19 +61,19 @@ def _peer(paths: Sequence[Path]) -> tuple[Any, dict[str, str]]:
     """Return rosbags' store of all these types, and why it lacks those that it cannot read."""
     store = get_typestore(Stores.EMPTY)
     types: dict[str, Any] = {}
-    faults: dict[str, str] = {}
+    unread: dict[str, str] = {}
     for path in paths:
-        types.update(_read_by_peer(path, faults))
+        types.update(_read_by_peer(path, unread))
     store.register(types)
-    return store, faults
+    return store, unread
 
 
-def _read_by_peer(path: Path, faults: dict[str, str]) -> dict[str, Any]:
+def _read_by_peer(path: Path, unread: dict[str, str]) -> dict[str, Any]:
     """Return the fields of a definition's messages as rosbags describes them; none if it cannot read it."""
     try:
         return {name: ([], _unsigned(fields)) for name, (_, fields) in _described_by_peer(path).items()}
     except Exception as error:  # noqa: BLE001  (whatever a parser that is not ours may raise)
-        faults[_name(path)] = f"rosbags cannot read it: {str(error)[:200]}"
+        unread[_name(path)] = str(error)[:200]
         return {}
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.generated import catalog_of, embedded_catalog, generate, importable
 from tests.upstream import types_check
 from tests.upstream.figures import Compatibility, Repository, with_repository
-from tests.upstream.scope import checkouts, choose
+from tests.upstream.scope import Chosen, batches, checkouts, choose
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,7 +48,14 @@ def test_interface_packages_are_chosen_with_what_they_need(tree: Tree) -> None:
     chosen = choose(found["org+robot"], found, "jazzy")
     assert set(chosen.measured) == {"robot_msgs"}
     assert set(chosen.others) == {"robot_common", "arm_msgs", "tool_msgs"}
-    assert set(choose(found["org+common"], found, "jazzy").measured) == {"std_msgs"}
+    alone = choose(found["org+common"], found, "jazzy")
+    assert set(alone.measured) == {"std_msgs"}
+    arm = choose(found["org+arm"], found, "jazzy")
+    together = {"org+robot": chosen, "org+common": alone, "org+arm": arm}
+    assert list(batches(together, "jazzy", 9)) == [["org+common"], ["org+robot", "org+arm"]]
+    assert list(batches(together, "jazzy", 1)) == [["org+common"], ["org+robot"], ["org+arm"]]
+    fork = Chosen({"arm_msgs": sources / "elsewhere"}, {})
+    assert list(batches({"org+arm": arm, "me+arm": fork}, "jazzy", 9)) == [["org+arm"], ["me+arm"]]
 
 
 def test_a_checkout_for_the_distribution_takes_precedence(tree: Tree) -> None:
@@ -96,6 +103,6 @@ def test_a_new_row_leaves_other_distributions_and_notes() -> None:
     )
     row = Repository("org/robot", "b", {"humble": (2, 2)}, 6)
     merged = Repository("org/robot", "b", {"humble": (2, 2), "rolling": (2, 2)}, 7, ("why",))
-    assert with_repository(before, row, ["humble"]).repositories == (merged,)
+    assert with_repository(before, row).repositories == (merged,)
     other = Repository("org/arm", "c", {"jazzy": (1, 1)}, 1)
-    assert with_repository(before, other, ["jazzy"]).repositories == (other, *before.repositories)
+    assert with_repository(before, other).repositories == (other, *before.repositories)
