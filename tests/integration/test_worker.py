@@ -15,6 +15,7 @@ import pytest
 import forge
 from forge.cli.worker import worker
 from forge.execution import worker_client
+from forge.execution.fork_server import started_server
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -90,6 +91,35 @@ def test_what_a_caller_wanted_ends_with_it(tmp_path: Path, monkeypatch: pytest.M
         until(
             lambda: subprocess.run(["pgrep", "-g", group], capture_output=True, check=False).returncode == 1
         )
+
+
+COUNTING = """import os, resource, sys, time
+from forge.execution.fork_server import serve
+def run(call):
+    while time.process_time() < 0.3:
+        pass
+    return 0
+serve(int(sys.argv[1]), run)
+try:
+    while True:
+        os.wait()
+except ChildProcessError:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+with open(sys.argv[2], "w") as result:
+    result.write(str(used.ru_utime + used.ru_stime))
+"""
+
+
+def test_the_processor_time_of_commands_counts_for_the_worker(tmp_path: Path) -> None:
+    """Or `time forge build` would not show what generators take."""
+    result = tmp_path / "result"
+
+    def command(descriptor: int) -> tuple[str, ...]:
+        return sys.executable, "-c", COUNTING, str(descriptor), str(result)
+
+    with started_server(command, {**os.environ, "PYTHONPATH": HOME}) as address:
+        assert ask(tmp_path, "any", FORGE_WORKER=address).returncode == 0
+    assert float(result.read_text()) >= 0.3
 
 
 def test_many_callers_at_once(package: Path) -> None:
