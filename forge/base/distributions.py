@@ -30,11 +30,11 @@ def distribution_option() -> str | None:
     return declared
 
 
-def check_distribution(name: str | None) -> None:
+def check_distribution(name: str | None, argument: str = "--rosdistro") -> None:
     """Raise SelectionError if forge does not have the interfaces of a distribution that was asked for."""
     if name and name not in DISTRIBUTIONS:
         hint = did_you_mean(name, DISTRIBUTIONS) or f"use one of {', '.join(DISTRIBUTIONS)}"
-        raise SelectionError(Problem(f"--rosdistro: unknown ROS distribution '{name}'", hint=hint))
+        raise SelectionError(Problem(f"{argument}: unknown ROS distribution '{name}'", hint=hint))
 
 
 def distribution_in(variables: Mapping[str, str]) -> str:

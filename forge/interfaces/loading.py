@@ -7,15 +7,16 @@ of a type, such as that of an old recording and that of an installed package, th
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 from collections.abc import Mapping
 from importlib import import_module
 from importlib.abc import InspectLoader, MetaPathFinder
-from importlib.machinery import ModuleSpec
-from importlib.util import find_spec
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.base.distributions import check_distribution, distribution_in
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import snake_case
 from forge.base.standard_interfaces import EMBEDDED
@@ -68,16 +69,19 @@ def load(
     name: str | None = None,
     *,
     includes: Mapping[str, Path] | None = None,
+    rosdistro: str | None = None,
 ) -> Types:
     """Create classes from a folder of definitions or from the text of a schema.
 
     A Path is a folder that contains msg, srv, action or .idl files, and `name` is the package, by default
     the name of the folder. A str is the text of a schema as stored by MCAP ('ros2msg' or 'ros2idl'), and
     `name` is its type. Definitions of other packages are searched in the folders of `includes`, then in the
-    embedded packages.
-    Raises InterfaceError with all errors in the definitions.
+    embedded packages, which are those of `rosdistro`, by default of the variable ROS_DISTRO, else of Humble.
+    Raises InterfaceError with all errors in the definitions, SelectionError for an unknown distribution.
     """
-    library = Library(includes=dict(includes or {}))
+    check_distribution(rosdistro, "rosdistro")
+    chosen = rosdistro or distribution_in(os.environ)
+    library = Library(includes=dict(includes or {}), rosdistro=chosen)
     if isinstance(definitions, Path):
         package = name or definitions.absolute().name
         return _import(_of_folder(package, definitions, library))
@@ -92,7 +96,8 @@ def _nameless() -> Problem:
 
 
 def _of_folder(package: str, folder: Path, library: Library) -> tuple[Catalog, ...]:
-    catalog = resolve(package, parse_all(read_folder(package, folder)), library)
+    parsed = parse_all(read_folder(package, folder, library.rosdistro))
+    catalog = resolve(package, parsed, library, events=library.has_events)
     return catalog, *dependency_catalogs(catalog, library)
 
 
@@ -101,7 +106,7 @@ def _of_schema(text: str, name: TypeName, library: Library) -> tuple[Catalog, ..
     parsed = parse_all(read_schema(text, name))
     known = _Schema({each.interface.name: each for each in parsed}, library)
     own = [each for each in parsed if each.interface.name.package == name.package]
-    catalog = resolve(name.package, own, known)
+    catalog = resolve(name.package, own, known, events=library.has_events)
     return catalog, *dependency_catalogs(catalog, known)
 
 
@@ -137,9 +142,6 @@ def _import(catalogs: Sequence[Catalog]) -> Types:
     digest = hashlib.sha256("\0".join(f"{path}\0{texts[path]}" for path in sorted(texts)).encode())
     root = f"forge_types_{digest.hexdigest()[:12]}"
     if f"{root}/__init__.py" not in _MEMORY.texts:
-        # One of them may have been imported from a folder that is no longer on the path.
-        if any(find_spec(name) is None for name in ("forge_cdr", "forge_rosidl")):
-            sys.path.append(str(_RUNTIME))
         _MEMORY.texts[f"{root}/__init__.py"] = ""
         _MEMORY.texts.update((f"{root}/{path}", text) for path, text in texts.items())
     if _MEMORY not in sys.meta_path:
@@ -148,18 +150,19 @@ def _import(catalogs: Sequence[Catalog]) -> Types:
 
 
 class _Memory(MetaPathFinder, InspectLoader):
-    """Finds and loads modules whose source is in memory."""
+    """Finds and loads modules whose source is in memory, and finds the run time that they import."""
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}
         """The source of modules, by the path that their file would have."""
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> ModuleSpec | None:
-        """Return the spec of an in-memory module, or None."""
+        """Return the spec of an in-memory module or of a module of the run time, or None."""
         del path, target
-        if self._path(fullname) not in self.texts:
-            return None
-        return ModuleSpec(fullname, self, origin="in memory", is_package=self.is_package(fullname))
+        if self._path(fullname) in self.texts:
+            return ModuleSpec(fullname, self, origin="in memory", is_package=self.is_package(fullname))
+        # The run time, unless a sourced workspace or ROS provides it: other finders are asked first.
+        return PathFinder.find_spec(fullname, [str(_RUNTIME)]) if "." not in fullname else None
 
     def get_source(self, fullname: str) -> str:
         """Return the source of a module."""

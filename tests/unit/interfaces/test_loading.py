@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import forge
-from forge.base.errors import InterfaceError
+from forge.base.errors import InterfaceError, SelectionError
 from forge.interfaces import Types, load
 
 if TYPE_CHECKING:
@@ -41,6 +41,19 @@ def test_a_folder_gives_its_classes_and_those_below_them(tree: Tree) -> None:
     )
     assert copy.deepcopy(message) == message == pickle.loads(pickle.dumps(message))  # noqa: S301  (its own)
     assert sorted(path.name for path in folder.iterdir()) == ["tour"]
+
+
+def test_embedded_packages_are_those_of_the_distribution(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tree({"far/msg/A.msg": "sensor_msgs/Range range", "far/srv/B.srv": "---\n"}) / "far"
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    types = load(folder)
+    assert hasattr(types["far/msg/A"]().range, "variance")
+    assert types["far/srv/B"].Event(request=[types["far/srv/B"].Request()]).info.event_type == 0
+    older = load(folder, rosdistro="humble")
+    assert not hasattr(older["far/msg/A"]().range, "variance")
+    assert not hasattr(older["far/srv/B"], "Event")
+    with pytest.raises(SelectionError, match="rosdistro: unknown ROS distribution 'hmble'"):
+        load(folder, rosdistro="hmble")
 
 
 def test_a_schemas_text_gives_the_type_and_what_is_in_the_text() -> None:
