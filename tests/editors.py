@@ -6,7 +6,7 @@ import json
 import os
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import IO, TYPE_CHECKING, Any
 
 from forge.editor.index import Index
 from forge.editor.server import InterfaceServer
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Editor:
     """Sends requests, and waits for their answers; positions are written as 'LINE:COLUMN' from 0."""
 
-    def __init__(self, answers: BinaryIO, requests: BinaryIO) -> None:
+    def __init__(self, answers: IO[bytes], requests: IO[bytes]) -> None:
         """Speak through the two streams."""
         self._answers = answers
         self._requests = requests

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError
 from forge.base.frozen import frozen
+from forge.editor.nearby import NearbyTypes
 from forge.editor.text import span_at
 from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import lint
@@ -65,7 +66,7 @@ def _unresolved(index: Index, reading: Reading) -> Iterator[Problem]:
     if reading.interface is None:
         return
     try:
-        nested_messages(Parsed(reading.source, reading.interface), index)
+        nested_messages(Parsed(reading.source, reading.interface), NearbyTypes(index, reading))
     except InterfaceError as error:
         own = str(reading.source.path)
         for problem in error.problems:

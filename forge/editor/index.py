@@ -111,7 +111,7 @@ class Index:
 
     def users(self, name: TypeName) -> tuple[Path, ...]:
         """Return the definitions that refer to a message."""
-        return tuple(sorted(self._users.get(name, ())))
+        return tuple(sorted(self._users.get(name, ()), key=str))  # many paths are slow to compare
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return an interface, without what is invalid in it, or None."""

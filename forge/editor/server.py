@@ -8,12 +8,12 @@ from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from lsprotocol import types as lsp
 from pygls import uris
 from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
-from pygls.workspace import ServerTextPosition, ServerTextRange
 
 from forge import __version__
 from forge.base.errors import ForgeError
@@ -152,19 +152,19 @@ class InterfaceServer(LanguageServer):
     def _definition(self, params: lsp.DefinitionParams) -> lsp.Location | None:
         asked = self._cursor(params)
         found = definition(*asked) if asked else None
-        return self._location(found) if found else None
+        return self._location(asked[0], found) if asked and found else None
 
     def _references(self, params: lsp.ReferenceParams) -> list[lsp.Location]:
         asked = self._cursor(params)
         found = references(*asked, declaration=params.context.include_declaration) if asked else []
-        return [self._location(each) for each in found]
+        return [self._location(asked[0], each) for each in found] if asked else []
 
     def _completion(self, params: lsp.CompletionParams) -> lsp.CompletionList | None:
         asked = self._cursor(params)
         if asked is None:
             return None
         found = complete(*asked)
-        where = self._range(asked[1], found.span)
+        where = self._range(asked[0], asked[1], found.span)
         items = [_item(each, where, number) for number, each in enumerate(found.items)]
         return lsp.CompletionList(is_incomplete=not found.complete, items=items)
 
@@ -173,7 +173,7 @@ class InterfaceServer(LanguageServer):
         found = renamable(*asked) if asked else None
         if asked is None or found is None:
             return None
-        return lsp.PrepareRenamePlaceholder(self._range(asked[1], found.span), found.name)
+        return lsp.PrepareRenamePlaceholder(self._range(asked[0], asked[1], found.span), found.name)
 
     def _rename(self, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
         asked = self._cursor(params)
@@ -187,18 +187,18 @@ class InterfaceServer(LanguageServer):
             raise JsonRpcException(
                 "this editor cannot rename files, which renaming a type requires", _REFUSED
             )
-        return self._workspace_edit(found)
+        return self._workspace_edit(asked[0], found)
 
     def _can_rename_files(self) -> bool:
         capabilities = self.client_capabilities.workspace
         editing = capabilities.workspace_edit if capabilities else None
         return lsp.ResourceOperationKind.Rename in ((editing and editing.resource_operations) or ())
 
-    def _workspace_edit(self, renaming: Renaming) -> lsp.WorkspaceEdit:
+    def _workspace_edit(self, index: Index, renaming: Renaming) -> lsp.WorkspaceEdit:
         """Return the edits of all files, then the files that get another name."""
         by_path: dict[Path, list[lsp.TextEdit | lsp.AnnotatedTextEdit | lsp.SnippetTextEdit]] = {}
         for edit in renaming.edits:
-            change = lsp.TextEdit(self._range(edit.path, edit.span), edit.text)
+            change = lsp.TextEdit(self._range(index, edit.path, edit.span), edit.text)
             by_path.setdefault(edit.path, []).append(change)
         documents = self.workspace.text_documents
         changes: list[Any] = [
@@ -214,7 +214,7 @@ class InterfaceServer(LanguageServer):
         return lsp.WorkspaceEdit(document_changes=changes)
 
     def _uri(self, path: Path) -> str:
-        return self._opened.get(path) or path.as_uri()
+        return self._opened.get(path) or f"file://{quote(str(path))}"  # faster than as_uri()
 
     def _cursor(self, params: _AtPosition) -> tuple[Index, Path, int, int] | None:
         """Return where a question is about, None in a file of another kind."""
@@ -226,18 +226,19 @@ class InterfaceServer(LanguageServer):
         position = codec.position_from_client_units(lines, params.position)
         return index, path, position.line, position.character
 
-    def _location(self, place: Place) -> lsp.Location:
-        return lsp.Location(self._uri(place.path), self._range(place.path, place.span))
+    def _location(self, index: Index, place: Place) -> lsp.Location:
+        return lsp.Location(self._uri(place.path), self._range(index, place.path, place.span))
 
     def _publish(self) -> None:
         """Report the problems of all open files, because each may depend on any other."""
         for path, uri in sorted(self._opened.items()):
-            found = diagnose(self._index(path), path)
+            index = self._index(path)
+            found = diagnose(index, path)
             self._report(
                 uri,
                 [
                     lsp.Diagnostic(
-                        self._range(path, each.span),
+                        self._range(index, path, each.span),
                         each.message,
                         severity=_SEVERITIES[each.severity],
                         source="forge",
@@ -249,11 +250,14 @@ class InterfaceServer(LanguageServer):
     def _report(self, uri: str, diagnostics: Sequence[lsp.Diagnostic]) -> None:
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, diagnostics))
 
-    def _range(self, path: Path, span: Span) -> lsp.Range:
+    def _range(self, index: Index, path: Path, span: Span) -> lsp.Range:
         """Return a part of a file in the units of the editor."""
-        start, end = (ServerTextPosition(span.line, column) for column in (span.start, span.end))
-        lines = self._index(path).text(path).splitlines()
-        return self.workspace.position_codec.range_to_client_units(lines, ServerTextRange(start, end))
+        lines = index.text(path).splitlines()
+        line = lines[span.line] if span.line < len(lines) else ""
+        start, end = span.start, span.end
+        if not line.isascii():
+            start, end = map(self.workspace.position_codec.client_num_units, (line[:start], line[:end]))
+        return lsp.Range(lsp.Position(span.line, start), lsp.Position(span.line, end))
 
 
 def serve(open_index: Callable[[Path], Index]) -> None:

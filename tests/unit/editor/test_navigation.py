@@ -90,6 +90,14 @@ def test_the_declaration_is_among_them_if_wanted(
     assert place in [shown(workspace, each) for each in found]
 
 
+def test_files_are_read_once(workspace: Pointer) -> None:
+    for reading in workspace.index.readings():
+        reading.source.path.unlink()
+    found = definition(*workspace.at("nav/msg/Path.msg", "Point"))
+    assert shown(workspace, found) == "shapes/msg/Point.msg:0:0-0"
+    assert len(references(*workspace.at("nav/msg/Path.msg", "Point"), declaration=False)) == 4
+
+
 def test_references_follow_what_is_typed(workspace: Pointer) -> None:
     workspace.index.open(workspace.path("nav/srv/Plan.srv"), "---\n")
     workspace.index.open(workspace.path("nav/msg/Path.msg"), "shapes/Point[] points\nshapes/Point last\n")
