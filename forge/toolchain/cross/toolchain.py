@@ -76,6 +76,7 @@ def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
     if zig:
         zig.write_compilers(folder)
     command = emulator(target, sysroot, variables)
+    version = python_version or _python_of(sysroot)
     text = render(
         "cross/toolchain.cmake.j2",
         target=target.with_glibc,
@@ -85,10 +86,11 @@ def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
         install=os.path.relpath(layout.install, folder),
         underlays=[quoted(str(root)) for root in _underlays(target, layout, variables)],
         emulator=quoted(*command) if command else "",
+        soabi=_soabi(target, version) if version else "",
     )
     write_if_changed(file, text)
     found = {**_pkg_config(target, sysroot), **(zig.compilers(folder) if zig else {})}
-    return CrossBuild(target, file, found, zig, python_version or _python_of(sysroot))
+    return CrossBuild(target, file, found, zig, version)
 
 
 def emulator(target: Target, sysroot: Path | None, variables: Mapping[str, str]) -> tuple[str, ...]:
@@ -125,6 +127,11 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
         yield Problem(message, hint=hint)
     if sysroot and not sysroot.is_dir():
         yield Problem(f"--sysroot: '{sysroot}' is not a folder")
+
+
+def _soabi(target: Target, version: tuple[int, int]) -> str:
+    """Return the name of Python's binary interface on the target, as Debian and Ubuntu have it (PEP 3149)."""
+    return f"cpython-{version[0]}{version[1]}-{target.triple}"
 
 
 def _underlays(target: Target, layout: Layout, variables: Mapping[str, str]) -> Iterator[Path]:

@@ -109,6 +109,7 @@ def test_qemu_runs_programs_with_the_libraries_of_the_sysroot(tree: Tree) -> Non
     assert "CMAKE_SYSTEM_NAME" not in text
     assert cross.zig is None
     assert cross.python_version == (3, 10)
+    assert 'set(PYTHON_SOABI "cpython-310-aarch64-linux-gnu")' in text
     assert cross.variables["PKG_CONFIG_SYSROOT_DIR"] == str(root / "root")
     assert has_emulator(layout(root))
 
