@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _FILE = "toolchain.cmake"
 _EMULATOR = "CMAKE_CROSSCOMPILING_EMULATOR"
+_HERE = "${CMAKE_CURRENT_LIST_DIR}"
 _INCLUDE = re.compile(r'\binclude\s*\(\s*"?([^")]+)')
 _VERSIONED = re.compile(r"python(\d+)\.(\d+)")
 
@@ -80,7 +81,7 @@ def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
     text = render(
         "cross/toolchain.cmake.j2",
         target=target.with_glibc,
-        base=quoted(str(toolchain_file)) if toolchain_file else "",
+        base=_included(toolchain_file, folder, layout) if toolchain_file else "",
         processor=target.cmake_processor,
         sysroot=quoted(str(sysroot)) if sysroot else "",
         install=os.path.relpath(layout.install, folder),
@@ -108,8 +109,15 @@ def has_emulator(layout: Layout) -> bool:
     """Tell whether the last build for a target knew an emulator, or uses files that may name one."""
     own = text_or_nothing(layout.build / TOOLCHAIN_DIR / _FILE)
     named = _INCLUDE.search(own)
-    text = text_or_nothing(named[1]) if named else ""
+    text = text_or_nothing(named[1].replace(_HERE, str(layout.build / TOOLCHAIN_DIR))) if named else ""
     return _EMULATOR in own + text or _INCLUDE.search(text) is not None
+
+
+def _included(toolchain_file: Path, folder: Path, layout: Layout) -> str:
+    """Return the user's file as a quoted path, relative if it is in the workspace, as for other clones."""
+    if toolchain_file.is_relative_to(layout.of_host.build.parent):
+        return f'"{_HERE}/{quoted(os.path.relpath(toolchain_file, folder))[1:]}'
+    return quoted(str(toolchain_file))
 
 
 def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None) -> Iterator[Problem]:
