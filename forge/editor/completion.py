@@ -105,8 +105,15 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
         yield from (
             Proposal(f"{name}/", "package") for name in _near_first(index, reading.source.path, others)
         )
+    word = typed.lower()
     for name in messages if typed else ():
-        if name.package != package and (not own or own == name.package):
+        # Of thousands of messages few are proposed; a package matches the typed text in front of '/'.
+        likely = (
+            own == name.package
+            if own
+            else name.name.lower().startswith(word) or name.package.startswith(word)
+        )
+        if likely and name.package != package:
             label = f"{name.package}/{name.name}"
             yield Proposal(label, "type", match=None if own else name.name, detail=str(name))
 

@@ -6,6 +6,7 @@ read on demand.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
@@ -40,6 +41,8 @@ class Index:
         self._by_name: dict[TypeName, Path] = {}
         self._users: dict[TypeName, set[Path]] = {}
         self._elsewhere: tuple[TypeName, ...] | None = None
+        self._stamps: dict[Path, int | None] = {}
+        """When each file that was read, and its folder, was changed last."""
 
     def scan(self) -> None:
         """Read all packages of the workspace."""
@@ -68,10 +71,26 @@ class Index:
         """Read a file again that was changed, created or removed."""
         if path in self._buffers or not is_known(path):
             return
+        self._stamps[path] = _changed(path)
+        self._stamps.setdefault(path.parent, _changed(path.parent))
         try:
             self._put(path, path.read_text(encoding="utf-8", errors="replace"))
         except OSError:
             self._put(path, None)
+
+    def refresh_changed(self) -> None:
+        """Read the files again that were changed, created or removed since they were read."""
+        for path, stamp in tuple(self._stamps.items()):
+            now = _changed(path)
+            if now == stamp:
+                continue
+            self._stamps[path] = now
+            if is_known(path):
+                self.refresh(path)
+            elif now is not None:
+                for each in sorted(path.iterdir()):
+                    if each not in self._stamps:
+                        self.refresh(each)
 
     def reading(self, path: Path) -> Reading | None:
         """Return what is known about a definition."""
@@ -146,9 +165,7 @@ class Index:
     def _put(self, path: Path, text: str | None) -> None:
         """Replace what is known about a file; None removes it."""
         if path.name == MANIFEST:
-            self._manifests.pop(path, None)
-            if text is not None:
-                self._manifests[path] = read_manifest(path, text, self._variables)
+            self._put_manifest(path, text)
             return
         self._forget(path)
         if text is not None:
@@ -158,6 +175,18 @@ class Index:
             for each in reading.occurrences:
                 if each.type:
                     self._users.setdefault(each.type, set()).add(path)
+
+    def _put_manifest(self, path: Path, text: str | None) -> None:
+        """Replace what is known about a manifest, and the package of the definitions beside it."""
+        old = self._manifests.pop(path, None)
+        if text is None:
+            return
+        manifest = self._manifests[path] = read_manifest(path, text, self._variables)
+        if old and manifest.name and old.name != manifest.name:
+            for reading in tuple(self._readings.values()):
+                own = path.parent in reading.source.path.parents
+                if own and reading.source.package != self._package_of(reading.source.path):
+                    self._put(reading.source.path, reading.source.text)
 
     def _forget(self, path: Path) -> None:
         old = self._readings.pop(path, None)
@@ -183,6 +212,14 @@ class Index:
 def is_known(path: Path) -> bool:
     """Tell whether a file is of a kind that the language server understands."""
     return path.suffix in _SUFFIXES or path.name == MANIFEST
+
+
+def _changed(path: Path) -> int | None:
+    """Return when a file or folder was changed last, None if it does not exist."""
+    try:
+        return os.stat(path).st_mtime_ns  # noqa: PTH116  (of thousands of files: faster)
+    except OSError:
+        return None
 
 
 def _relative(path: Path) -> str:

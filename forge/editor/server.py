@@ -67,6 +67,8 @@ class InterfaceServer(LanguageServer):
         self._indexes: dict[Path, Index] = {}
         self._opened: dict[Path, str] = {}
         """The open documents, with the address by which the editor knows each."""
+        self._is_told = False
+        """Whether the editor reports files that others change; Neovim on Linux does not."""
         handlers: dict[str, Callable[[Any], object]] = {
             lsp.INITIALIZED: self._initialized,
             lsp.TEXT_DOCUMENT_DID_OPEN: self._did_open,
@@ -96,6 +98,7 @@ class InterfaceServer(LanguageServer):
         capabilities = self.client_capabilities.workspace
         watching = capabilities.did_change_watched_files if capabilities else None
         if watching and watching.dynamic_registration:
+            self._is_told = True
             watchers = [lsp.FileSystemWatcher(glob_pattern=_WATCHED)]
             options = lsp.DidChangeWatchedFilesRegistrationOptions(watchers=watchers)
             method = lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES
@@ -114,6 +117,7 @@ class InterfaceServer(LanguageServer):
         return self._add(path.parent)
 
     def _did_open(self, params: lsp.DidOpenTextDocumentParams) -> None:
+        self._look_for_changes()
         self._take(params.text_document.uri)
 
     def _did_change(self, params: lsp.DidChangeTextDocumentParams) -> None:
@@ -137,7 +141,13 @@ class InterfaceServer(LanguageServer):
 
     def _did_save(self, params: lsp.DidSaveTextDocumentParams) -> None:
         del params  # its text is known
+        self._look_for_changes()
         self._publish()
+
+    def _look_for_changes(self) -> None:
+        if not self._is_told:
+            for index in self._indexes.values():
+                index.refresh_changed()
 
     def _did_change_files(self, params: lsp.DidChangeWatchedFilesParams) -> None:
         for path in filter(None, (_path(change.uri) for change in params.changes)):

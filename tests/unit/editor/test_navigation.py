@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import pytest
@@ -107,3 +108,24 @@ def test_references_follow_what_is_typed(workspace: Pointer) -> None:
         "nav/msg/Path.msg:1:0-12",
     ]
     assert not any("Plan" in str(each.path) for each in found)
+
+
+def test_files_that_were_changed_are_read_again(workspace: Pointer) -> None:
+    path = workspace.path("shapes/msg/Point.msg")
+    path.write_text("int8 changed\n", encoding="utf-8")
+    os.utime(path, (1, 1))
+    workspace.index.refresh_changed()
+    assert workspace.index.text(path) == "int8 changed\n"
+    path.unlink()
+    workspace.index.refresh_changed()
+    assert workspace.index.reading(path) is None
+    assert definition(*workspace.at("nav/msg/Path.msg", "Point")) is None
+
+
+def test_the_definitions_follow_the_name_of_their_package(workspace: Pointer) -> None:
+    manifest = workspace.path("shapes/package.xml")
+    workspace.index.open(manifest, workspace.index.text(manifest).replace("shapes", "forms"))
+    path = workspace.path("nav/msg/Path.msg")
+    workspace.index.open(path, "forms/Point[] points\nshapes/Point other\n")
+    assert shown(workspace, definition(workspace.index, path, 0, 7)) == "shapes/msg/Point.msg:0:0-0"
+    assert definition(workspace.index, path, 1, 8) is None

@@ -126,6 +126,20 @@ def test_an_editor_that_can_is_asked_to_report_changed_files(root: Path) -> None
         assert client.registered == ["workspace/didChangeWatchedFiles"]
 
 
+def test_an_editor_that_reports_no_changes_need_not(root: Path) -> None:
+    path, other = root / "src/nav/msg/Path.msg", root / "src/shapes/msg/Late.msg"
+    with editor() as client:
+        client.start(root)
+        assert client.open(path, "shapes/Late late\n") == ["0:0-11: unknown type 'shapes/Late'"]
+        for text, problems in (("int8 x\n", []), (None, ["0:0-11: unknown type 'shapes/Late'"])):
+            if text:
+                other.write_text(text, encoding="utf-8")
+            else:
+                other.unlink()
+            client.tell("textDocument/didSave", textDocument={"uri": path.as_uri()})
+            assert client.problems(path) == problems
+
+
 def test_files_of_other_kinds_are_left_alone(client: Editor, root: Path) -> None:
     assert client.open(root / "src/nav/notes.txt", "int x\n") == []
     client.tell("textDocument/didSave", textDocument={"uri": (root / "src/nav/notes.txt").as_uri()})
