@@ -209,11 +209,12 @@ def test_only_a_link_gets_the_library(tree: Tree, monkeypatch: pytest.MonkeyPatc
     cross = prepare(root)
     cross.prepare_compilers([compiled(root)])
     assert cross.zig is not None
-    for words in ("-c a.cpp -o a.o", "a.o -o a", "a.cpp -o a", "--version"):
+    for words in ("-c a.cpp -o a.o", "a.o -o a", "a.cpp -o a", "CMakeCXXCompilerId.cpp", "--version"):
         subprocess.run([cross.file.with_name("c++"), *words.split()], check=True)
-    *_, compiled_, linked, both, version = (root / "calls").read_text().splitlines()
+    *_, compiled_, linked, both, identified, version = (root / "calls").read_text().splitlines()
     flags = "-target aarch64-linux-gnu -fno-sanitize=undefined"
     assert compiled_ == f"c++ {flags} -c a.cpp -o a.o"
     assert linked == f"c++ {flags} -nostdlib++ -rdynamic {cross.zig.library} a.o -o a -lunwind"
     assert both == f"c++ {flags} a.cpp -o a"
+    assert identified == f"c++ {flags} -c CMakeCXXCompilerId.cpp"
     assert version == f"c++ {flags} --version"
