@@ -24,7 +24,7 @@ FIRST_WITH_EVENTS = "jazzy"
 def distribution_option() -> str | None:
     """Return the option --rosdistro, a field of a frozen dataclass."""
     declared: str | None = option(
-        "ROS distribution (default: ROS_DISTRO, else the one set in forge.toml, else that of the last build)",
+        "ROS distribution (default: that of ROS_DISTRO, forge.toml, an underlay, or the last build)",
         metavar="NAME",
     )
     return declared

@@ -58,12 +58,13 @@ def build_variables(
     Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
     recorded by an earlier build are used even if they are not sourced in this shell, and those of which the
     shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
-    that of the environment, else that of an earlier build.
+    that of the environment, else that of an underlay, else that of an earlier build.
     """
     chosen = {VARIABLE: rosdistro} if rosdistro else {}
-    recorded = recorded_rosdistro(layout.install)
+    own = without_own(surroundings, layout.of_host.install)
+    recorded = _recorded_rosdistro(layout.install, own)
     defaults = {**ROS_DEFAULTS, **({VARIABLE: recorded} if recorded else {}), "COLCON": "1"}
-    variables = {**defaults, **without_own(surroundings, layout.of_host.install), **chosen}
+    variables = {**defaults, **own, **chosen}
     sourced = find_underlays(variables, layout.install).chain
     forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
     incomplete = [root for root in sourced if lacks_modules(root, variables)]
@@ -268,7 +269,13 @@ def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | N
         return rosdistro
     from forge.cli.config import configured_rosdistro  # noqa: PLC0415  (not needed if it is given)
 
-    return configured_rosdistro(root, os.environ) or recorded_rosdistro(install)
+    return configured_rosdistro(root, os.environ) or _recorded_rosdistro(install, os.environ)
+
+
+def _recorded_rosdistro(install: Path, variables: Mapping[str, str]) -> str | None:
+    """Return the distribution of the underlay whose generators are used, else that of the last build."""
+    underlays = (*recorded_underlays(install), *find_underlays(variables, install).chain)
+    return next(filter(None, map(recorded_rosdistro, (*reversed(underlays), install))), None)
 
 
 def _has_fast_rosidl(options: BuildOptions, loaded: LoadedWorkspace) -> bool:

@@ -40,6 +40,22 @@ def test_the_environment_precedes_forge_toml_the_last_build_and_humble(forge: Fo
     assert told(forge, root, ROS_DISTRO="jazzy") == "jazzy"
 
 
+def test_an_overlay_is_for_the_distribution_of_its_underlay(forge: Forge, root: Path) -> None:
+    """Also if the underlay is known only from the last build, which was for another distribution."""
+    underlay = root / "underlay"
+    underlay.mkdir()
+    state = {"python": "python3", "underlays": [], "rosdistro": "jazzy"}
+    (underlay / ".forge.json").write_text(json.dumps(state))
+    (underlay / ".colcon_install_layout").write_text("isolated\n")
+    assert told(forge, root, COLCON_PREFIX_PATH=str(underlay)) == "jazzy"
+    assert "service_msgs" in plan(forge, root, COLCON_PREFIX_PATH=str(underlay))
+    assert "service_msgs" not in plan(forge, root, COLCON_PREFIX_PATH=str(underlay), ROS_DISTRO="humble")
+    (root / "install").mkdir(exist_ok=True)
+    own = {"python": "python3", "underlays": [str(underlay)], "rosdistro": "humble"}
+    (root / "install/.forge.json").write_text(json.dumps(own))
+    assert told(forge, root) == "jazzy"
+
+
 def plan(forge: Forge, root: Path, *argv: str, **env: str) -> str:
     return forge("build", "--dry-run", *argv, cwd=root, env=env).out
 
