@@ -234,6 +234,23 @@ def test_pytest_runs_and_leaves_a_result(ament: Ament) -> None:
     assert 'classname="demo.' in (demo.build / "test_results/demo/one.xunit.xml").read_text(encoding="utf-8")
 
 
+def test_pytest_is_asked_for_without_importing_it(ament: Ament, tmp_path: Path) -> None:
+    """Its import reads the metadata of all distributions, also of packages that are not declared."""
+    modules = tmp_path / "modules"
+    for name in ("pytest", "pytest_cov"):
+        (modules / name).mkdir(parents=True)
+        (modules / name / "__init__.py").write_text("raise SystemExit('imported')", encoding="utf-8")
+    info = modules / "pytest_cov-7.8.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Name: pytest-cov\nVersion: 7.8\n", encoding="utf-8")
+    demo = ament(
+        "ament_has_pytest(found)\nament_get_pytest_cov_version(version)\n"
+        'message(STATUS "found ${found} ${version}")'
+    )
+    demo = replace(demo, variables={"PYTHONPATH": str(modules)})
+    assert "-- found TRUE 7.8\n" in demo.configure().text
+
+
 def test_without_pytest_there_is_a_warning_and_no_test(ament: Ament) -> None:
     demo = ament(
         "ament_add_pytest_test(one test_one.py PYTHON_EXECUTABLE /bin/false)\nament_add_nose_test(two x)",

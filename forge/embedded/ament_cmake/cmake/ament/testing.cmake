@@ -161,6 +161,7 @@ function(ament_get_pytest_cov_version variable)
 endfunction()
 
 # _ament_ask_python(<variable> <module> <python or nothing>): the module's version, 'unknown', or nothing.
+# The module is not imported: pytest's import reads the metadata of every distribution on the path.
 function(_ament_ask_python variable module python)
   if(python STREQUAL "")
     set(python "${Python3_EXECUTABLE}")
@@ -168,8 +169,9 @@ function(_ament_ask_python variable module python)
   get_executable_path(python "${python}" CONFIGURE)
   string(SHA1 key "${python} ${module}")
   if(NOT DEFINED CACHE{AMENT_PYTHON_HAS_${key}})
+    _ament_folder(folder)
     execute_process(
-      COMMAND "${python}" -c "import ${module}; print(getattr(${module}, '__version__', 'unknown'))"
+      COMMAND "${python}" "${folder}/module_version.py" "${module}"
       OUTPUT_VARIABLE answer OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE code)
     if(NOT code EQUAL 0)
       # Not cached: the user may install it before the next run.
