@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 from enum import Enum
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
@@ -11,8 +13,7 @@ from forge.base.layout import SCRATCH_DIR
 from forge.build.model import BuildInputs, Fingerprint
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from forge.base.frozen import Pairs
     from forge.workspace.model import Package
@@ -127,3 +128,13 @@ def step_line(step: Step, environment: Path | None = None) -> str:
     source = f". {shlex.quote(str(environment))} && " if environment else ""
     variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
     return f"{source}cd {shlex.quote(str(step.cwd))} && {variables}{shlex.join(step.argv)}"
+
+
+def short_step_line(step: Step, environment: Path, displayed: Callable[[Path], str]) -> str:
+    """Return `step_line` for a terminal: in a subshell, with displayed paths, programs on PATH by name."""
+    program, *arguments = step.argv
+    name = Path(program).name
+    argv = (name if shutil.which(name) == program else program, *arguments)
+    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
+    source, folder = (shlex.quote(displayed(path)) for path in (environment, step.cwd))
+    return f"(. {source} && cd {folder} && {variables}{shlex.join(argv)})"

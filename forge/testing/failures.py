@@ -18,12 +18,13 @@ _SHOWN_FAILURES = 50
 
 @frozen
 class Failure:
-    """A failed test: its package, name, message, and a command that repeats it."""
+    """A failed test: its package, name, message, and a command that repeats it, whole and as displayed."""
 
     package: str
     test: str
     lines: tuple[str, ...]
     repeat: str
+    displayed: str
 
 
 def result_line(outcome: Outcome) -> str:
@@ -78,7 +79,7 @@ def table(failures: Sequence[Failure]) -> Iterator[str]:
     for failure in failures[:_SHOWN_FAILURES]:
         yield f"  {failure.package}: {failure.test}"
         yield from (f"      {line}" for line in failure.lines)
-        yield f"    repeat: {failure.repeat}"
+        yield f"    repeat: {failure.displayed}"
     left = len(failures) - _SHOWN_FAILURES
     if left > 0:
         yield f"  and {left} more: forge test-result --verbose"

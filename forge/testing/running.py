@@ -12,7 +12,7 @@ from forge.base.frozen import frozen
 from forge.build.events import Aborted, Finished
 from forge.build.install_manifests import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_line
+from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, short_step_line, step_line
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
@@ -22,6 +22,7 @@ from forge.testing.outcomes import Counts, counted_once, find_junit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
@@ -96,7 +97,9 @@ def counts_of(task: Task, context: TestContext) -> Counts:
     return sum((outcome.counts for outcome in outcomes), Counts())
 
 
-def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
+def failures_of(
+    task: Task, context: TestContext, displayed: Callable[[Path], str] = str
+) -> Iterator[Failure]:
     """Yield the failed tests of a package in its last run."""
     found = collect(context.results_of(task.name)).outcomes
     step = task.steps[-1]
@@ -104,7 +107,7 @@ def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
         elsewhere = context.options.test_result_base is not None
         junits = (*found, *collect(task.build_dir).outcomes) if elsewhere else found
         for case in (case for outcome in found if outcome.by_name for case in outcome.cases):
-            yield _ctest_failure(case, task, junits)
+            yield _ctest_failure(case, task, junits, displayed)
         return
     own = context.results_of(task.name) / f"{step.kind.value}.xml"
     exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
@@ -114,10 +117,20 @@ def failures_of(task: Task, context: TestContext) -> Iterator[Failure]:
         whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
         repeat = step if whole else _again(step, selector)
         label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
-        yield Failure(task.name, label, first_lines([case]), step_line(repeat, environment_file(task)))
+        yield _failure(task, label, first_lines([case]), repeat, displayed)
 
 
-def _ctest_failure(case: Case, task: Task, junits: Sequence[Outcome]) -> Failure:
+def _failure(
+    task: Task, test: str, lines: tuple[str, ...], repeat: Step, displayed: Callable[[Path], str]
+) -> Failure:
+    """Return a failure that the step `repeat` repeats."""
+    file = environment_file(task)
+    return Failure(task.name, test, lines, step_line(repeat, file), short_step_line(repeat, file, displayed))
+
+
+def _ctest_failure(
+    case: Case, task: Task, junits: Sequence[Outcome], displayed: Callable[[Path], str]
+) -> Failure:
     """Return a CTest failure; the JUnit file of the test is preferred to its output."""
     junit = next(
         (found for home in {j.home for j in junits} if (found := find_junit(case.name, home, junits))), None
@@ -125,9 +138,7 @@ def _ctest_failure(case: Case, task: Task, junits: Sequence[Outcome]) -> Failure
     lines = first_lines(junit.cases) if junit and junit.cases else last_lines(case.text)
     step = task.steps[0]
     argv = (step.argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
-    return Failure(
-        task.name, case.name, lines, step_line(replace(step, argv=argv, env=()), environment_file(task))
-    )
+    return _failure(task, case.name, lines, replace(step, argv=argv, env=()), displayed)
 
 
 def _again(step: Step, selector: tuple[str, ...]) -> Step:

@@ -116,9 +116,12 @@ def test_what_failed_can_be_repeated_line_by_line(forge: Forge, workspace: Path)
     for line, words in zip(
         lines(ran, "repeat:"), ("1 tests failed out of 1", "1 failed", "Ran 1 test"), strict=True
     ):
-        done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+        done = subprocess.run(["sh", "-c", line], cwd=workspace, capture_output=True, text=True, check=False)
         assert done.returncode != 0
         assert words in done.stdout + done.stderr
+        # In a subshell, so that the folder and the variables of the terminal remain; short enough to read.
+        assert line.startswith("(. build/")
+        assert str(workspace) not in line
 
 
 def test_failed_tests_are_an_exit_code_on_request(forge: Forge, workspace: Path) -> None:

@@ -141,7 +141,9 @@ def _report_results(plan: BuildPlan, context: TestContext, session: Session, *, 
     report.test_counts = sum((counts_of(plan.tasks[name], context) for name in ended), Counts())
     report.summarise(seconds)
     failures = [
-        failure for name in sorted(report.failed_tests) for failure in failures_of(plan.tasks[name], context)
+        failure
+        for name in sorted(report.failed_tests)
+        for failure in failures_of(plan.tasks[name], context, report.displayed)
     ]
     if failures and not json:
         session.write("\n".join(("", *table(failures), "")))

@@ -147,7 +147,7 @@ def test_a_test_of_another_package_is_no_twin() -> None:
 
 def test_the_table_shows_the_beginning_of_many_failures() -> None:
     assert list(table([])) == []
-    many = [Failure("p", f"t{number}", ("why",), "make it so") for number in range(60)]
+    many = [Failure("p", f"t{number}", ("why",), "make it in /ws so", "make it so") for number in range(60)]
     lines = list(table(many))
     assert lines[:4] == ["60 failed tests:", "  p: t0", "      why", "    repeat: make it so"]
     assert lines[-1] == "  and 10 more: forge test-result --verbose"
