@@ -81,6 +81,6 @@ def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
     manifest = index.manifest_of(reading.source.path)
     if manifest:
         catalog = Catalog(reading.source.package, {reading.name: reading.interface}, {}, {})
-        yield from undeclared_dependencies(catalog, manifest.dependencies)
+        yield from undeclared_dependencies(catalog, manifest.dependencies, index)
     if not reading.problems:
         yield from lint([Parsed(reading.source, reading.interface)])

@@ -162,6 +162,11 @@ class Index:
         """Return which ROS distributions have an interface that this one lacks, or None."""
         return self.library.distribution_hint(name)
 
+    def declares(self, package: str) -> bool:
+        """Return False: each package of the workspace has a manifest of its own."""
+        del package
+        return False
+
     def _put(self, path: Path, text: str | None) -> None:
         """Replace what is known about a file; None removes it."""
         if path.name == MANIFEST:

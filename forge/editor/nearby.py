@@ -57,3 +57,8 @@ class NearbyTypes:
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which ROS distributions have an interface that this one lacks, or None."""
         return self._index.distribution_hint(name)
+
+    def declares(self, package: str) -> bool:
+        """Tell whether the manifest of the file's package declares a package."""
+        manifest = self._index.manifest_of(self._reading.source.path)
+        return manifest is not None and package in manifest.dependencies

@@ -130,6 +130,11 @@ class _Schema:
         """Return which other ROS distributions have the definition, None if there are none."""
         return self._library.distribution_hint(name)
 
+    def declares(self, package: str) -> bool:
+        """Return False: a schema has no manifest."""
+        del package
+        return False
+
 
 def _import(catalogs: Sequence[Catalog]) -> Types:
     """Register the rendered modules of some catalogs with the import system."""

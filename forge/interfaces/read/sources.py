@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.distributions import OLDEST, has_service_events
-from forge.base.errors import InterfaceError, Location, Problem
+from forge.base.errors import ForgeError, InterfaceError, Location, Problem
 from forge.base.files import read_file
 from forge.base.standard_interfaces import (
     EMBEDDED,
@@ -19,6 +19,7 @@ from forge.base.standard_interfaces import (
     has_definitions,
     removed_definitions,
 )
+from forge.base.xml import parse_xml
 from forge.interfaces.model import File, Source, TypeName, with_events
 from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
 
@@ -112,7 +113,10 @@ class Library:
     embedded: Path | None = EMBEDDED
     rosdistro: str = OLDEST
     """The ROS distribution of the embedded definitions."""
+    manifest: Path | None = None
+    """The package.xml of the definitions that are compiled, read for hints only."""
     _parsed: dict[TypeName, Parsed | None] = field(default_factory=dict)
+    _declared: frozenset[str] | None = None
 
     @property
     def has_events(self) -> bool:
@@ -163,6 +167,12 @@ class Library:
             return None
         return distribution_hint(name.package, self.rosdistro, f"{name.kind}/{name.name}.{name.kind}")
 
+    def declares(self, package: str) -> bool:
+        """Tell whether the manifest declares a package."""
+        if self._declared is None:
+            self._declared = _declared_in(self.manifest) if self.manifest else frozenset()
+        return package in self._declared
+
     def _folders(self, package: str) -> Iterator[Path]:
         if package in self.includes:
             yield self.includes[package]
@@ -185,6 +195,15 @@ def names_in(package: str, folder: Path, rosdistro: str = OLDEST) -> Iterator[Ty
         files = (path for base in bases for end in (kind, "idl") for path in (base / kind).glob(f"*.{end}"))
         stems = {path.stem for path in files if f"{kind}/{path.name}" not in removed}
         yield from (TypeName(package, kind, stem) for stem in sorted(stems) if "_" not in stem)
+
+
+def _declared_in(manifest: Path) -> frozenset[str]:
+    """Return the dependencies in a manifest, none if it cannot be read."""
+    try:
+        root = parse_xml(read_file(manifest), manifest)
+    except (OSError, ForgeError):
+        return frozenset()
+    return frozenset(each.text.strip() for each in root.children if each.tag.endswith("depend"))
 
 
 def _is_embedded(folder: Path) -> bool:

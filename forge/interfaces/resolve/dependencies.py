@@ -34,19 +34,24 @@ class DefinitionLookup(Protocol):
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which other ROS distributions have the interface, None if there are none."""
 
+    def declares(self, package: str) -> bool:
+        """Tell whether the manifest beside the definitions declares the package, for hints."""
 
-def undeclared_dependencies(catalog: Catalog, declared: Iterable[str]) -> list[Problem]:
-    """Return a problem for each field with a type from a package that is not in `declared`.
+
+def undeclared_dependencies(
+    catalog: Catalog, listed: Iterable[str], known: DefinitionLookup
+) -> list[Problem]:
+    """Return a problem for each field with a type from a package that is not `listed`.
 
     Such a type may be found, but generated code may not compile, because its package may not be built yet.
     """
-    accepted = {catalog.package, *declared}
+    accepted = {catalog.package, *listed}
     return [
         Problem(
             f"'{catalog.package}' does not depend on '{name.package}'",
             member.place,
-            f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces, "
-            f"and <depend>{name.package}</depend> to package.xml",
+            f"add {name.package} to the DEPENDENCIES of rosidl_generate_interfaces()"
+            + ("" if known.declares(name.package) else f", and {_declaration(name.package)}"),
         )
         for interface in catalog.interfaces.values()
         for member, name in _references(interface)
@@ -78,9 +83,13 @@ def require(name: TypeName, known: DefinitionLookup) -> Parsed:
     """Return an interface; raises InterfaceError if it does not exist."""
     parsed = known.find(name)
     if not parsed:
-        hint = f"add <depend>{name.package}</depend> to package.xml"
+        hint = f"add {_declaration(name.package)}"
         raise InterfaceError(Problem(f"cannot find '{name}', which generated code requires", hint=hint))
     return parsed
+
+
+def _declaration(package: str) -> str:
+    return f"<depend>{package}</depend> to package.xml"
 
 
 def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
-from forge.base.names import did_you_mean, snake_case
+from forge.base.names import nearest, snake_case
 from forge.interfaces.model import (
     Catalog,
     Message,
@@ -158,19 +158,28 @@ class _Search:
             return Problem(f"unknown type '{written}'", member.place, elsewhere)
         names = [*self.interfaces, *(n for n in self.known.names() if n.package != self.package)]
         candidates = {f"{n.package}/{n.name}": n for n in names if n.kind not in {"srv", "action"}}
-        return Problem(f"unknown type '{written}'", member.place, _hint(name, self.package, candidates))
+        return Problem(f"unknown type '{written}'", member.place, self._hint(name, candidates))
 
+    def _hint(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
+        """Suggest the most similar type, and how to make it available."""
+        near = self._nearest(name, candidates)
+        package = near.partition("/")[0] if near else name.package
+        known = {self.package, name.package} if near else {each.package for each in candidates.values()}
+        missing = package not in known and not self.known.declares(package)
+        hints = (
+            f"did you mean '{near}'?" if near else "",
+            f"add <depend>{package}</depend> to package.xml" if missing else "",
+        )
+        return " ".join(filter(None, hints)) or None
 
-def _hint(name: TypeName, own: str, candidates: Mapping[str, TypeName]) -> str | None:
-    """Suggest the most similar type, and how to make it available."""
-    written = f"{name.package}/{name.name}"
-    namesakes = sorted(text for text, candidate in candidates.items() if candidate.name == name.name)
-    best = did_you_mean(written, namesakes) or did_you_mean(written, candidates)
-    if not best and namesakes:
-        best = f"did you mean '{namesakes[0]}'?"
-    packages = {candidate.package for candidate in candidates.values()}
-    suggested = best.split("'")[1].partition("/")[0] if best else name.package
-    missing = f"add <depend>{suggested}</depend> to package.xml" if suggested != own else None
-    if best:
-        return f"{best} {missing}" if missing and suggested != name.package else best
-    return None if name.package in packages else missing
+    def _nearest(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
+        """Return the type that was probably meant; types of declared packages are preferred."""
+        written = f"{name.package}/{name.name}"
+        namesakes = sorted(
+            (text for text, candidate in candidates.items() if candidate.name == name.name),
+            key=lambda text: (not self.known.declares(candidates[text].package), text),
+        )
+        first = next(iter(namesakes), None)
+        if name.package == self.package:  # most often written without its package
+            return first or nearest(written, candidates)
+        return nearest(written, namesakes) or nearest(written, candidates) or first

@@ -76,6 +76,10 @@ class _Nothing:
     def distribution_hint(self, name: TypeName) -> None:
         del name
 
+    def declares(self, package: str) -> bool:
+        del package
+        return False
+
     def names(self) -> tuple[TypeName, ...]:
         """Return nothing."""
         return ()

@@ -74,9 +74,10 @@ def _add_outputs(parser: Parser) -> None:
 
 def _generate(options: argparse.Namespace) -> int:
     library = library_of(options)
+    library.manifest = _manifest(options)
     catalog = catalog_of(options, options.source, library)
     if options.no_runtime:
-        raise_if_any(undeclared_dependencies(catalog, dict(options.includes)), InterfaceError)
+        raise_if_any(undeclared_dependencies(catalog, dict(options.includes), library), InterfaceError)
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options)
     state = OutputState(
@@ -92,6 +93,12 @@ def _generate(options: argparse.Namespace) -> int:
     else:
         print(f"{len(written.changed)} of {_files(written.total)} written to '{options.output}'")
     return 0
+
+
+def _manifest(options: argparse.Namespace) -> Path | None:
+    """Return the path of the package.xml beside the definitions, which may not exist."""
+    bases = (options.source, *(base for base, _ in options.files))
+    return next((Path(base) / "package.xml" for base in bases if base), None)
 
 
 def _parts(catalogs: tuple[Catalog, ...], options: argparse.Namespace) -> list[Part]:

@@ -320,7 +320,13 @@ def test_a_build_rejects_types_of_packages_that_are_not_dependencies(forge: Forg
         "src/msg/A.msg:2:1: error: 'tour' does not depend on 'std_msgs'",
         "    std_msgs/Header header",
     ]
-    assert "DEPENDENCIES of rosidl_generate_interfaces" in ran.err
+    listed = "hint: add std_msgs to the DEPENDENCIES of rosidl_generate_interfaces()"
+    declared = "<depend>std_msgs</depend>"
+    assert ran.err.splitlines()[-1] == f"{listed}, and {declared} to package.xml"
+    tree({"src/package.xml": f"<package>{declared}</package>"})
+    assert forge("interface", "generate", *arguments, cwd=root).err.splitlines()[-1] == listed
+    tree({"src/package.xml": "<package>"})
+    assert declared in forge("interface", "generate", *arguments, cwd=root).err
     included = Library().folder("std_msgs")
     assert forge("interface", "generate", *arguments, "--include", f"std_msgs={included}", cwd=root).code == 0
 

@@ -25,6 +25,7 @@ class Shelf:
     """Interfaces of other packages from a table of 'package/kind/file' and text; notes what was asked for."""
 
     texts: Mapping[str, str]
+    declared: frozenset[str] = frozenset()
     asked: list[str] = field(default_factory=list)
 
     def find(self, name: TypeName) -> Parsed | None:
@@ -39,6 +40,10 @@ class Shelf:
     def distribution_hint(self, name: TypeName) -> None:
         """Return nothing: the types of the table are of no distribution."""
         del name
+
+    def declares(self, package: str) -> bool:
+        """Tell whether the package is declared."""
+        return package in self.declared
 
     def names(self) -> Iterable[TypeName]:
         """Return what the table holds."""
@@ -117,6 +122,21 @@ def test_unknown_types_are_named_with_the_nearest_known() -> None:
         "msg/A.msg:3:1: unknown type 'tour/B' (did you mean 'tour/Bb'?)",
         "msg/Bb.msg:1:1: unknown type 'nowhere/Thing' (add <depend>nowhere</depend> to package.xml)",
     ]
+
+
+def test_a_type_without_its_package_is_the_one_of_that_name_and_declared_packages_need_no_declaration() -> (
+    None
+):
+    texts = {"a_msgs/msg/Pose.msg": "int8 a", "b_msgs/msg/Pose.msg": "int8 a"}
+    files = {"msg/A.msg": "Pose a\nb_msgs/Poze b\nnowhere/Thing c", "msg/MyPose.msg": "int8 a"}
+    assert problems(files, Shelf(texts, frozenset({"b_msgs", "nowhere"}))) == [
+        "msg/A.msg:1:1: unknown type 'tour/Pose' (did you mean 'b_msgs/Pose'?)",
+        "msg/A.msg:2:1: unknown type 'b_msgs/Poze' (did you mean 'b_msgs/Pose'?)",
+        "msg/A.msg:3:1: unknown type 'nowhere/Thing' (None)",
+    ]
+    assert problems(files, Shelf(texts))[0].endswith(
+        "(did you mean 'a_msgs/Pose'? add <depend>a_msgs</depend> to package.xml)"
+    )
 
 
 def test_a_wrong_definition_of_another_package_is_reported_once() -> None:
