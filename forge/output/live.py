@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from rich.console import Console, ConsoleOptions, RenderResult
+    from rich.live import Live
 
     from forge.base.colours import Palette
     from forge.build.events import Event
@@ -63,8 +64,9 @@ def live_view(
     # The terminal knows its size. rich would prefer these variables, which do not follow a resized window.
     variables = {name: value for name, value in os.environ.items() if name not in {"COLUMNS", "LINES"}}
     console = Console(highlight=False, soft_wrap=True, no_color=no_color, _environ=variables)
-    view = LiveView(plan, seconds, console, unlisted)
-    with Live(view, console=console, transient=True, refresh_per_second=8, redirect_stdout=False):
+    view = LiveView(plan, seconds, unlisted)
+    with Live(view, console=console, transient=True, refresh_per_second=8, redirect_stdout=False) as live:
+        view.screen = Above(live)
         yield view
 
 
@@ -84,12 +86,10 @@ class LiveView(View):
         self,
         plan: BuildPlan,
         seconds: Mapping[str, float],
-        console: Console,
         unlisted: frozenset[str] = frozenset(),
     ) -> None:
         """Start with no running packages."""
         names = list(plan.tasks)
-        self.screen = _Above(console)
         unsure = frozenset(name for name, task in plan.tasks.items() if task.conditional)
         self._progress = Progress(time.monotonic(), expectations(names, seconds), len(names), unsure=unsure)
         self._unlisted = unlisted
@@ -163,13 +163,19 @@ def _rough(seconds: float) -> str:
     return f"{max(1, round(seconds))}s" if seconds < _MINUTE - 0.5 else duration(round(seconds))
 
 
-class _Above:
-    """Prints above the status lines."""
+class Above:
+    """Prints above the status lines.
+
+    Each output also draws them anew. Without the lock of the redrawing thread, both would count the lines to
+    erase before either is written, and the second would erase a line of the output.
+    """
 
     quiet_starts = True
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
+    def __init__(self, live: Live) -> None:
+        """Print to the console of a started display."""
+        self._console = live.console
+        self._lock = live._lock  # noqa: SLF001  (rich has no public name for it)
 
     def palette(self, *, stderr: bool = False) -> Palette:
         """Return the colours of the stream."""
@@ -180,4 +186,5 @@ class _Above:
         if stderr and not sys.stderr.isatty():
             PLAIN.write(content, stderr=True)
         else:
-            self._console.out(content.decode(errors="replace"), end="", highlight=False)
+            with self._lock:
+                self._console.out(content.decode(errors="replace"), end="", highlight=False)

@@ -1,0 +1,56 @@
+"""What is printed above the status lines stays."""
+
+from __future__ import annotations
+
+import io
+from threading import Event, Thread
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.live import Live
+
+from forge.output.live import Above
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from rich.console import ConsoleOptions, RenderableType
+    from rich.segment import Segment
+
+
+class SlowConsole(Console):
+    """Calls a function after the lines to erase are counted, and before anything is drawn."""
+
+    counted: Callable[[], None] | None = None
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Call the function once."""
+        counted, self.counted = self.counted, None
+        if counted:
+            counted()
+        return super().render(renderable, options)
+
+
+def test_nothing_is_redrawn_between_counting_the_lines_to_erase_and_erasing_them() -> None:
+    """If a package has ended, there is one line less then, and a line of the output would be erased."""
+    console = SlowConsole(file=io.StringIO(), force_terminal=True)
+    started, redrawn = Event(), Event()
+
+    def redraw() -> None:  # as the thread of rich does
+        started.set()
+        with live._lock:  # noqa: SLF001
+            live.refresh()
+        redrawn.set()
+
+    thread = Thread(target=redraw)
+
+    def overtake() -> None:
+        thread.start()
+        started.wait()
+        assert not redrawn.wait(0.1)
+
+    with Live("status", console=console, auto_refresh=False) as live:
+        console.counted = overtake
+        Above(live).write(b"Finished\n")
+        thread.join()
+    assert redrawn.is_set()
