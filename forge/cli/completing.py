@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 SHELLS = ("bash", "zsh", "fish")
 
-PACKAGES, INSTALLED, INTERFACES, INTERFACE_PACKAGES = (
-    *("packages", "installed"),
+PACKAGES, INSTALLED, RUNNABLE, INTERFACES, INTERFACE_PACKAGES = (
+    *("packages", "installed", "runnable"),
     *("interfaces", "interface_packages"),
 )
 MIXINS, REPOSITORIES, PROFILES, WORDS, FOLDERS, FILES, ANYTHING = (
@@ -153,7 +153,9 @@ def _fish_flag(flag: str) -> str:
     return f"-l {flag[2:]}" if flag.startswith("--") else f"-s {flag[1:]}"
 
 
-_QUERIED = frozenset({PACKAGES, INSTALLED, INTERFACES, INTERFACE_PACKAGES, MIXINS, REPOSITORIES, PROFILES})
+_QUERIED = frozenset(
+    {PACKAGES, INSTALLED, RUNNABLE, INTERFACES, INTERFACE_PACKAGES, MIXINS, REPOSITORIES, PROFILES}
+)
 
 
 def _fish_expected(expected: Expected) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from itertools import chain
 
 if __name__ == "__main__":
     # Import from the parent folder of the package: its modules would shadow others.
@@ -53,8 +54,10 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
             names = package_names(find_root(Path.cwd(), Path.home()), _cache(variables))
         case ["installed", *_]:
             names = (name for prefix in _prefixes(variables) for name in _indexed(prefix, "packages"))
+        case ["runnable", *_]:
+            names = chain(_names(["installed"], variables), _in_workspace())
         case ["executables", package, *_]:
-            names = (name for prefix in _prefixes(variables) for name in _programs(f"{prefix}/lib/{package}"))
+            names = _executables(package, variables)
         case ["interface_packages", *_]:
             names = (folder.rpartition("/")[2] for folder in _interface_folders(variables))
         case ["interfaces", *_]:
@@ -151,6 +154,27 @@ def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
     from forge.environment.installed import known_prefixes  # noqa: PLC0415  (not for all kinds)
 
     return known_prefixes(variables, find_install(Path.cwd(), Path.home()))
+
+
+def _in_workspace() -> Iterator[str]:
+    """Yield the packages that the enclosing workspace has installed, also those without ament."""
+    from forge.environment.prefixes import PACKAGES, package_prefixes  # noqa: PLC0415  (as above)
+
+    install = find_install(Path.cwd(), Path.home())
+    for prefix in package_prefixes(install) if install else ():
+        yield from _files(f"{prefix}/{PACKAGES}")
+
+
+def _executables(package: str, variables: Mapping[str, str]) -> Iterator[str]:
+    """Yield the programs of a package; those of a package without ament may be in bin."""
+    from forge.environment.installed import is_registered, unregistered_prefix  # noqa: PLC0415  (as above)
+
+    install = find_install(Path.cwd(), Path.home())
+    for prefix in _prefixes(variables):
+        yield from _programs(f"{prefix}/lib/{package}")
+    plain = None if is_registered(package, variables, install) else unregistered_prefix(package, install)
+    for folder in ("bin", f"lib/{package}") if plain else ():
+        yield from _programs(f"{plain}/{folder}")
 
 
 def _interface_folders(variables: Mapping[str, str]) -> Iterator[str]:

@@ -60,19 +60,22 @@ def find_package(
     prefix = ament_index.prefix_of(name, where) if is_package_name(name) else None
     if prefix is not None:
         return prefix
-    hint = _remedy(name, install, sources(), ament_index.resources("packages", where))
+    built = sources()
+    if built.get(name) == PLAIN and (plain := unregistered_prefix(name, install)):
+        message = f"'{name}' is a plain CMake package, which ament's index does not contain"
+        hint = f"it is installed in '{plain}', and 'forge run {name}' runs its programs"
+        raise ForgeError(Problem(message, hint=hint))
+    remedy = _remedy(name, install, built, ament_index.resources("packages", where))
     if install is None or variables.get("AMENT_PREFIX_PATH") or not is_package_name(name):
-        raise ForgeError(Problem(f"package '{name}' not found", hint=hint))
+        raise ForgeError(Problem(f"package '{name}' not found", hint=remedy))
     shown = install.relative_to(Path.cwd()) if install.parent == Path.cwd() else install
-    raise ForgeError(Problem(f"package '{name}' is not installed in '{shown}'", hint=hint))
+    raise ForgeError(Problem(f"package '{name}' is not installed in '{shown}'", hint=remedy))
 
 
 def _remedy(
     name: str, install: Path | None, sources: Mapping[str, str], installed: Collection[str]
 ) -> str | None:
     """Return a hint for a package that is not installed, or None."""
-    if sources.get(name) == PLAIN and unregistered_prefix(name, install):
-        return "plain CMake packages are not in ament's index; 'forge run' runs their programs nevertheless"
     if install and is_package_name(name) and (install / name / "lib").is_dir():
         return "call ament_package() at the end of its CMakeLists.txt, which registers the package"
     if name in sources:

@@ -254,6 +254,26 @@ def test_installed_names_and_programs_are_found(tree: Tree, capsys: pytest.Captu
     assert capsys.readouterr().out == "walker\nwalk\n"
 
 
+def test_programs_of_packages_without_ament_are_found(
+    tree: Tree, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree(
+        {
+            "install/.colcon_install_layout": "isolated\n",
+            "install/plain/share/colcon-core/packages/plain": "",
+            "install/plain/bin/walk": "#!/bin/sh\n",
+            "install/plain/lib/plain/run": "#!/bin/sh\n",
+            "i/share/ament_index/resource_index/packages/walker": "",
+        }
+    )
+    monkeypatch.chdir(root)
+    variables = {"AMENT_PREFIX_PATH": f"{root}/i"}
+    assert [main(words, variables) for words in (["runnable"], ["executables", "plain"])] == [0, 0]
+    assert capsys.readouterr().out == "plain\nwalker\nrun\nwalk\n"
+    assert main(["installed"], variables) == 0
+    assert capsys.readouterr().out == "walker\n"
+
+
 def test_packages_are_those_of_the_workspace_around(
     workspace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -155,19 +155,29 @@ def test_what_cannot_run_is_one_message(
     assert run(forge, root, *argv) == (2, "", f"error: {message}\n".replace("{}", str(root)))
 
 
+MANY = "'a', 'b', 'c', 'd', 'e', 'f', 'g', 'h', 'i', 'j'; 'forge pkg executables walker' lists all 11"
+
+
 @pytest.mark.parametrize(
-    ("argv", "missing", "package"),
+    ("argv", "programs", "told"),
     [
-        ((), "arguments PACKAGE and EXECUTABLE", ""),
-        (("walker",), "argument EXECUTABLE", " walker"),
-        (("--prefix", "gdb", "walker"), "argument EXECUTABLE", " walker"),
+        ((), "", "missing arguments PACKAGE and EXECUTABLE\nhint: list them with 'forge pkg executables'"),
+        (("walker",), "ba", "missing argument EXECUTABLE\nhint: 'walker' has 'a', 'b'"),
+        (("--prefix", "gdb", "walker"), "a", "missing argument EXECUTABLE\nhint: 'walker' has 'a'"),
+        (("walker",), "abcdefghijk", f"missing argument EXECUTABLE\nhint: 'walker' has {MANY}"),
+        (
+            ("walker",),
+            "",
+            "no executable found\nhint: package 'walker' has no executables in '{}/lib/walker'",
+        ),
+        (("wolker",), "a", "package 'wolker' not found\nhint: did you mean 'walker'?"),
     ],
 )
 def test_run_wants_two_names(
-    argv: tuple[str, ...], missing: str, package: str, forge: Forge, tree: Tree
+    argv: tuple[str, ...], programs: str, told: str, forge: Forge, tree: Tree
 ) -> None:
-    told = f"error: missing {missing}\nhint: list them with 'forge pkg executables{package}'\n"
-    assert run(forge, tree({MARK: ""}), *argv) == (2, "", told)
+    root = tree({MARK: "", **{f"lib/walker/{name}": SAY for name in programs}})
+    assert run(forge, root, *argv) == (2, "", f"error: {told}\n".replace("{}", str(root)))
 
 
 def test_a_package_without_programs_says_so(forge: Forge, tree: Tree) -> None:
@@ -267,7 +277,10 @@ def test_programs_of_plain_cmake_packages_run_though_they_are_not_in_the_index_o
     assert forge("run", "walker", "say", "a", cwd=root, env=env).out == "yes:a\n"
     assert "hint: did you mean 'say'?" in forge("run", "walker", "sya", cwd=root, env=env).err
     refused = forge("pkg", "executables", "walker", cwd=root, env=env).err
-    assert "hint: plain CMake packages are not in ament's index; 'forge run' runs" in refused
+    assert refused == (
+        "error: 'walker' is a plain CMake package, which ament's index does not contain\n"
+        f"hint: it is installed in '{root}/install/walker', and 'forge run walker' runs its programs\n"
+    )
 
 
 def test_a_program_of_an_underlay_needs_no_sourcing_either(forge: Forge, tree: Tree) -> None:

@@ -21,6 +21,7 @@ from forge.cli.completing import (
     PACKAGES,
     PROFILES,
     REPOSITORIES,
+    RUNNABLE,
     SHELLS,
     WORDS,
     CompletionContext,
@@ -99,7 +100,7 @@ def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
 def _positional(path: tuple[str, ...], actions: list[argparse.Action]) -> Expected | None:
     """Return the completion of positional arguments."""
     if path == ("run",):
-        return Expected(INSTALLED)
+        return Expected(RUNNABLE)
     if path == ("help",):
         return Expected(WORDS, words=tuple(main.COMMANDS))
     if path[:1] == ("pkg",) and actions and actions[0].dest == "package":

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
 
+_SHOWN_NAMES = 10
 _BY_ENV = ([b"#!/usr/bin/env", b"python3"], [b"#!/usr/bin/env", b"python"])
 
 
@@ -50,16 +51,17 @@ def register(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the executable; returns its exit code, or the negative number of the signal that ended it."""
     words = options.words[1:] if options.words[:1] == ["--"] else options.words
-    if len(words) < 2:  # noqa: PLR2004  (a package and an executable)
-        missing = "argument EXECUTABLE" if words else "arguments PACKAGE and EXECUTABLE"
-        command = shlex.join(("forge", "pkg", "executables", *words))
-        raise ForgeError(Problem(f"missing {missing}", hint=f"list them with '{command}'"))
-    package, name, *arguments = words
+    if not words:
+        hint = "list them with 'forge pkg executables'"
+        raise ForgeError(Problem("missing arguments PACKAGE and EXECUTABLE", hint=hint))
+    package, name, *arguments = words if len(words) > 1 else (*words, "")
     install = find_install(Path.cwd(), Path.home())
     plain = _plain_prefix(package, install)
     prefix = plain or find_package(package, os.environ, install, lambda: source_packages(install))
     variables = _environment(package, install, plain)
     paths = (plain_executables if plain else executables)(package, prefix)
+    if not name:
+        raise ForgeError(_without_name(package, prefix, paths))
     path = _choose(package, name, prefix, paths)
     program = (*_interpreter(path, prefix, variables), str(path))
     code = _wait_for((*_words(options.prefix), *program, *arguments), variables)
@@ -86,6 +88,16 @@ def _environment(package: str, install: Path | None, plain: Path | None) -> Mapp
     from forge.environment.sourcing import sourced_environment  # noqa: PLC0415  (not needed if sourced)
 
     return sourced_environment(install, os.environ)
+
+
+def _without_name(package: str, prefix: Path, paths: Sequence[Path]) -> Problem:
+    """Return what to say if only the package is given: the names of its executables."""
+    names = sorted({path.name for path in paths})
+    if not names:
+        return Problem("no executable found", hint=missing_executable_hint(package, "x", prefix, paths))
+    shown = ", ".join(f"'{name}'" for name in names[:_SHOWN_NAMES])
+    more = f"; 'forge pkg executables {package}' lists all {len(names)}" if len(names) > _SHOWN_NAMES else ""
+    return Problem("missing argument EXECUTABLE", hint=f"'{package}' has {shown}{more}")
 
 
 def _choose(package: str, name: str, prefix: Path, paths: Sequence[Path]) -> Path:
