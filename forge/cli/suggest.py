@@ -47,13 +47,16 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
     if choice:
         return message, did_you_mean(choice[1], (word.strip("'") for word in choice[2].split(", ")))
     if unknown:
-        return message, _instead(unknown[1].partition("=")[0], frozenset(options))
+        return message, _instead(unknown[1], frozenset(options))
     return message, None
 
 
-def _instead(word: str, options: frozenset[str]) -> str | None:
+def _instead(argument: str, options: frozenset[str]) -> str | None:
+    word = argument.partition("=")[0]
     if not word.startswith("-"):
         return f"to select packages: '{_SELECT} {word}'" if _SELECT in options else None
+    if word.startswith("-D") and _CMAKE_ARGS in options:
+        return f"to define a variable of CMake: '{_CMAKE_ARGS} {argument}'"
     if word in _BUILD_TYPES and _CMAKE_ARGS in options:
         return f"to set the build type: '{_CMAKE_ARGS} -DCMAKE_BUILD_TYPE={_BUILD_TYPES[word]}'"
     # The dashes that all options have in common would make short ones similar to each other.

@@ -28,7 +28,7 @@ from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, step_li
 from forge.cache.model import RESTORED
 from forge.output.compiler_warnings import CompilerWarnings
 from forge.output.repeated_warnings import RepeatedWarnings
-from forge.toolchain.cmake_warnings import UnusedVariables
+from forge.toolchain.cmake_warnings import UnusedVariables, well_known
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -254,8 +254,16 @@ class ConsoleReporter:
                 self._out(f"  {_count(names)} {palette.paint(meaning, words)}: {shown}")
         if tally.not_processed:
             self._out(f"  {_count(tally.not_processed)} not processed")
-        if self._unused.names:
-            self._out(f"  CMake variables not used by any package: {' '.join(self._unused.names)}")
+        if unused := self._unused.names:
+            self._list_unused(unused)
+
+    def _list_unused(self, variables: Sequence[str]) -> None:
+        """Print variables that no package uses, and which ones are probably misspelt."""
+        hint = self.screen.palette().paint("hint", "hint:")
+        self._out(f"  CMake variables not used by any package: {' '.join(variables)}")
+        for name, near in zip(variables, map(well_known, variables), strict=True):
+            if near:
+                self._out(f"  {hint} did you mean '{near}' instead of '{name}'?")
 
     def _start(self, task: str) -> None:
         if not self.screen.quiet_starts and task not in self.unlisted:

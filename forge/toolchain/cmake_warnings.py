@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
+from forge.base.names import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,6 +20,7 @@ _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _WANTING = frozenset({"-D", "-C", "-G", "-T", "-A", "-P", "-U", "--toolchain", "--preset"})
 """Options of CMake whose value is a separate argument."""
 
+_SIMILAR = 0.85
 _POLICY_DEFAULT = "CMAKE_POLICY_DEFAULT_"
 _DEFINITION = re.compile(r"-D([^:=]+)")
 _COMPLAINT = re.compile(
@@ -26,6 +28,14 @@ _COMPLAINT = re.compile(
     rb"  Manually-specified variables were not used by the project:\r?\n\r?\n"
     rb"((?:    \S+\r?\n)+)(?:\r?\n)*"
 )
+
+_WELL_KNOWN = (
+    *("BUILD_SHARED_LIBS", "BUILD_TESTING", "CMAKE_BUILD_TYPE", "CMAKE_CXX_COMPILER", "CMAKE_CXX_FLAGS"),
+    *("CMAKE_CXX_STANDARD", "CMAKE_C_COMPILER", "CMAKE_C_FLAGS", "CMAKE_EXPORT_COMPILE_COMMANDS"),
+    *("CMAKE_INTERPROCEDURAL_OPTIMIZATION", "CMAKE_MODULE_PATH", "CMAKE_POSITION_INDEPENDENT_CODE"),
+    *("CMAKE_PREFIX_PATH", "CMAKE_TOOLCHAIN_FILE", "CMAKE_VERBOSE_MAKEFILE"),
+)
+"""Variables of CMake that users set on the command line."""
 
 
 def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
@@ -49,6 +59,11 @@ def defined(arguments: Sequence[str]) -> frozenset[str]:
     """Return the names defined by CMake arguments: -DNAME=VALUE or -D NAME:TYPE=VALUE."""
     joined = re.sub(r"(?m)^-D\n", "-D", "\n".join(arguments))
     return frozenset(match[1] for match in map(_DEFINITION.match, joined.split("\n")) if match)
+
+
+def well_known(name: str) -> str | None:
+    """Return the variable of CMake that an unused one probably misspells, or None."""
+    return None if name in _WELL_KNOWN else nearest(name, _WELL_KNOWN, _SIMILAR)
 
 
 def unused_variables(output: bytes) -> frozenset[str]:

@@ -15,7 +15,7 @@ from forge.base.layout import docs_url
 from forge.workspace.cmake_metadata import requirements
 from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, Package
-from forge.workspace.resolve import is_ros_name, quoted_names, similar_package
+from forge.workspace.resolve import is_ros_name, quoted_names, resembles_ros_name, similar_package
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -40,7 +40,7 @@ def missing_dependencies(
 
     Packages that CMakeLists.txt requires are errors. Other build and run dependencies are warnings, test
     dependencies are ignored. Names that merely resemble ROS packages are at most warnings, and only for build
-    dependencies.
+    dependencies, unless they resemble a package that exists.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
@@ -59,10 +59,16 @@ def missing_dependencies(
             sure = is_ros_name(dependency)
             if sure and dependency in required:
                 errors.setdefault(dependency, []).append(name)
-            elif dependency in built_with or (sure and dependency in used):
+            elif dependency in built_with or (
+                dependency in used and (sure or _is_misspelt(dependency, resolution))
+            ):
                 warnings.setdefault(dependency, []).append(name)
     unbuildable = frozenset(name for users in errors.values() for name in users)
     return MissingDependencies(_together(errors, resolution), _together(warnings, resolution), unbuildable)
+
+
+def _is_misspelt(dependency: str, resolution: DependencyResolution) -> bool:
+    return resembles_ros_name(dependency) and similar_package(dependency, resolution.known()) is not None
 
 
 def _required_by_cmake(package: Package, names: Iterable[str]) -> frozenset[str]:

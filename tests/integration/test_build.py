@@ -441,10 +441,11 @@ def test_a_target_that_a_package_lacks_may_be_skipped(forge: Forge, tree: Tree, 
 
 def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
     root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
-    ran = forge("build", "--cmake-args", "-DUSED=1", "-DTYPO=1", cwd=root)
+    ran = forge("build", "--cmake-args", "-DUSED=1", "-DCMAKE_BUILD_TYP=1", cwd=root)
     assert ran.code == 0
     assert ran.err == ""
-    assert "CMake variables not used by any package: TYPO\n" in ran.out
+    unused = "  CMake variables not used by any package: CMAKE_BUILD_TYP\n"
+    assert f"{unused}  hint: did you mean 'CMAKE_BUILD_TYPE' instead of 'CMAKE_BUILD_TYP'?\n" in ran.out
     assert "stderr" not in ran.out
 
 

@@ -53,6 +53,13 @@ ALL = "'forge clean --help' lists all options"
             ),
         ),
         (
+            ("build", "-DA:STRING=1"),
+            (
+                "error: unrecognized arguments: -DA:STRING=1\n"
+                "hint: to define a variable of CMake: '--cmake-args -DA:STRING=1'\n"
+            ),
+        ),
+        (
             ("test", "--release"),
             "error: unrecognized arguments: --release\nhint: 'forge test --help' lists all options\n",
         ),

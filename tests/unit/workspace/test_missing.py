@@ -134,6 +134,11 @@ def test_misspelt_dependencies_are_compared_with_the_workspace_and_underlays() -
     assert "contains them, or add their sources" in str(problems[2].hint)
 
 
+def test_a_misspelt_dependency_of_a_python_package_is_a_warning() -> None:
+    own = package("p", "geometry_msg", "odd_python", "geometry-msgs", build_type="ament_python")
+    assert beginnings(missing_in(own, known=["geometry_msgs"]).warnings) == ["'p' needs 'geometry_msg'"]
+
+
 def test_what_is_written_like_a_ros_package_is_warned_of_where_it_is_built_with() -> None:
     """Words with '_' between them are hardly ever a system package; but what is named may be optional."""
     missing = missing_in(
