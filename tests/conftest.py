@@ -55,6 +55,7 @@ REMEDIES = {
     "/usr/sbin/nginx": "apt-get install nginx-light",
     "aarch64-linux-gnu-g++": "apt-get install g++-aarch64-linux-gnu",
     "bash": "apt-get install bash",
+    "cargo": "apt-get install cargo",
     "ccache": "apt-get install ccache",
     "chromedriver": "apt-get install chromium-driver",
     "chromium": "apt-get install chromium",

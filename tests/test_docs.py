@@ -23,7 +23,10 @@ TRANSLATIONS = {
 }
 DOCUMENTS = sorted({ROOT / "README.md", *TRANSLATIONS, *(ROOT / "docs").rglob("*.md")})
 TUTORIAL = ROOT / "docs/tutorial.md"  # tests/e2e/test_tutorial.py follows it, and goes on from where it ends
-NEEDS = {ROOT / "docs/how-to/coverage.md": ("gcovr", "gcov")}
+NEEDS = {
+    ROOT / "docs/how-to/coverage.md": ("gcovr", "gcov"),
+    ROOT / "docs/how-to/rust.md": ("cargo",),
+}
 RUN = [
     pytest.param(path, marks=pytest.mark.needs(*NEEDS.get(path, ())), id=path.relative_to(ROOT).as_posix())
     for path in DOCUMENTS

@@ -53,13 +53,14 @@ class BuildDirInputs:
 
     `base` is a digest of inputs that no native build tool tracks: forge, tools, variables. `shape` is a
     digest of inputs that take effect at configure time: options, packages in underlays. `needs` are the
-    digests of the dependencies' installed files.
+    digests of the dependencies' installed files. `kept` are names that stay when the folder is emptied.
     """
 
     base: str
     shape: str
     needs: Mapping[str, str]
     sources: InputManifest
+    kept: tuple[str, ...] = ()
 
 
 @frozen
@@ -78,11 +79,17 @@ class FileChecks:
 
 
 def prepare_build_dir(
-    build: Path, inputs: BuildDirInputs, checks: FileChecks, *, can_reuse: bool, reconfigure: bool
+    build: Path,
+    inputs: BuildDirInputs,
+    checks: FileChecks,
+    *,
+    can_reuse: bool,
+    reconfigure: bool,
 ) -> Reuse:
     """Prepare a build folder for the steps that follow; return how much of it is reused.
 
-    `can_reuse` is False for build types that always start from empty; `reconfigure` runs CMake in any case.
+    `can_reuse` is False for build types that always start from empty, except for the names that are kept;
+    `reconfigure` runs CMake in any case.
     """
     before = set_aside_path(build)
     _discard(_trash(build))
@@ -95,7 +102,7 @@ def prepare_build_dir(
         _remove_below(build, decision.dropped)
         _touch_build_ninja(build)
     else:
-        _begin_empty(build, decision)
+        _begin_empty(build, decision, inputs.kept)
     folder = build / SCRATCH_DIR
     (folder / ENDED).unlink(missing_ok=True)
     write_manifest(folder / _SOURCES, inputs.sources)
@@ -104,7 +111,7 @@ def prepare_build_dir(
         "base": inputs.base,
         "shape": inputs.shape,
         "needs": dict(inputs.needs),
-        "empty": decision.reuse is Reuse.NOTHING,
+        "empty": decision.reuse is Reuse.NOTHING and not any((build / name).exists() for name in inputs.kept),
     }
     replace_file(folder / BEGUN, json.dumps(note, indent=2).encode())
     return decision.reuse
@@ -208,7 +215,7 @@ def _in_future(build: Path, begun: int) -> bool:
     return max(latest) > time.time_ns() + _CLOCK_NANOSECONDS
 
 
-def _begin_empty(build: Path, decision: Decision) -> None:
+def _begin_empty(build: Path, decision: Decision, more: tuple[str, ...]) -> None:
     """Replace a build folder by an empty one, keeping files of tests and other tools."""
     target = set_aside_path(build) if decision.reuse is Reuse.PRODUCTS else _trash(build)
     if build.is_dir() and not build.is_symlink():
@@ -216,7 +223,7 @@ def _begin_empty(build: Path, decision: Decision) -> None:
     build.mkdir(parents=True, exist_ok=True)
     # A build that reuses nothing tries again whether generated sources compile together.
     kept = (*_KEPT, UNITS_FAILED_FILE) if decision.reuse is Reuse.PRODUCTS else _KEPT
-    for name in kept:
+    for name in (*kept, *more):
         with contextlib.suppress(FileNotFoundError):
             (target / name).rename(build / name)
     if decision.reuse is Reuse.PRODUCTS:

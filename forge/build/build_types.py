@@ -17,7 +17,7 @@ from forge.base.errors import ForgeError, Location, Problem, Several
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
-from forge.build.recipes import cmake, python
+from forge.build.recipes import cargo, cmake, python
 from forge.build.recipes.context import common_options
 
 if TYPE_CHECKING:
@@ -65,6 +65,8 @@ def _needs_manifest(_: Folder) -> None:
 OWN: Mapping[str, BuildType] = {
     "ament_cmake": _Own(_needs_manifest, cmake.ament_options, cmake.ament_recipe, cmake.tests),
     "ament_python": _Own(_needs_manifest, common_options, python.recipe, python.tests),
+    "ament_cargo": _Own(_needs_manifest, cargo.options, cargo.recipe, cargo.tests),
+    "cargo": _Own(cargo.identify, cargo.options, cargo.recipe, cargo.tests),
     "cmake": _Own(cmake.identify, cmake.plain_options, cmake.plain_recipe, cmake.tests),
     "python": _Own(python.identify, common_options, python.plain_recipe, python.tests),
 }

@@ -231,6 +231,7 @@ def _task(
         files=LazyTuple(lambda: recipe().files),
         conditional=True,
         earlier=earlier,
+        kept=LazyTuple(lambda: recipe().kept),
         reconfigure=context.force_configure or context.clean_cache,
     )
 

@@ -75,6 +75,7 @@ class PackageRecorder:
             shape=digest_strings(*inputs.options, inputs.underlays),
             needs={need: self._installed(need) for need in task.needs},
             sources=sources,
+            kept=() if from_empty else tuple(task.kept),
         )
         can_reuse = task.package.build_type in CMAKE_TYPES and not from_empty
         prepare_build_dir(

@@ -101,6 +101,8 @@ class Task:
     """Other tasks to run first: undeclared dependencies whose files the last build read."""
     earlier: tuple[str, ...] = ()
     """Files that earlier builds installed, successful or not, as absolute paths."""
+    kept: Sequence[str] = ()
+    """Names in the build folder that stay when it is emptied, unless the task is `from_empty`."""
     scratch_dir: str = SCRATCH_DIR
     """The folder below `build_dir` for the steps' environment and the command that repeats the last step."""
 

@@ -130,7 +130,7 @@ def _option(now: Sequence[str], then: Sequence[str]) -> str:
         return common
     before, after = _definitions(then[count:]), _definitions(now[count:])
     added = next((option for option in after if option not in before), None)
-    if added is not None and added.startswith((MANIFEST, NAMED_FILE, BUILD_TYPE)):
+    if added is not None and added.startswith((MANIFEST, NAMED_FILE, BUILD_TYPE, RUST)):
         return f"{added.rpartition(' ')[0]} changed"
     removed = next((option for option in before if option not in after), None)
     if added is not None:
@@ -186,7 +186,8 @@ def source_changes(changed_files: tuple[str, ...]) -> str:
 
 
 MANIFEST, NAMED_FILE, BUILD_TYPE = "the evaluated package.xml", "the file ", "the build type "
-"""Prefixes of recorded options that end with a digest."""
+RUST = "the Rust toolchain"
+"""Prefixes of recorded options that end with a digest, RUST after a space."""
 
 
 def relevant_environment(variables: Mapping[str, str]) -> Pairs:

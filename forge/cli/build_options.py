@@ -154,6 +154,12 @@ class BuildOptions:
         metavar="PATH",
     )
     rosdistro: str | None = distribution_option()
+    cargo_args: tuple[str, ...] = option(
+        "arguments for `cargo build`, for all packages; takes all arguments up to the next option of forge",
+        default=(),
+        takes_options=True,
+        metavar="ARG",
+    )
     test_result_base: str | None = option(
         "folder for results of ament's tests (default: the build folders); pass the same folder to "
         "'forge test'",

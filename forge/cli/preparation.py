@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING
 
 from forge import __version__
 from forge.base.distributions import VARIABLE, distribution_in
-from forge.base.errors import Problem, WorkspaceError, print_problem, raise_if_any, share_hints
+from forge.base.errors import (
+    EnvironmentFault,
+    Problem,
+    WorkspaceError,
+    print_problem,
+    raise_if_any,
+    share_hints,
+)
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.build_types import leave_out
@@ -23,7 +30,7 @@ from forge.build.planning import GlobalInputs
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
-from forge.build.up_to_date import relevant_environment
+from forge.build.up_to_date import RUST, relevant_environment
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays
 from forge.environment.underlay_python import lacks_modules
@@ -32,7 +39,7 @@ from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers.choice import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
-from forge.toolchain.programs import CMAKE_TYPES, condensed, find_tools, identities
+from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import INTERFACE_GROUP
@@ -48,6 +55,7 @@ if TYPE_CHECKING:
     from forge.toolchain.cross.toolchain import CrossBuild
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.load import LoadedWorkspace
+    from forge.workspace.model import Package
 
 
 def build_variables(
@@ -247,9 +255,27 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         skip_target=cmake.cmake_target_skip_unavailable,
         environment_generator=variables.get("CMAKE_GENERATOR"),
         path_maps=_path_maps(loaded.workspace.root, layout) if options.cache.wanted else (),
+        cargo_args=options.cargo_args,
+        rust=_rust_toolchain(packages, loaded.workspace.root, variables, cross),
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     return context, interpreter
+
+
+def _rust_toolchain(
+    packages: Iterable[Package], root: Path, variables: Mapping[str, str], cross: CrossBuild | None
+) -> str:
+    """Return the option that stands for the Rust toolchain, '' without Rust packages."""
+    needy = [package for package in packages if package.build_type in CARGO_TYPES]
+    if not needy:
+        return ""
+    from forge.toolchain.rust import require_cargo, rust_toolchain  # noqa: PLC0415  (few workspaces have Rust)
+
+    if cross is not None:
+        hint = f"build without '--target', or pass --packages-skip {needy[0].name}"
+        raise EnvironmentFault(Problem(f"'--target' does not support Rust: '{needy[0].name}'", hint=hint))
+    require_cargo(needy[0], variables)
+    return f"{RUST} {rust_toolchain(root, variables)}"
 
 
 def workspace_interpreter(python: str | None, layout: Layout, root: Path) -> Interpreter:

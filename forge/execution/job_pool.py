@@ -126,6 +126,7 @@ class JobPool:
             **variables,
             **({"MAKEFLAGS": flags} if flags else {}),
             "CMAKE_BUILD_PARALLEL_LEVEL": str(jobs),
+            "CARGO_BUILD_JOBS": str(jobs),
         }
 
     def _tool(self, step: Step) -> str:

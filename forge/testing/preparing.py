@@ -23,7 +23,7 @@ from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.interpreter import find_interpreter
-from forge.toolchain.programs import CMAKE_TYPES, PYTHON_TYPES, find_ctest
+from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
 
@@ -159,6 +159,11 @@ def prepare_context(
     variables: Mapping[str, str],
 ) -> TestContext:
     """Return the programs and options of the tests; raises EnvironmentFault for missing programs."""
+    rust = next((name for name in names if loaded.packages[name].build_type in CARGO_TYPES), None)
+    if rust is not None:
+        from forge.toolchain.rust import require_cargo  # noqa: PLC0415  (few workspaces have Rust)
+
+        require_cargo(loaded.packages[rust], variables)
     types = {loaded.packages[name].build_type for name in names}
     ctest = find_ctest(os.environ) if types & CMAKE_TYPES else None
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 PYTHON_TYPES = frozenset({"ament_python", "python"})
+CARGO_TYPES = frozenset({"ament_cargo", "cargo"})
 
 _CMAKE_HINT = (
     "install it with forge, `pip install 'ros-forge[cmake]'`, or with your distribution's cmake package"

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
-OWN_TYPES = frozenset({"cmake", "python", "ros"})
+OWN_TYPES = frozenset({"cargo", "cmake", "python", "ros"})
 """The types of colcon.pkg and *.meta files that forge knows, besides those that begin with 'ros.'."""
-PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml"})
+PLAIN = frozenset({"Cargo.toml", "CMakeLists.txt", "setup.py", "pyproject.toml"})
 MARKER_FILES = (
     frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
     | PLAIN

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem
 from forge.base.files import text_or_nothing, unfit
 from forge.base.formats import read_toml
+from forge.workspace.cargo_metadata import cargo_dependencies, package_of, version_of
 from forge.workspace.cmake_metadata import (
     cmake_dependencies,
     is_catkin_toplevel,
@@ -39,7 +40,7 @@ def identify_plain(folder: Folder) -> Identity | None:
 
     Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
     """
-    for step in (_ambiguous, cmake_package, python_package):
+    for step in (_ambiguous, cmake_package, python_package, cargo_package):
         identity = step(folder)
         if identity is not None:
             return identity
@@ -57,6 +58,20 @@ def _unfit(folder: Folder) -> Identity | None:
         if reason:
             notes.append(Problem(f"ignored: {reason}", Location(folder.path / name)))
     return Identity(descend=True, notes=tuple(notes)) if notes else None
+
+
+def cargo_package(folder: Folder) -> Identity | None:
+    """Read Cargo.toml; members of a Cargo workspace are found in the folders below, like other packages."""
+    if not folder.may_be("cargo") or not folder.has("Cargo.toml"):
+        return None
+    path = folder.path / "Cargo.toml"
+    content = read_toml(folder.content("Cargo.toml"), folder.place / "Cargo.toml")
+    own = package_of(content).get("name")
+    if not isinstance(own, str):
+        return None
+    package = plain_package(folder, folder.name or own, "cargo", path, cargo_dependencies(content, own))
+    package = replace(package, manifest=replace(package.manifest, version=version_of(content)))
+    return Identity(package, descend="workspace" in content)
 
 
 def _ambiguous(folder: Folder) -> Identity | None:

@@ -200,7 +200,7 @@ def test_a_requested_package_of_an_unknown_build_type_is_an_error(
     ran = forge("build", *options, cwd=root)
     assert ran.code == 2
     assert "src/a/package.xml: error: unsupported build type 'wierd' of package 'a'\n" in ran.err
-    assert "hint: supported build types: ament_cmake, " in ran.err
+    assert "hint: supported build types: ament_cargo, ament_cmake, " in ran.err
 
 
 def test_a_package_that_another_one_needs_is_not_skipped(forge: Forge, tree: Tree) -> None:

@@ -202,6 +202,6 @@ def test_global_options_may_stand_in_files(forge: Forge, root: Path) -> None:
 
 def test_the_tables_are_shown(forge: Forge) -> None:
     shown = forge("extensions").out
-    assert shown.startswith("build types (entry points 'forge.build_types'):\n  ament_cmake   ros-forge ")
+    assert shown.startswith("build types (entry points 'forge.build_types'):\n  ament_cargo   ros-forge ")
     assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  c " in shown
     assert f"\nshells:\n  bash  ros-forge {__version__}\n" in shown

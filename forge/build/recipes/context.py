@@ -65,6 +65,9 @@ class BuildContext:
     environment_generator: str | None = None
     path_maps: Pairs = ()
     """For each CMake language, the flags that keep workspace paths out of compiled files."""
+    cargo_args: tuple[str, ...] = ()
+    rust: str = ""
+    """An option that stands for the Rust toolchain."""
     flags: Pairs = ()
     """For each of these languages, the flags set by the environment."""
 
@@ -107,6 +110,8 @@ class Recipe:
     steps: tuple[Step, ...] = ()
     files: tuple[tuple[Path, str], ...] = ()
     clean: tuple[Path, ...] = ()
+    kept: tuple[str, ...] = ()
+    """Names in the build folder that later builds find: the build tool knows what they were made from."""
 
 
 def install_tree(package: Package, context: BuildContext, staged: Path) -> Step:

@@ -75,6 +75,9 @@ class TestOptions:
         "arguments for pytest", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
     )
     pytest_with_coverage: bool = option("measure coverage with pytest-cov", default=False, group=_RUNNERS)
+    cargo_args: tuple[str, ...] = option(
+        "arguments for `cargo test`", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
+    )
     unittest_args: tuple[str, ...] = option(
         "arguments for unittest", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
     )

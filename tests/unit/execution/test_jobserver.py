@@ -216,14 +216,24 @@ def test_variables_and_arguments_of_a_step_depend_on_its_tool(tmp_path: Path) ->
     flags = MakeFlags(rest=("-k",))
     with closing(JobPool(4, create_pool(PIPE), frozenset({"make"}), flags)) as budget, budget.package():
         with budget.tools(step(tmp_path, StepKind.CONFIGURE), given) as (variables, descriptors):
-            assert variables == {"MAKEFLAGS": "-k", "CMAKE_BUILD_PARALLEL_LEVEL": "1", "X": "1"}
+            assert variables == {
+                "MAKEFLAGS": "-k",
+                "CMAKE_BUILD_PARALLEL_LEVEL": "1",
+                "CARGO_BUILD_JOBS": "1",
+                "X": "1",
+            }
             assert not descriptors
         with budget.tools(step(tmp_path), given) as (variables, descriptors):
             reader, writer = descriptors
             assert variables == {"MAKEFLAGS": f"-j4 --jobserver-auth={reader},{writer} -k", "X": "1"}
         (tmp_path / "build.ninja").touch()
         with budget.tools(step(tmp_path), given) as (variables, descriptors):
-            assert variables == {"MAKEFLAGS": "-k", "CMAKE_BUILD_PARALLEL_LEVEL": "4", "X": "1"}
+            assert variables == {
+                "MAKEFLAGS": "-k",
+                "CMAKE_BUILD_PARALLEL_LEVEL": "4",
+                "CARGO_BUILD_JOBS": "4",
+                "X": "1",
+            }
             assert not descriptors
 
 

@@ -1,0 +1,213 @@
+"""Run cargo for one package; a program of its own, without forge.
+
+    python cargo_run.py build NAME SOURCE BUILD [cargo's command line]
+    python cargo_run.py test NAME SOURCE BUILD RESULT [cargo's command line]
+
+`build` stages what the package installs in BUILD/staged, and lists for forge the files that rustc read
+outside of SOURCE, from its dep-info files. `test` writes the results as JUnit to RESULT; it ends with 1 if
+tests failed.
+
+A Cargo.lock that the package does not have is kept in BUILD, so that the sources stay as they are. Crates
+that packages in AMENT_PREFIX_PATH have installed replace those of the same name on crates.io.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape, quoteattr
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+INDEX = "share/ament_index/resource_index/rust_packages"
+TESTS_FAILED = 1
+_LOCAL = "forge_local_crates"
+_DEPENDENCY = re.compile(r"(?:\\ |[^\s\\]|\\[^ ])+")
+_TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
+_OUTPUT = re.compile(r"^---- (.+?) stdout ----\n(.*?)(?=^---- |^failures:|\Z)", re.MULTILINE | re.DOTALL)
+
+
+def build(name: str, source: Path, folder: Path, command: list[str]) -> int:
+    """Build and stage; return cargo's exit code."""
+    _forget_local_crates(folder / "target")
+    with _own_lock_file(source, folder):
+        ran = _cargo(command, source)
+    if ran.returncode == 0:
+        messages = [json.loads(line) for line in ran.stdout.splitlines() if line.startswith("{")]
+        artifacts = [message for message in messages if message.get("reason") == "compiler-artifact"]
+        local = sorted({crate for artifact in artifacts if (crate := _local_crate(artifact["package_id"]))})
+        (folder / "target" / _LOCAL).write_text("".join(f"{crate}\n" for crate in local), encoding="utf-8")
+        staged = folder / "staged"
+        shutil.rmtree(staged, ignore_errors=True)
+        own = [artifact for artifact in artifacts if _is_of(artifact, source)]
+        _stage_programs(own, staged, name)
+        if any({"lib", "rlib", "proc-macro"} & {*artifact["target"]["kind"]} for artifact in own):
+            _stage_crate(source, staged, name)
+        read = {path for path in _read_by_rustc(artifacts) if not path.startswith(f"{source}/")}
+        listed = folder / ".forge/read_by_backend"
+        listed.parent.mkdir(parents=True, exist_ok=True)
+        listed.write_text("".join(f"{path}\n" for path in sorted(read)), encoding="utf-8")
+    return ran.returncode
+
+
+def test(name: str, source: Path, folder: Path, result: Path, command: list[str]) -> int:
+    """Test and write the results; return 0, TESTS_FAILED, or cargo's exit code if no test failed."""
+    with _own_lock_file(source, folder):
+        ran = _cargo(command, source)
+    sys.stdout.write(ran.stdout)
+    tests = _TEST.findall(ran.stdout)
+    result.parent.mkdir(parents=True, exist_ok=True)
+    result.write_text(_junit(name, tests, dict(_OUTPUT.findall(ran.stdout))), encoding="utf-8")
+    return TESTS_FAILED if any(outcome == "FAILED" for _, outcome in tests) else ran.returncode
+
+
+def _cargo(command: list[str], source: Path) -> subprocess.CompletedProcess[str]:
+    """Run cargo, with crates of AMENT_PREFIX_PATH in place of those on crates.io."""
+    patches = [
+        word
+        for crate, folder in sorted(_installed_crates().items())
+        for word in ("--config", f"patch.crates-io.{crate}.path={json.dumps(str(folder))}")
+        if _names(source, crate)
+    ]
+    # With all descriptors: cargo is a client of make's jobserver.
+    return subprocess.run(
+        (*command[:2], *patches, *command[2:]),
+        cwd=source,
+        stdout=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        close_fds=False,
+        check=False,
+    )
+
+
+def _forget_local_crates(target: Path) -> None:
+    """Let cargo look at all crates of the last build again that come from folders.
+
+    It compares the times of files, so that it would miss a file that an older one replaced.
+    """
+    listed = target / _LOCAL
+    for crate in listed.read_text(encoding="utf-8").split() if listed.is_file() else ():
+        for fingerprint in target.glob(f"**/.fingerprint/{crate}-*"):
+            shutil.rmtree(fingerprint)
+
+
+def _local_crate(package_id: str) -> str:
+    """Return the name of a crate that comes from a folder, else ''.
+
+    Ids are 'NAME VERSION (path+file:///FOLDER)', and since cargo 1.77 'path+file:///FOLDER#NAME@VERSION' or,
+    if the folder has the name, 'path+file:///NAME#VERSION'.
+    """
+    if "path+file:" not in package_id:
+        return ""
+    if not package_id.startswith("path+file:"):
+        return package_id.partition(" ")[0]
+    folder, _, version = package_id.partition("#")
+    return version.partition("@")[0] if "@" in version else folder.rpartition("/")[2]
+
+
+def _installed_crates() -> dict[str, Path]:
+    path = os.environ.get("AMENT_PREFIX_PATH", "")
+    prefixes = [Path(prefix) for prefix in path.split(os.pathsep) if prefix]
+    return {
+        marker.name: prefix / "share" / marker.name / "rust"
+        for prefix in reversed(prefixes)
+        for marker in (prefix / INDEX).glob("*")
+    }
+
+
+def _names(source: Path, crate: str) -> bool:
+    """Tell whether a manifest mentions a crate: cargo warns about patches that are not used."""
+    text = (source / "Cargo.toml").read_text(encoding="utf-8")
+    return re.search(rf"\b{re.escape(crate)}\b", text) is not None
+
+
+@contextmanager
+def _own_lock_file(source: Path, folder: Path) -> Iterator[None]:
+    """Move the Cargo.lock of an earlier build into the source folder, and back."""
+    lock, kept = source / "Cargo.lock", folder / "Cargo.lock"
+    if lock.exists():
+        yield
+        return
+    if kept.is_file():
+        shutil.copy2(kept, lock)
+    try:
+        yield
+    finally:
+        if lock.exists():
+            shutil.move(lock, kept)
+
+
+def _is_of(artifact: dict[str, Any], source: Path) -> bool:
+    return Path(artifact["manifest_path"]).parent.resolve() == source.resolve()
+
+
+def _stage_programs(artifacts: Iterable[dict[str, Any]], staged: Path, name: str) -> None:
+    """Copy the programs to lib/NAME, where `ros2 run` finds them, and link them in bin, which is on PATH."""
+    programs, links = staged / "lib" / name, staged / "bin"
+    for artifact in artifacts:
+        if artifact.get("executable") and "bin" in artifact["target"]["kind"]:
+            programs.mkdir(parents=True, exist_ok=True)
+            links.mkdir(parents=True, exist_ok=True)
+            program = shutil.copy2(artifact["executable"], programs)
+            (links / Path(program).name).symlink_to(f"../lib/{name}/{Path(program).name}")
+
+
+def _stage_crate(source: Path, staged: Path, name: str) -> None:
+    """Copy the sources of a library, and mark it as a crate for other packages."""
+    ignored = shutil.ignore_patterns(".*", "target", "Cargo.lock")
+    shutil.copytree(source, staged / "share" / name / "rust", ignore=ignored)
+    (staged / INDEX).mkdir(parents=True)
+    (staged / INDEX / name).touch()
+
+
+def _read_by_rustc(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """Yield the absolute paths in the dep-info files of the artifacts, and their manifests."""
+    for artifact in artifacts:
+        yield artifact["manifest_path"]
+        for file in artifact["filenames"]:
+            info = Path(file).with_suffix(".d")
+            text = info.read_text(encoding="utf-8") if info.is_file() else ""
+            for line in text.splitlines():
+                words = _DEPENDENCY.findall(line.partition(": ")[2])
+                yield from (os.path.normpath(word.replace("\\ ", " ")) for word in words if word[0] == "/")
+
+
+def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> str:
+    outcomes = [outcome for _, outcome in tests]
+    counts = f'tests="{len(tests)}" errors="0" failures="{outcomes.count("FAILED")}"'
+    lines = [f'<testsuite name={quoteattr(name)} {counts} skipped="{outcomes.count("ignored")}">']
+    for test_name, outcome in tests:
+        lines.append(f"  <testcase classname={quoteattr(name)} name={quoteattr(test_name)}>")
+        if outcome == "ignored":
+            lines.append("    <skipped/>")
+        elif outcome == "FAILED":
+            text = _printable(outputs.get(test_name, ""))
+            lines.append(f'    <failure message="the test failed">{escape(text)}</failure>')
+        lines.append("  </testcase>")
+    return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', *lines, "</testsuite>", ""))
+
+
+def _printable(text: str) -> str:
+    """Return a text without characters that XML cannot contain."""
+    return "".join(letter for letter in text if letter.isprintable() or letter in "\n\t")
+
+
+def main(argv: list[str]) -> int:
+    """Return the exit code of a command line."""
+    mode, name, source, folder, *rest = argv
+    if mode == "build":
+        return build(name, Path(source), Path(folder), rest)
+    return test(name, Path(source), Path(folder), Path(rest[0]), rest[1:])
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

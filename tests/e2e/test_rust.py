@@ -1,0 +1,100 @@
+"""Rust packages, with and without package.xml, beside C++ and Python ones."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+pytestmark = pytest.mark.needs("cargo", "cmake")
+
+CARGO = '[package]\nname = "{}"\nversion = "0.1.0"\nedition = "2021"\n'
+LIBRARY = """/// Answers.
+pub fn answer() -> i32 { 42 }
+#[test] fn is_right() { assert_eq!(answer(), 42); }
+#[test] #[ignore] fn later() {}
+"""
+MIXED = {
+    "src/cpp/package.xml": manifest_text("cpp", build_type="cmake"),
+    "src/cpp/CMakeLists.txt": "cmake_minimum_required(VERSION 3.10)\nproject(cpp NONE)\n"
+    "install(FILES package.xml DESTINATION share/cpp)\n",
+    "src/py/package.xml": manifest_text("py", "<depend>node</depend>", build_type="ament_python"),
+    "src/py/setup.py": "from setuptools import setup\nsetup(name='py')\n",
+    "src/lib/Cargo.toml": CARGO.format("lib_crate"),
+    "src/lib/src/lib.rs": LIBRARY,
+    "src/node/package.xml": manifest_text("node", "<depend>cpp</depend>", build_type="ament_cargo"),
+    "src/node/Cargo.toml": CARGO.format("node") + '[dependencies]\nlib_crate = { path = "../lib" }\n',
+    "src/node/src/main.rs": 'fn main() { println!("{}", lib_crate::answer()); }\n',
+}
+
+
+def test_rust_beside_cpp_and_python(forge: Forge, tree: Tree) -> None:
+    root = tree(MIXED)
+    ran = forge("build", "--merge-install", cwd=root)
+    assert ran.code == 0, ran.err
+    prefix = root / "install"
+    assert said_by(prefix / "lib/node/node") == said_by(prefix / "bin/node") == "42\n"
+    assert (prefix / "share/ament_index/resource_index/packages/node").is_file()
+    assert forge("run", "node", "node", cwd=root).code == 0
+    assert not list(root.glob("src/*/Cargo.lock"))
+    assert "4 packages unchanged" in forge("build", "--merge-install", cwd=root).out
+    (root / "src/lib/src/lib.rs").write_text(LIBRARY.replace("42", "43"))
+    os.utime(root / "src/lib/src/lib.rs", (1e9, 1e9))  # as from an archive: cargo alone would miss it
+    (root / "src/node/Cargo.toml").write_text(
+        MIXED["src/node/Cargo.toml"].replace("[dep", '[[bin]]\nname = "other"\npath = "src/main.rs"\n[dep')
+    )
+    assert forge("build", "--merge-install", cwd=root).code == 0
+    assert [path.name for path in (prefix / "lib/node").iterdir()] == ["other"]
+    assert said_by(prefix / "lib/node/other") == "43\n"
+
+
+def test_a_crate_of_another_package_is_found_by_its_name_and_tested(forge: Forge, tree: Tree) -> None:
+    """As with colcon-ros-cargo: an installed crate replaces that of the same name on crates.io."""
+    root = tree(
+        {
+            "src/lib/Cargo.toml": CARGO.format("lib_crate"),
+            "src/lib/package.xml": manifest_text("lib_crate", build_type="ament_cargo"),
+            "src/lib/src/lib.rs": LIBRARY,
+            "src/node/package.xml": manifest_text(
+                "node", "<depend>lib_crate</depend>", build_type="ament_cargo"
+            ),
+            "src/node/Cargo.toml": CARGO.format("node") + '[dependencies]\nlib_crate = "*"\n',
+            "src/node/src/main.rs": MIXED["src/node/src/main.rs"],
+        }
+    )
+    ran = forge("build", "--cargo-args", "--offline", cwd=root)
+    assert ran.code == 0, ran.err
+    assert (root / "install/lib_crate/share/lib_crate/rust/src/lib.rs").is_file()
+    assert said_by(root / "install/node/lib/node/node") == "42\n"
+    select = ("--packages-select", "lib_crate", "--return-code-on-test-failure", "--cargo-args", "--offline")
+    ran = forge("test", *select, cwd=root)
+    assert ran.code == 0, ran.err
+    assert "2 tests, 0 errors, 0 failures, 1 skipped" in ran.out
+    (root / "src/lib/src/lib.rs").write_text(LIBRARY.replace("(), 42", "(), 41"))
+    ran = forge("test", *select, cwd=root)
+    assert ran.code == 1
+    assert "is_right" in ran.out
+    assert "2 tests, 0 errors, 1 failure, 1 skipped" in ran.out
+
+
+def test_cargo_is_asked_for_only_where_it_is_needed(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+    root = tree({key: text for key, text in MIXED.items() if "src/lib" in key})
+    (tmp_path / "programs").mkdir()
+    (tmp_path / "programs/python3").symlink_to(sys.executable)
+    ran = forge("build", cwd=root, env={"PATH": str(tmp_path / "programs")})
+    assert ran.code == 2
+    assert ran.err.startswith("error: cargo not found; 'lib_crate' needs it\nhint: install it with ")
+
+
+def said_by(program: Path) -> str:
+    return subprocess.run([program], capture_output=True, text=True, check=True).stdout

@@ -1,0 +1,138 @@
+"""What the program that runs cargo reads and writes; tests/e2e/test_rust.py runs it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.xml import parse_xml
+from forge.build.recipes import cargo_run, install_tree
+from forge.testing.outcomes import Counts, read_junit
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+TESTED = """
+running 3 tests
+test tests::works ... ok
+test slow ... ignored, takes an hour
+test tests::fails ... FAILED
+
+failures:
+
+---- tests::fails stdout ----
+thread 'tests::fails' panicked at 'a < b \x1b'
+
+failures:
+    tests::fails
+
+test result: FAILED. 1 passed; 1 failed; 1 ignored; 0 measured; 0 filtered out
+"""
+CARGO = """#!/bin/sh
+[ ! -e Cargo.lock ] || cat Cargo.lock >> seen
+echo locked > Cargo.lock
+echo "$@" > arguments
+cat output
+exit ${CODE:-0}
+"""
+
+
+def write_cargo(tree: Tree, output: str) -> Path:
+    """Write a package, and a program that prints what cargo would print."""
+    manifest = '[package]\nname = "node"\n[dependencies]\nlib_crate = "*"\n'
+    return tree({"src/Cargo.toml": manifest, "src/output": output, "cargo": CARGO, "build/.forge/x": ""})
+
+
+def test_what_cargo_built_is_staged_and_what_rustc_read_is_listed(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree(
+        {
+            "build/target/debug/node": "#!/bin/sh\n",
+            "build/target/debug/node.d": "x: SRC/src/main.rs /other/a\\ b.rs relative.rs\n",
+            "build/target/debug/liblib.rlib": "",
+            "prefix/share/ament_index/resource_index/rust_packages/lib_crate": "",
+            "prefix/share/ament_index/resource_index/rust_packages/unused": "",
+        }
+    )
+    info = root / "build/target/debug/node.d"
+    info.write_text(info.read_text().replace("SRC", str(root / "src")))
+    messages = [
+        artifact(root, "src", ["bin"], "node", executable=str(root / "build/target/debug/node")),
+        artifact(root, "src", ["lib"], "liblib.rlib"),
+        artifact(root, "elsewhere", ["bin"], "node", executable="/not/ours"),
+        {"reason": "build-finished", "success": True},
+    ]
+    write_cargo(tree, "".join(f"{json.dumps(message)}\n" for message in messages))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(root / "prefix"))
+    command = ["build", "node", str(root / "src"), str(root / "build"), str(root / "cargo"), "build", "-q"]
+    assert cargo_run.main(command) == 0
+    assert cargo_run.main(command) == 0
+    staged = root / "build/staged"
+    assert (staged / "bin/node").resolve() == staged / "lib/node/node"
+    assert (staged / "share/node/rust/Cargo.toml").is_file()
+    assert (staged / "share/ament_index/resource_index/rust_packages/node").is_file()
+    listed = (root / "build/.forge/read_by_backend").read_text()
+    assert listed == f"/other/a b.rs\n{root}/elsewhere/Cargo.toml\n"
+    crate = root / "prefix/share/lib_crate/rust"
+    patch = f'--config patch.crates-io.lib_crate.path="{crate}"'
+    assert (root / "src/arguments").read_text() == f"build {patch} -q\n"
+    assert (root / "src/seen").read_text() == "locked\n"
+    assert not (root / "src/Cargo.lock").exists()
+    install_tree.main(staged, root / "install", root / "manifest")
+    assert (root / "install/bin/node").is_symlink()
+    assert f"{root}/install/lib/node/node\n" in (root / "manifest").read_text()
+
+
+@pytest.mark.parametrize(
+    ("package_id", "crate"),
+    [
+        ("node 0.1.0 (path+file:///ws/src/x)", "node"),
+        ("path+file:///ws/src/x#node@0.1.0", "node"),
+        ("path+file:///ws/src/node#0.1.0", "node"),
+        ("registry+https://github.com/rust-lang/crates.io-index#libc@0.2.0", ""),
+        ("libc 0.2.0 (registry+https://github.com/rust-lang/crates.io-index)", ""),
+    ],
+)
+def test_crates_from_folders_are_recognized(package_id: str, crate: str) -> None:
+    assert cargo_run._local_crate(package_id) == crate  # noqa: SLF001  (of cargo's formats, one machine has one)
+
+
+def artifact(root: Path, folder: str, kind: list[str], file: str, executable: str | None = None) -> object:
+    """Return cargo's message about a compiled target."""
+    return {
+        "reason": "compiler-artifact",
+        "package_id": f"path+file://{root}/{folder}#{'node' if folder == 'src' else 'other'}@1.0.0",
+        "manifest_path": f"{root}/{folder}/Cargo.toml",
+        "target": {"kind": kind},
+        "filenames": [f"{root}/build/target/debug/{file}"],
+        "executable": executable,
+    }
+
+
+def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = write_cargo(tree, TESTED)
+    (root / "src/Cargo.lock").write_text("own\n")
+    result = root / "results/test.xml"
+    command = [
+        "test",
+        "node",
+        str(root / "src"),
+        str(root / "build"),
+        str(result),
+        str(root / "cargo"),
+        "test",
+    ]
+    monkeypatch.setenv("CODE", "101")
+    assert cargo_run.main(command) == cargo_run.TESTS_FAILED
+    outcome = read_junit(parse_xml(result.read_bytes(), result), str(result), "")
+    assert outcome.counts == Counts(tests=3, failures=1, skipped=1)
+    assert [case.name for case in outcome.cases] == ["tests::fails"]
+    assert "panicked at 'a < b '" in outcome.cases[0].failures[0] + outcome.cases[0].text
+    (root / "src/output").write_text("error: could not compile\n")
+    assert cargo_run.main(command) == 101
+    assert (root / "src/Cargo.lock").exists()
