@@ -71,7 +71,7 @@ def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
         text = f"no errors; {_count(warnings, 'warning')}"
     else:
         text = "no problems found"
-    return text if everything or not notes else f"{text} ({_count(notes, 'note')} more with --all)"
+    return text if everything or not notes else f"{text} ({_count(notes, 'more note')} with --all)"
 
 
 def _word(result: CheckResult) -> tuple[str, Meaning]:
