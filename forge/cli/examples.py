@@ -94,8 +94,8 @@ EXAMPLES: Mapping[str, Examples] = {
         f"{_PAGE}#forge-extensions",
     ),
     "lsp": Examples(
-        ("pip install 'ros-forge[lsp]'", "install what it needs, once"),
         ("forge lsp", "as an editor starts it"),
+        ("forge lsp --rosdistro jazzy", "with the interfaces of Jazzy"),
         "how-to/vscode.md",
     ),
     "mixin": Examples(
