@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tests.upstream.figures import DISTRIBUTIONS, as_text, read, with_counts
+from tests.upstream.figures import as_text, by_distribution, read, with_counts
 from tests.upstream.results import count_tests, missed_tests
 from tests.upstream.suites import SUITES
 
@@ -39,7 +39,7 @@ def _parser() -> argparse.ArgumentParser:
         "--workspace",
         action="append",
         default=[],
-        type=_pair,
+        type=by_distribution,
         metavar="DISTRO=FOLDER",
         help="a workspace with test results; may be repeated",
     )
@@ -47,22 +47,13 @@ def _parser() -> argparse.ArgumentParser:
         "--sources",
         action="append",
         default=[],
-        type=_pair,
+        type=by_distribution,
         metavar="DISTRO=VERSIONS",
         help="versions of the suites, as the page shows them",
     )
     parser.add_argument("--commit", required=True, help="the commit of forge that built the workspaces")
     parser.add_argument("--output", type=Path, required=True, metavar="FILE", help="the file to update")
     return parser
-
-
-def _pair(text: str) -> tuple[str, str]:
-    distribution, _, value = text.partition("=")
-    if distribution not in DISTRIBUTIONS or not value:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is not DISTRO=VALUE with one of {', '.join(DISTRIBUTIONS)}"
-        )
-    return distribution, value
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from argparse import ArgumentTypeError
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +87,15 @@ def with_repository(found: Compatibility, row: Repository) -> Compatibility:
         row = replace(row, counts=_ordered({**before.counts, **row.counts}), types=types, notes=before.notes)
     rows[row.name] = row
     return replace(found, repositories=tuple(rows[name] for name in sorted(rows, key=str.lower)))
+
+
+def by_distribution(text: str) -> tuple[str, str]:
+    """Return distribution and value of an argument DISTRO=VALUE; raises ArgumentTypeError for another one."""
+    distribution, _, value = text.partition("=")
+    if distribution not in DISTRIBUTIONS or not value:
+        message = f"'{text}' is not DISTRO=VALUE with one of {', '.join(DISTRIBUTIONS)}"
+        raise ArgumentTypeError(message)
+    return distribution, value
 
 
 def _ordered(counts: Mapping[str, Count]) -> dict[str, Count]:

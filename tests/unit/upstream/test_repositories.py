@@ -10,7 +10,7 @@ import pytest
 from tests.generated import catalog_of, embedded_catalog, generate, importable
 from tests.upstream import types_check
 from tests.upstream.figures import Compatibility, Repository, with_repository
-from tests.upstream.scope import Chosen, batches, checkouts, choose
+from tests.upstream.scope import interface_packages
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,36 +32,22 @@ def package(folder: str, script: str, *needs: str) -> dict[str, str]:
     return {f"{folder}/package.xml": manifest, f"{folder}/CMakeLists.txt": script}
 
 
-def test_interface_packages_are_chosen_with_what_they_need(tree: Tree) -> None:
-    """Embedded packages are not taken from sources. A client library counts if CMake asks for it."""
-    sources = tree(
+def test_interface_packages_are_found_by_their_checkouts(tree: Tree) -> None:
+    """A client library counts if CMake asks for it. Packages outside of checkouts, as data, do not."""
+    root = tree(
         {
-            **package("org+robot/robot_msgs", GENERATE, "robot_common", "arm_msgs", "std_msgs", "rclcpp"),
-            **package("org+robot/robot_common", ""),
-            **package("org+robot/robot_node", f"find_package(rclcpp REQUIRED)\n{GENERATE}"),
-            **package("org+arm/arm_msgs", GENERATE, "tool_msgs"),
-            **package("org+tool_msgs", GENERATE),
-            **package("org+common/std_msgs", GENERATE),
+            **package("here/org+robot/robot_msgs", GENERATE, "std_msgs", "rclcpp"),
+            **package("here/org+robot/robot_common", ""),
+            **package("here/org+robot/robot_node", f"find_package(rclcpp REQUIRED)\n{GENERATE}"),
+            **package("ws/src/org+arm_msgs", GENERATE),
+            **package("ws/src/schema", GENERATE),
         }
     )
-    found = checkouts(sources, "jazzy")
-    chosen = choose(found["org+robot"], found, "jazzy")
-    assert set(chosen.measured) == {"robot_msgs"}
-    assert set(chosen.others) == {"robot_common", "arm_msgs", "tool_msgs"}
-    alone = choose(found["org+common"], found, "jazzy")
-    assert set(alone.measured) == {"std_msgs"}
-    arm = choose(found["org+arm"], found, "jazzy")
-    together = {"org+robot": chosen, "org+common": alone, "org+arm": arm}
-    assert list(batches(together, "jazzy", 9)) == [["org+common"], ["org+robot", "org+arm"]]
-    assert list(batches(together, "jazzy", 1)) == [["org+common"], ["org+robot"], ["org+arm"]]
-    fork = Chosen({"arm_msgs": sources / "elsewhere"}, {})
-    assert list(batches({"org+arm": arm, "me+arm": fork}, "jazzy", 9)) == [["org+arm"], ["me+arm"]]
-
-
-def test_a_checkout_for_the_distribution_takes_precedence(tree: Tree) -> None:
-    sources = tree({"org+a/x": "", "org+b/x": "", "humble/org+a/x": ""})
-    assert checkouts(sources, "humble") == {"org+a": sources / "humble/org+a", "org+b": sources / "org+b"}
-    assert checkouts(sources, "rolling") == {"org+a": sources / "org+a", "org+b": sources / "org+b"}
+    (root / "ws/src/robot").symlink_to(root / "here/org+robot")
+    assert interface_packages(root / "ws", "jazzy") == {
+        root / "here/org+robot": ["robot_msgs"],
+        root / "ws/src/org+arm_msgs": ["arm_msgs"],
+    }
 
 
 @pytest.mark.parametrize(
