@@ -7,7 +7,7 @@ import sys
 from array import array
 from collections import UserString
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ from forge.interfaces.model import (
     TypeName,
 )
 from forge.interfaces.python import modules as python
-from tests.generated import INTEGERS, classes_of, refused
+from tests.generated import INTEGERS, catalog_of, classes_of, generate, importable, refused
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -249,3 +249,18 @@ def test_a_member_may_be_called_like_its_class() -> None:
     }
     text = {file.path: file.text for file in python.files(Catalog("idl", messages, messages, {}))}
     assert "from idl.msg._inner import Inner as _idl_msg_Inner" in text["idl/msg/_outer.py"]
+
+
+def test_a_message_with_a_field_named_shape_can_be_compared(tmp_path: Path) -> None:
+    """It is not taken for an array, which has an attribute of that name."""
+    texts = {
+        "msg/Box.msg": "float64 width\n",
+        "msg/Seen.msg": "Box shape\n",
+        "msg/Tracked.msg": "Seen object\n",
+    }
+    generate(tmp_path, catalog_of("seen_msgs", texts))
+    with importable(tmp_path):
+        module: Any = import_module("seen_msgs.msg")
+        assert module.Tracked() == module.Tracked()
+        wide = module.Tracked(object=module.Seen(shape=module.Box(width=1.0)))
+        assert wide != module.Tracked()

@@ -123,7 +123,8 @@ class Message:
             return False
         for slot in self.__slots__:
             mine, theirs = getattr(self, slot), getattr(other, slot)
-            if getattr(mine, "shape", ()):  # a numpy array, which compares element by element
+            shape = getattr(mine, "shape", ())  # of a numpy array, which compares element by element
+            if shape and isinstance(shape, tuple):  # a message can have a field of that name
                 mine, theirs = mine.tolist(), theirs.tolist()
             if mine != theirs:
                 return False
