@@ -128,8 +128,9 @@ def hint_on_type(build_type: str, name: str = "NAME") -> str:
     if build_type == "catkin":
         what = "catkin, the build type of a package.xml that names none, is for ROS 1"
         return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"
-    others = f"supported build types: {', '.join(sorted(OWN))}; others need a plugin, see `forge extensions`"
-    return did_you_mean(build_type, OWN) or others
+    near = did_you_mean(build_type, OWN)
+    known = f"{near} Others" if near else f"supported build types: {', '.join(sorted(OWN))}; others"
+    return f"{known} need a plugin, see `forge extensions`"
 
 
 def _plugin(name: str) -> BuildType | None:

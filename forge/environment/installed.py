@@ -15,8 +15,8 @@ from forge.environment.prefixes import PACKAGES, package_prefixes
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
-PLAIN = "cmake"
-"""The build type of packages without ament, which are not in its index."""
+_AMENT = "ament_"
+"""How the build types of packages begin that are in ament's index."""
 
 
 def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
@@ -61,8 +61,8 @@ def find_package(
     if prefix is not None:
         return prefix
     built = sources()
-    if built.get(name) == PLAIN and (plain := unregistered_prefix(name, install)):
-        message = f"'{name}' is a plain CMake package, which ament's index does not contain"
+    if (plain := plain_prefix(name, install, built)) is not None:
+        message = f"'{name}' is a package without ament, which ament's index does not contain"
         hint = f"it is installed in '{plain}', and 'forge run {name}' runs its programs"
         raise ForgeError(Problem(message, hint=hint))
     remedy = _remedy(name, install, built, ament_index.resources("packages", where))
@@ -86,6 +86,16 @@ def _remedy(
 def is_registered(name: str, variables: Mapping[str, str], install: Path | None) -> bool:
     """Tell whether ament's index contains a package, sourced or in the enclosing workspace."""
     return is_package_name(name) and bool(ament_index.prefix_of(name, known_prefixes(variables, install)))
+
+
+def plain_prefix(name: str, install: Path | None, built: Mapping[str, str]) -> Path | None:
+    """Return the prefix of a package that a workspace has built without ament, or None.
+
+    `built` has the build types of the packages in the workspace. A package with ament that its index does not
+    contain has a mistake.
+    """
+    without_ament = not built.get(name, _AMENT).startswith(_AMENT)
+    return unregistered_prefix(name, install) if without_ament else None
 
 
 def unregistered_prefix(name: str, install: Path | None) -> Path | None:
@@ -113,7 +123,7 @@ def executables(package: str, prefix: Path) -> tuple[Path, ...]:
 
 
 def plain_executables(package: str, prefix: Path) -> tuple[Path, ...]:
-    """Return the executables of a plain CMake package, also those in bin, the usual folder without ament."""
+    """Return the executables of a package without ament, also those in bin, the usual folder of these."""
     return (*executables(package, prefix), *_executables(prefix / "bin"))
 
 

@@ -48,7 +48,7 @@ def require_plugins(names: tuple[str, ...], file: Path) -> None:
     for name in names:
         if plugin(name) is None:
             message = f"no installed distribution provides the build type '{name}'"
-            hint = f"install the distribution beside forge, or remove '{name}' from 'build-types'"
+            hint = f"install it beside forge, source its workspace, or remove '{name}' from 'build-types'"
             raise WorkspaceError(Problem(message, Location(file), hint))
 
 

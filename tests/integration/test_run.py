@@ -239,6 +239,16 @@ def test_a_script_with_the_line_ends_of_windows(forge: Forge, tree: Tree) -> Non
     assert "hint: fix the source: sed -i 's/\\r$//' say, and build again" in err
 
 
+def test_a_program_for_another_platform(forge: Forge, tree: Tree) -> None:
+    """For example one of a workspace that was built with --target."""
+    root = tree({MARK: "", "lib/walker/say": ""})
+    (root / "lib/walker/say").write_bytes(b"\x7fELF\x02\x01\x01" + bytes(57))
+    (root / "lib/walker/say").chmod(0o755)
+    code, _, err = run(forge, root, "walker", "say")
+    assert (code, err.splitlines()[0]) == (2, f"error: cannot run '{root}/lib/walker/say': exec format error")
+    assert "hint: it was compiled for another platform" in err
+
+
 def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:
     files = {"install/.colcon_install_layout": "isolated\n", "install/half/lib/half/x": ""}
     manifest = {"src/zzz/package.xml": manifest_text("zzz")}
@@ -258,9 +268,16 @@ def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: T
     assert "call ament_package() at the end of its CMakeLists.txt" in sourced.err
 
 
-@pytest.mark.parametrize("path", ["bin/say", "lib/walker/say"])
-def test_programs_of_plain_cmake_packages_run_though_they_are_not_in_the_index_of_ament(
-    path: str, forge: Forge, tree: Tree
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("bin/say", ("CMakeLists.txt", "project(walker)\n")),
+        ("lib/walker/say", ("CMakeLists.txt", "project(walker)\n")),
+        ("lib/walker/say", ("Cargo.toml", '[package]\nname = "walker"\nversion = "1.0.0"\n')),
+    ],
+)
+def test_programs_of_packages_without_ament_run_though_they_are_not_in_its_index(
+    path: str, source: tuple[str, str], forge: Forge, tree: Tree
 ) -> None:
     """They run in the environment of the workspace."""
     script = '#!/bin/sh\necho "$WALKS:$1"\n'
@@ -270,7 +287,7 @@ def test_programs_of_plain_cmake_packages_run_though_they_are_not_in_the_index_o
             "install/walker/share/walker/package.dsv": "set;WALKS;yes\n",
             "install/walker/share/colcon-core/packages/walker": "",
             f"install/walker/{path}": script,
-            "src/walker/CMakeLists.txt": "project(walker)\n",
+            f"src/walker/{source[0]}": source[1],
         }
     )
     env = {"AMENT_PREFIX_PATH": None}
@@ -278,7 +295,7 @@ def test_programs_of_plain_cmake_packages_run_though_they_are_not_in_the_index_o
     assert "hint: did you mean 'say'?" in forge("run", "walker", "sya", cwd=root, env=env).err
     refused = forge("pkg", "executables", "walker", cwd=root, env=env).err
     assert refused == (
-        "error: 'walker' is a plain CMake package, which ament's index does not contain\n"
+        "error: 'walker' is a package without ament, which ament's index does not contain\n"
         f"hint: it is installed in '{root}/install/walker', and 'forge run walker' runs its programs\n"
     )
 

@@ -16,12 +16,12 @@ from forge.base.errors import EnvironmentFault, ForgeError, Problem
 from forge.environment.executable_hints import missing_executable_hint, refuse_windows_line_endings
 from forge.environment.install_state import python_of
 from forge.environment.installed import (
-    PLAIN,
     executables,
     find_package,
     is_registered,
     is_unsourced,
     plain_executables,
+    plain_prefix,
     unregistered_prefix,
 )
 from forge.workspace.root import find_install, source_packages
@@ -71,14 +71,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plain_prefix(package: str, install: Path | None) -> Path | None:
-    """Return the prefix of a plain CMake package of the enclosing workspace, None for others.
+    """Return the prefix of a package without ament of the enclosing workspace, None for others.
 
     `ros2 run` does not find those packages.
     """
-    if is_registered(package, os.environ, install):
+    if is_registered(package, os.environ, install) or not unregistered_prefix(package, install):
         return None
-    prefix = unregistered_prefix(package, install)
-    return prefix if prefix and source_packages(install).get(package) == PLAIN else None
+    return plain_prefix(package, install, source_packages(install))
 
 
 def _environment(package: str, install: Path | None, plain: Path | None) -> Mapping[str, str]:
@@ -148,11 +147,24 @@ def _wait_for(argv: Sequence[str], variables: Mapping[str, str]) -> int:
         try:
             child = subprocess.Popen(argv, env=variables)
         except OSError as error:
-            hint = "scripts need a line such as '#!/usr/bin/env python3' at the beginning"
-            problem = Problem(f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=hint)
+            problem = Problem(
+                f"cannot run '{argv[0]}': {(error.strerror or str(error)).lower()}", hint=_fix(argv[0])
+            )
             raise EnvironmentFault(problem) from None
         children.append(child)
         return child.wait()
+
+
+def _fix(program: str) -> str:
+    """Return what to do about a program that cannot be started."""
+    try:
+        with Path(program).open("rb") as stream:
+            compiled = stream.read(4) == b"\x7fELF"
+    except OSError:
+        compiled = False
+    if compiled:
+        return "it was compiled for another platform; emulators of the package 'qemu-user' run it here"
+    return "scripts need a line such as '#!/usr/bin/env python3' at the beginning"
 
 
 @contextmanager

@@ -308,7 +308,8 @@ def test_needs_that_are_not_installed_stop_the_build_before_it_starts() -> None:
 def test_an_unknown_build_type_is_an_error() -> None:
     with pytest.raises(WorkspaceError) as error:
         make_plan(("a",), resolution(package("a", build_type="ament_cmak")), Snapshot(), CONTEXT, GLOBAL)
-    assert error.value.problems[0].hint == "did you mean 'ament_cmake'?"
+    hint = "did you mean 'ament_cmake'? Others need a plugin, see `forge extensions`"
+    assert error.value.problems[0].hint == hint
 
 
 def test_a_package_of_ros_1_is_named_as_such() -> None:
