@@ -254,13 +254,13 @@ def test_a_member_may_be_called_like_its_class() -> None:
 def test_a_message_with_a_field_named_shape_can_be_compared(tmp_path: Path) -> None:
     """It is not taken for an array, which has an attribute of that name."""
     texts = {
-        "msg/Box.msg": "float64 width\n",
-        "msg/Seen.msg": "Box shape\n",
+        "msg/Panel.msg": "float64 width\n",
+        "msg/Seen.msg": "Panel shape\n",
         "msg/Tracked.msg": "Seen object\n",
     }
     generate(tmp_path, catalog_of("seen_msgs", texts))
     with importable(tmp_path):
         module: Any = import_module("seen_msgs.msg")
         assert module.Tracked() == module.Tracked()
-        wide = module.Tracked(object=module.Seen(shape=module.Box(width=1.0)))
+        wide = module.Tracked(object=module.Seen(shape=module.Panel(width=1.0)))
         assert wide != module.Tracked()
