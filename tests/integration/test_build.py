@@ -80,11 +80,12 @@ def test_a_merged_install_and_back_is_refused(forge: Forge, workspace: Path) -> 
 
 
 def test_a_failure_is_reported_with_its_log_and_stops_the_rest(forge: Forge, workspace: Path) -> None:
-    (workspace / "src/b/CMakeLists.txt").write_text('project(b NONE)\nmessage(FATAL_ERROR "no luck")\n')
+    lists = 'cmake_minimum_required(VERSION 3.16)\nproject(b NONE)\nmessage(FATAL_ERROR "no luck")\n'
+    (workspace / "src/b/CMakeLists.txt").write_text(lists)
     ran = forge("build", cwd=workspace)
     assert ran.code == 1
     assert "Failed   <<< b" in ran.err
-    assert "--- stderr: b\nCMake Error at src/b/CMakeLists.txt:2 (message):" in ran.err
+    assert "--- stderr: b\nCMake Error at src/b/CMakeLists.txt:3 (message):" in ran.err
     assert ran.err.count("CMake Error") == 1
     assert "\n  first error in step 'cmake': see above\n" in ran.err
     assert "  log: log/build_" in ran.err
