@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shutil
 import sys
 from typing import TYPE_CHECKING
@@ -71,7 +72,7 @@ def test_a_package_goes_without_a_trace_and_comes_back(forge: Forge, workspace: 
     rest = left(workspace)
     assert not [name for name in rest if "/b/" in name or name.endswith("/b")]
     assert {name for name in before - rest if "/a/" in name} == set()
-    if "'b'" in scripts or "/b" in scripts:
+    if re.search(r"'b'|/b\b", scripts):
         assert (workspace / "install/local_setup.sh").read_text() != scripts
     merged = ["--merge-install"] if (workspace / "install/share/a").is_dir() else []
     ran = forge("build", *merged, cwd=workspace)
