@@ -158,7 +158,10 @@ PROMPTS = {
 
 
 def typed(layout: Layout, home: Path, program: str, **variables: str) -> str:
-    """Return what a terminal shows when `forge shell` starts this shell and 'exit' is typed."""
+    """Return what a terminal shows when `forge shell` starts this shell and 'exit' is typed at its prompt.
+
+    Not before: zsh draws no prompt when input already waits for it.
+    """
     ours, theirs = pty.openpty()
     env = {"PATH": os.environ["PATH"], "PYTHONPATH": str(Path(__file__).parents[2]), "HOME": str(home)}
     env |= {"SHELL": str(shutil.which(program)), "TERM": "dumb", "PS1": "mine> ", **variables}
@@ -166,10 +169,11 @@ def typed(layout: Layout, home: Path, program: str, **variables: str) -> str:
     cwd = layout.install.parent
     with subprocess.Popen(argv, cwd=cwd, env=env, stdin=theirs, stdout=theirs, stderr=theirs):
         os.close(theirs)
-        os.write(ours, b"exit\n")
         shown = b""
         with suppress(OSError):  # the end of a terminal
             while chunk := os.read(ours, 4096):
+                if b"> " not in shown and b"> " in shown + chunk:
+                    os.write(ours, b"exit\n")
                 shown += chunk
     os.close(ours)
     return shown.decode()
