@@ -68,19 +68,18 @@ def build_variables(
     shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
     that of the environment, else that of an underlay, else that of an earlier build.
     """
-    chosen = {VARIABLE: rosdistro} if rosdistro else {}
     own = without_own(surroundings, layout.of_host.install)
-    recorded = _recorded_rosdistro(layout.install, own)
-    defaults = {**ROS_DEFAULTS, **({VARIABLE: recorded} if recorded else {}), "COLCON": "1"}
-    variables = {**defaults, **own, **chosen}
-    sourced = find_underlays(variables, layout.install).chain
-    forgotten = [root for root in recorded_underlays(layout.install) if root not in sourced and root.is_dir()]
+    sourced, recorded = find_underlays(own, layout.install).chain, recorded_underlays(layout.install)
+    known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
+    variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
+    forgotten = [root for root in recorded if root not in sourced and root.is_dir()]
     incomplete = [root for root in sourced if lacks_modules(root, variables)]
     if not (forgotten or incomplete):
         return variables
     from forge.environment.sourcing import workspace_environment  # noqa: PLC0415  (it may start a shell)
 
-    return {**workspace_environment([*incomplete, *forgotten], variables), **chosen}
+    sourced_variables = workspace_environment([*incomplete, *forgotten], variables)
+    return {**sourced_variables, VARIABLE: rosdistro} if rosdistro else sourced_variables
 
 
 def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str], warn: WarningReporter) -> None:
@@ -295,12 +294,17 @@ def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | N
         return rosdistro
     from forge.cli.config import configured_rosdistro  # noqa: PLC0415  (not needed if it is given)
 
-    return configured_rosdistro(root, os.environ) or _recorded_rosdistro(install, os.environ)
+    if configured := configured_rosdistro(root, os.environ):
+        return configured
+    underlays = (*recorded_underlays(install), *find_underlays(os.environ, install).chain)
+    return _recorded_rosdistro(underlays, install)
 
 
-def _recorded_rosdistro(install: Path, variables: Mapping[str, str]) -> str | None:
-    """Return the distribution of the underlay whose generators are used, else that of the last build."""
-    underlays = (*recorded_underlays(install), *find_underlays(variables, install).chain)
+def _recorded_rosdistro(underlays: Sequence[Path], install: Path) -> str | None:
+    """Return the distribution of the highest underlay that recorded one, else that of the last build.
+
+    The highest underlay's generators are used. `underlays` is in order, lowest first.
+    """
     return next(filter(None, map(recorded_rosdistro, (*reversed(underlays), install))), None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,8 +51,8 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     roots += filter(None, map(_root_of, _folders(variables, "AMENT_PREFIX_PATH")))
     roots += filter(_is_distribution, _folders(variables, "CMAKE_PREFIX_PATH"))
     chain = [root for root in dict.fromkeys(roots) if not _inside(root.resolve(), own)]
-    held = [package.prefix for root in chain for package in installed_packages(root)]
-    return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys([*prefixes, *held])))
+    populated = [prefix for root in chain for prefix in _populated_prefixes(root)]
+    return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys([*prefixes, *populated])))
 
 
 def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -> Path | None:
@@ -93,6 +94,13 @@ def package_prefixes(root: Path) -> tuple[Path, ...]:
     if _layout(root) != "isolated":
         return (root,) if root.is_dir() else ()
     return tuple(sorted(path for path in root.iterdir() if is_word(path.name) and path.is_dir()))
+
+
+def _populated_prefixes(root: Path) -> list[Path]:
+    """Return the prefixes of `installed_packages`; cheaper, since no file is read."""
+    if _layout(root) != "isolated":
+        return [root] if any(map(_names, (root / PACKAGES, root / INDEX / "packages"))) else []
+    return [prefix for name, prefix in _candidates(root) if (prefix / PACKAGES / name).is_file()]
 
 
 def has_packages(root: Path) -> bool:
@@ -160,9 +168,9 @@ def _evidence(name: str) -> Iterator[str]:
 
 def _names(folder: Path) -> list[str]:
     """Return the visible files of an index folder, sorted; empty if there is no folder."""
-    if not folder.is_dir():
-        return []
-    return sorted(entry.name for entry in folder.iterdir() if is_word(entry.name) and entry.is_file())
+    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
+        return sorted(entry.name for entry in entries if is_word(entry.name) and entry.is_file())
+    return []
 
 
 def _run_dependencies(root: Path, name: str) -> frozenset[str]:
