@@ -1,7 +1,7 @@
 """The build types: forge's own, and those of other distributions.
 
 A build type of another distribution is an entry point of the group 'forge.build_types'. It refers to a module
-(or another object) with the functions of BuildType:
+(or another object) with the functions of BuildType and of forge.workspace.finders.Finder:
 
     [project.entry-points."forge.build_types"]
     make = "my_distribution.make"
@@ -25,15 +25,11 @@ if TYPE_CHECKING:
 
     from forge.build.recipes.context import BuildContext, Recipe
     from forge.build.tests.recipes import TestContext
-    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 
 class BuildType(Protocol):
     """What forge asks a build type. The functions return values; they run no programs and write no files."""
-
-    def identify(self, folder: Folder, /) -> Identity | None:
-        """Return the package in a folder without package.xml, None if it is none of this build type."""
 
     def options(self, package: Package, context: BuildContext, /) -> tuple[str, ...]:
         """Return the inputs besides sources, dependencies and tools: `common_options` and further ones.
@@ -52,23 +48,18 @@ class BuildType(Protocol):
 class _Own:
     """One of forge's own build types."""
 
-    identify: Callable[[Folder], Identity | None]
     options: Callable[[Package, BuildContext], tuple[str, ...]]
     recipe: Callable[[Package, BuildContext], Recipe]
     tests: Callable[[Package, TestContext], Recipe]
 
 
-def _needs_manifest(_: Folder) -> None:
-    """Find no package: those of the build type have a package.xml."""
-
-
 OWN: Mapping[str, BuildType] = {
-    "ament_cmake": _Own(_needs_manifest, cmake.ament_options, cmake.ament_recipe, cmake.tests),
-    "ament_python": _Own(_needs_manifest, common_options, python.recipe, python.tests),
-    "ament_cargo": _Own(_needs_manifest, cargo.options, cargo.recipe, cargo.tests),
-    "cargo": _Own(cargo.identify, cargo.options, cargo.recipe, cargo.tests),
-    "cmake": _Own(cmake.identify, cmake.plain_options, cmake.plain_recipe, cmake.tests),
-    "python": _Own(python.identify, common_options, python.plain_recipe, python.tests),
+    "ament_cmake": _Own(cmake.ament_options, cmake.ament_recipe, cmake.tests),
+    "ament_python": _Own(common_options, python.recipe, python.tests),
+    "ament_cargo": _Own(cargo.options, cargo.recipe, cargo.tests),
+    "cargo": _Own(cargo.options, cargo.recipe, cargo.tests),
+    "cmake": _Own(cmake.plain_options, cmake.plain_recipe, cmake.tests),
+    "python": _Own(common_options, python.plain_recipe, python.tests),
 }
 
 

@@ -43,7 +43,6 @@ class Journal:
         """Start empty; use `open_journal` to read an existing journal."""
         self.path = path
         self.records: dict[str, BuildRecord] = {}
-        self.damaged = False
         self.ended = True
         """False if the last build that changed the install folder was killed."""
         self.stamp = ""
@@ -131,13 +130,12 @@ class Journal:
         """Read the lines of a journal."""
         lines = text.splitlines()
         if not lines or _parsed(lines[0]) != _HEADER:
-            self.damaged = bool(lines)
             return
         self._lines = len(lines)
         table: list[str] = []
         for line in lines[1:]:
             entry = _parsed(line)
-            try:
+            with contextlib.suppress(*_INVALID_ENTRY):
                 if "ended" in entry:
                     self.ended = entry["ended"] is True
                 elif "stamp" in entry:
@@ -150,8 +148,6 @@ class Journal:
                     self.records[_text(entry["package"])] = _record(entry, table)
                 else:
                     self.records.pop(entry["package"], None)
-            except _INVALID_ENTRY:
-                self.damaged = True
         self._number(table)
 
     def _number(self, paths: list[str]) -> None:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from forge.build.build_types import BuildType
     from forge.build.recipes.context import BuildContext
     from forge.build.tests.recipes import TestContext
-    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 _Result = TypeVar("_Result")
@@ -37,9 +36,6 @@ class _Plugin:
         self._name = name
         self._what = f"the build type '{name}'"
         self._module = module
-
-    def identify(self, folder: Folder) -> Identity | None:
-        return call(self._what, self._module.identify, folder)
 
     def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
         own = self._checked(tuple, call(self._what, self._module.options, package, context))

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from forge.build.events import Event
 
-STREAMS = ("stdout", "stderr", "stdout_stderr", "streams")
-
 
 class LogWriter:
     """Writes the log of one run."""

@@ -1,5 +1,5 @@
 """Runs the tests of packages and reads their results.
 
 Start reading at `preparing` (the plan of a run; forge.build.tests has the steps), `outcomes` (result files to
-counts and cases) and `showing` (their output). `unittests` is a separate program that runs unittest.
+counts and cases) and `showing` (their output).
 """

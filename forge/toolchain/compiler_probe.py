@@ -81,7 +81,7 @@ class Toolchain:
 
     def seed(self, source: Path, build: Path, variables: Mapping[str, str]) -> bool:
         """Copy the results into a new build folder; return whether that was done."""
-        project = None if (build / "CMakeCache.txt").exists() else _usual_project(source)
+        project = None if (build / "CMakeCache.txt").exists() else usual_project(source)
         if project is None:
             return False
         compiles = not _NO_LANGUAGE.search(project)
@@ -139,18 +139,12 @@ class Toolchain:
         return ("\n".join(lines) + "\n").encode()
 
 
-def uses_default_toolchain(source: Path) -> bool:
-    """Tell whether a package enables compilers without prior commands that may affect them.
+def usual_project(source: Path) -> str | None:
+    """Return the project() call of a package if no prior command may affect its compilers, else None.
 
-    Packages that set a toolchain or compiler, or include a file before project(), are detected by CMake; so
-    are packages that call make, because they use another build tool.
+    CMake finds the compilers of packages that set a toolchain or compiler or include a file before project(),
+    and of packages that call make, because they use another build tool.
     """
-    project = _usual_project(source)
-    return project is not None and not _NO_LANGUAGE.search(project)
-
-
-def _usual_project(source: Path) -> str | None:
-    """Return the project() call that no prior command affects, or None."""
     try:
         text = _COMMENT.sub("", read_text(source / "CMakeLists.txt"))
     except OSError:

@@ -1,14 +1,14 @@
 """Finds packages without package.xml by the build types of other distributions.
 
 Their entry points are searched only for the types in colcon.pkg, *.meta files and forge.toml that forge does
-not know. forge.build.build_types has the whole protocol of a build type.
+not know. forge.build.build_types has the other half of what a build type implements.
 """
 
 from __future__ import annotations
 
 import sys
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.extensions import call, entry_points, load
@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 
 GROUP = "forge.build_types"
 FUNCTIONS = ("identify", "options", "recipe", "tests")
+
+
+class Finder(Protocol):
+    """What discovery asks a build type of another distribution."""
+
+    def identify(self, folder: Folder, /) -> Identity | None:
+        """Return the package in a folder without package.xml, None if it is none of this build type."""
 
 
 def plugin(name: str) -> Any:  # noqa: ANN401  (a module of another distribution)

@@ -14,19 +14,11 @@ if TYPE_CHECKING:
 
     from forge.build.recipes.context import BuildContext
     from forge.build.tests.recipes import TestContext
-    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 _PROGRAM = (sys.executable, "-S", "-E", str(PACKAGE / "build/recipes/cargo_run.py"))
 _KEPT = ("target", "Cargo.lock")
 """What stays in a build folder: cargo knows what it made from what, the compiler included."""
-
-
-def identify(folder: Folder) -> Identity | None:
-    """Return the package of a Cargo.toml."""
-    from forge.workspace.plain_packages import cargo_package  # noqa: PLC0415  (few workspaces have one)
-
-    return cargo_package(folder)
 
 
 def options(package: Package, context: BuildContext) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import escape, quoteattr
+from xml.etree import ElementTree as ET
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -65,7 +65,7 @@ def test(name: str, source: Path, folder: Path, result: Path, command: list[str]
     sys.stdout.write(ran.stdout)
     tests = _TEST.findall(ran.stdout)
     result.parent.mkdir(parents=True, exist_ok=True)
-    result.write_text(_junit(name, tests, dict(_OUTPUT.findall(ran.stdout))), encoding="utf-8")
+    result.write_bytes(_junit(name, tests, dict(_OUTPUT.findall(ran.stdout))))
     return TESTS_FAILED if any(outcome == "FAILED" for _, outcome in tests) else ran.returncode
 
 
@@ -181,19 +181,24 @@ def _read_by_rustc(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
                 yield from (os.path.normpath(word.replace("\\ ", " ")) for word in words if word[0] == "/")
 
 
-def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> str:
+def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> bytes:
     outcomes = [outcome for _, outcome in tests]
-    counts = f'tests="{len(tests)}" errors="0" failures="{outcomes.count("FAILED")}"'
-    lines = [f'<testsuite name={quoteattr(name)} {counts} skipped="{outcomes.count("ignored")}">']
+    counts = {
+        "tests": len(tests),
+        "errors": 0,
+        "failures": outcomes.count("FAILED"),
+        "skipped": outcomes.count("ignored"),
+    }
+    suite = ET.Element("testsuite", {key: str(count) for key, count in counts.items()}, name=name)
     for test_name, outcome in tests:
-        lines.append(f"  <testcase classname={quoteattr(name)} name={quoteattr(test_name)}>")
+        case = ET.SubElement(suite, "testcase", classname=name, name=test_name)
         if outcome == "ignored":
-            lines.append("    <skipped/>")
+            ET.SubElement(case, "skipped")
         elif outcome == "FAILED":
-            text = _printable(outputs.get(test_name, ""))
-            lines.append(f'    <failure message="the test failed">{escape(text)}</failure>')
-        lines.append("  </testcase>")
-    return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', *lines, "</testsuite>", ""))
+            failure = ET.SubElement(case, "failure", message="the test failed")
+            failure.text = _printable(outputs.get(test_name, ""))
+    ET.indent(suite)
+    return bytes(ET.tostring(suite, encoding="utf-8", xml_declaration=True))
 
 
 def _printable(text: str) -> str:

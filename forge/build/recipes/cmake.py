@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from forge.base.frozen import Pairs
     from forge.build.recipes.context import BuildContext
     from forge.build.tests.recipes import TestContext
-    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 
@@ -68,13 +67,6 @@ def tests(package: Package, context: TestContext) -> Recipe:
 
     source, build = context.source(package), context.layout.build_dir(package.name)
     return ctest_recipe(package, context, inspect_tests(package, source, build))
-
-
-def identify(folder: Folder) -> Identity | None:
-    """Return the package of a CMakeLists.txt."""
-    from forge.workspace.plain_packages import cmake_package  # noqa: PLC0415  (few workspaces have one)
-
-    return cmake_package(folder)
 
 
 def common_arguments(context: BuildContext) -> tuple[str, ...]:

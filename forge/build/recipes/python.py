@@ -10,7 +10,6 @@ from forge.build.tasks import Step, StepKind
 if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
     from forge.build.tests.recipes import TestContext
-    from forge.workspace.identity import Folder, Identity
     from forge.workspace.model import Package
 
 
@@ -31,13 +30,6 @@ def tests(package: Package, context: TestContext) -> Recipe:
 
     source, build = context.source(package), context.layout.build_dir(package.name)
     return python_recipe(package, context, inspect_tests(package, source, build))
-
-
-def identify(folder: Folder) -> Identity | None:
-    """Return the package of a setup.py or pyproject.toml."""
-    from forge.workspace.plain_packages import python_package  # noqa: PLC0415  (few workspaces have one)
-
-    return python_package(folder)
 
 
 def _recipe(package: Package, context: BuildContext, *more: str) -> Recipe:

@@ -1,1 +1,4 @@
-"""The steps that test the packages of each build type."""
+"""The steps that test the packages of each build type.
+
+`unittests` is a separate program that runs unittest.
+"""

@@ -6,23 +6,21 @@ Exit codes of CTest and pytest distinguish failed tests from failed runs, and so
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE
 from forge.base.templating import render
 from forge.build.recipes.context import Recipe
 from forge.build.tasks import TEST_FAILURES, Step, StepCondition, StepKind
 from forge.build.tests.options import TestOptions
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from forge.base.layout import Layout
     from forge.workspace.model import Package
 
 NO_TESTS = "no tests"
-UNITTESTS = PACKAGE / "testing/unittests.py"
+UNITTESTS = Path(__file__).with_name("unittests.py")
 DATA_FILE = ".coverage"
 OMITTED = ("setup.py", "test/*", "tests/*")
 """Files of Python packages that coverage.py does not count, relative to the package."""

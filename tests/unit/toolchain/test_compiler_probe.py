@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from forge.toolchain.compiler_probe import uses_default_toolchain
+from forge.toolchain.compiler_probe import usual_project
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,14 +23,13 @@ if TYPE_CHECKING:
     ],
 )
 def test_usual_packages(tree: Tree, text: str) -> None:
-    assert uses_default_toolchain(tree({"CMakeLists.txt": text}))
+    assert usual_project(tree({"CMakeLists.txt": text}))
 
 
 @pytest.mark.parametrize(
     "text",
     [
         "",
-        "project(x NONE)",
         "set(CMAKE_CXX_COMPILER clang++)\nproject(x)",
         "set(CMAKE_TOOLCHAIN_FILE y)\nproject(x)",
         "include(toolchain.cmake)\nproject(x)",
@@ -42,8 +41,8 @@ def test_usual_packages(tree: Tree, text: str) -> None:
     ],
 )
 def test_packages_that_may_want_something_else(tree: Tree, text: str) -> None:
-    assert not uses_default_toolchain(tree({"CMakeLists.txt": text}))
+    assert not usual_project(tree({"CMakeLists.txt": text}))
 
 
 def test_a_folder_without_lists(tmp_path: Path) -> None:
-    assert not uses_default_toolchain(tmp_path)
+    assert not usual_project(tmp_path)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from forge.build.tests.unittests import NONE_FOUND, main
 from forge.testing.collecting import collect
-from forge.testing.unittests import NONE_FOUND, main
 
 if TYPE_CHECKING:
     import pytest

@@ -10,7 +10,7 @@ import pytest
 
 from forge.build.tests.recipes import UNITTESTS
 from forge.testing.collecting import collect
-from tests.unit.testing.test_unittests import TESTS
+from tests.unit.build.tests.test_unittests import TESTS
 
 if TYPE_CHECKING:
     from pathlib import Path

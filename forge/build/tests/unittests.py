@@ -20,10 +20,10 @@ import time
 import unittest
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import escape, quoteattr
+from xml.etree import ElementTree as ET
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from types import TracebackType
 
     Fault = tuple[type[BaseException], BaseException, TracebackType] | tuple[None, None, None]
@@ -138,36 +138,36 @@ def main(words: Sequence[str]) -> int:
     assert isinstance(result, Result)  # noqa: S101  (the runner above makes one)
     path = Path(junit)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(_junit(package, result.records)) + "\n", encoding="utf-8")
+    path.write_bytes(_junit(package, result.records))
     if not result.wasSuccessful():
         return FAILED
     return 0 if result.records else NONE_FOUND
 
 
-def _junit(package: str, records: Sequence[CaseRecord]) -> Iterator[str]:
-    kinds = [note.kind for note in records]
-    yield '<?xml version="1.0" encoding="UTF-8"?>'
-    yield (
-        f'<testsuite name={_quoted(package)} tests="{len(records)}" errors="{kinds.count("error")}" '
-        f'failures="{kinds.count("failure")}" skipped="{kinds.count("skipped")}" '
-        f'time="{sum(note.seconds for note in records):.3f}">'
-    )
-    for note in records:
+def _junit(package: str, records: Sequence[CaseRecord]) -> bytes:
+    kinds = [record.kind for record in records]
+    counts = {
+        "tests": len(records),
+        "errors": kinds.count("error"),
+        "failures": kinds.count("failure"),
+        "skipped": kinds.count("skipped"),
+    }
+    seconds = sum(record.seconds for record in records)
+    root = ET.Element("testsuite", name=_printable(package), time=f"{seconds:.3f}")
+    root.attrib.update({name: str(count) for name, count in counts.items()})
+    for record in records:
         # 'setUpClass (module.Class)' is not a test name.
-        suite, _, name = (package, "", note.name) if " " in note.name else note.name.rpartition(".")
-        opening = f'  <testcase classname={_quoted(suite)} name={_quoted(name)} time="{note.seconds:.3f}"'
-        if not note.events:
-            yield f"{opening}/>"
-            continue
-        yield f"{opening}>"
-        for kind, message, text in note.events:
-            yield f"    <{kind} message={_quoted(message)}>{escape(_UNPRINTABLE.sub('', text))}</{kind}>"
-        yield "  </testcase>"
-    yield "</testsuite>"
+        suite, _, name = (package, "", record.name) if " " in record.name else record.name.rpartition(".")
+        names = {"classname": _printable(suite), "name": _printable(name)}
+        case = ET.SubElement(root, "testcase", names, time=f"{record.seconds:.3f}")
+        for kind, message, text in record.events:
+            ET.SubElement(case, kind, message=_printable(message)).text = _printable(text)
+    ET.indent(root)
+    return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _quoted(text: str) -> str:
-    return quoteattr(_UNPRINTABLE.sub("", text))
+def _printable(text: str) -> str:
+    return _UNPRINTABLE.sub("", text)
 
 
 if __name__ == "__main__":
