@@ -33,16 +33,13 @@ if TYPE_CHECKING:
     from forge.workspace.resolve import DependencyResolution
 
 
-def names_to_build(
-    selection: Selection, resolution: DependencyResolution, needs: Mapping[str, frozenset[str]]
-) -> tuple[str, ...]:
+def names_to_build(selection: Selection, resolution: DependencyResolution) -> tuple[str, ...]:
     """Return the selected packages and the embedded packages that they need, in topological order."""
-    ordered = ordered_names(needs)
     selected = frozenset(selection.names)
-    reached = closure(needs, selected)
+    reached = closure(resolution.needs, selected)
     return tuple(
         name
-        for name in ordered
+        for name in ordered_names(resolution.needs)
         if name in reached and (name in selected or resolution.packages[name].embedded)
     )
 

@@ -26,7 +26,7 @@ from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.build_types import leave_out
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
-from forge.build.planning import GlobalInputs
+from forge.build.planning import GlobalInputs, names_to_build
 from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
@@ -110,11 +110,14 @@ def require_packages(loaded: LoadedWorkspace) -> None:
         raise WorkspaceError(problem)
 
 
-def without_unknown_types(
-    names: Sequence[str], loaded: LoadedWorkspace, options: BuildOptions, warn: WarningReporter
+def packages_to_build(
+    loaded: LoadedWorkspace, options: BuildOptions, warn: WarningReporter
 ) -> tuple[str, ...]:
-    """Return the names without packages of unknown build types that nothing requires; warn about these."""
-    query = options.query
+    """Return the selected packages and the embedded ones that they need, in topological order.
+
+    Packages of unknown build types that nothing requires are left out with a warning.
+    """
+    names, query = names_to_build(loaded.selection, loaded.resolution), options.query
     requested = frozenset(names) if query.strict else query.named
     found, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
     warn(warnings)
@@ -220,8 +223,7 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None)
-    interpreter = find_interpreter(options.python, variables, find_underlays(variables, layout.install).chain)
-    warn(other_than_recorded(recorded_python(layout.install), interpreter))
+    interpreter = _interpreter(options.python, layout, variables, warn)
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
@@ -259,6 +261,15 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     return context, interpreter
+
+
+def _interpreter(
+    python: str | None, layout: Layout, variables: Mapping[str, str], warn: WarningReporter
+) -> Interpreter:
+    """Return the interpreter of a build; warn if it is another one than that of the last build."""
+    interpreter = find_interpreter(python, variables, find_underlays(variables, layout.install).chain)
+    warn(other_than_recorded(recorded_python(layout.install), interpreter))
+    return interpreter
 
 
 def _rust_toolchain(

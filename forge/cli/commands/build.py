@@ -14,7 +14,7 @@ from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
 from forge.build.markers import create_output_folders
-from forge.build.planning import make_whole_plan, names_to_build
+from forge.build.planning import make_whole_plan
 from forge.build.snapshot import take_snapshot
 from forge.build.state import open_state
 from forge.cli.build_mode import BuildMode
@@ -25,10 +25,10 @@ from forge.cli.preparation import (
     check_before_planning,
     check_plan,
     global_inputs,
+    packages_to_build,
     prepare,
     report_left_out,
     warn_of_lost_underlays,
-    without_unknown_types,
 )
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir
@@ -74,22 +74,14 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     layout = options.folders.layout(root, symlink=options.symlink_install)
     _check_output(options, layout)
     if options.print_command:
-        from forge.output.explaining import last_command  # noqa: PLC0415  (rarely needed)
-
-        print(last_command(layout, options.print_command))
-        return 0
+        return _print_last_command(layout, options.print_command)
     if options.reset_underlays and not options.dry_run:
         forget_underlays(layout.install)
     variables = build_variables(layout, os.environ, options.rosdistro)
     warn_of_lost_underlays(layout, os.environ, mode.warn)
     loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     mode.warn(loaded.warnings)
-    selected = without_unknown_types(
-        names_to_build(loaded.selection, loaded.resolution, loaded.resolution.needs),
-        loaded,
-        options,
-        mode.warn,
-    )
+    selected = packages_to_build(loaded, options, mode.warn)
     names = check_before_planning(loaded, selected, layout, options)
     cross = _cross_build(options, layout, variables)
     variables |= cross.variables if cross else {}
@@ -109,18 +101,28 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
             return 0
         state.recover()
         state.remove_embedded(loaded.resolution.superseded)
-        if not plan.tasks:
+        code = 0
+        if plan.tasks:
+            if cross:
+                mode.warn(cross.prepare_compilers(task.package for task in plan.tasks.values()))
+            from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if up to date)
+
+            prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
+            code = run_plan(plan, prepared, state)
+        else:
             state.finish(plan, variables)
             _report_up_to_date(plan, options, loaded.packages, mode, time.monotonic() - began)
             if options.query.strict:
                 raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
-            return report_left_out(selected, names)
-        if cross:
-            mode.warn(cross.prepare_compilers(task.package for task in plan.tasks.values()))
-        from forge.cli.build_run import PreparedBuild, run_plan  # noqa: PLC0415  (not needed if all is up to date)
+        return max(code, report_left_out(selected, names))
 
-        prepared = PreparedBuild(options, loaded, context, interpreter, variables, mode, audit, began)
-        return max(run_plan(plan, prepared, state), report_left_out(selected, names))
+
+def _print_last_command(layout: Layout, name: str) -> int:
+    """Print the last build command of a package; returns 0."""
+    from forge.output.explaining import last_command  # noqa: PLC0415  (rarely needed)
+
+    print(last_command(layout, name))
+    return 0
 
 
 def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)

@@ -43,11 +43,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from forge.base.errors import Problem
+    from forge.base.layout import Layout
     from forge.build.tasks import BuildPlan
     from forge.build.tests.recipes import TestContext
     from forge.cli.main import Parser
     from forge.cli.session import Session
     from forge.testing.coverage import CoveredLines
+    from forge.workspace.load import LoadedWorkspace
 
 
 def register(parser: Parser) -> None:
@@ -80,10 +82,7 @@ def run(namespace: argparse.Namespace) -> int:
     built = [name for name in names if name not in absent]
     warn(not_built_here(built, loaded, layout))
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
-    if layout.target:
-        from forge.testing.emulation import require_emulator  # noqa: PLC0415  (only with --target)
-
-        require_emulator([loaded.packages[name] for name in built], layout)
+    _require_emulator(built, loaded, layout)
     context = prepare_context(options, loaded, names, layout, variables)
     plan = make_test_plan(built, loaded, context, warn)
     with (
@@ -111,6 +110,14 @@ def run(namespace: argparse.Namespace) -> int:
         finally:
             code = _report_results(plan, context, session, json=reports.json)
     return code
+
+
+def _require_emulator(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> None:
+    """Raise EnvironmentFault if tests need an emulator of another platform that is not installed."""
+    if layout.target:
+        from forge.testing.emulation import require_emulator  # noqa: PLC0415  (only with --target)
+
+        require_emulator([loaded.packages[name] for name in names], layout)
 
 
 def _fail_unbuilt(problems: Mapping[str, Problem], session: Session) -> None:

@@ -85,7 +85,7 @@ def test_a_cycle_is_named_by_its_shortest_way() -> None:
 
 
 def test_embedded_packages_below_the_selected_are_built_whatever_is_selected() -> None:
-    assert names_to_build(Selection(("b",)), RESOLUTION, RESOLUTION.needs) == ("e", "b")
+    assert names_to_build(Selection(("b",)), RESOLUTION) == ("e", "b")
 
 
 def test_tasks_know_all_they_need_lowest_first() -> None:
