@@ -77,6 +77,7 @@ REMEDIES = {
     "openssl": "apt-get install openssl",
     "pgrep": "apt-get install procps",
     "pkg-config": "apt-get install pkg-config",
+    "python-zig": "make peers",
     "qemu-aarch64": "apt-get install qemu-user",
     "rosdep": "make peers",
     "sccache": "apt-get install sccache",

@@ -31,6 +31,7 @@ from forge.output.charts.sampling import sample_usage
 from forge.toolchain.cmake_warnings import defined
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
+from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
 from forge.workspace.missing import missing_dependencies
 
@@ -270,7 +271,10 @@ def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
     named = named_by(context.cmake_args, variables)
     contents = tuple((word, "") for word in named.options)
     identity = (*context.tools, *named.tools, *contents, *relevant_environment(variables))
-    return Toolchain(context.layout.build, context.cmake, common_arguments(context), identity, python)
+    packages = (task.package for task in plan.tasks.values() if not task.package.embedded)
+    languages = "C CXX" if any_enables_cxx(packages) else "C"
+    arguments = common_arguments(context)
+    return Toolchain(context.layout.build, context.cmake, arguments, identity, python, languages=languages)
 
 
 def _looks_for_python(plan: BuildPlan, resolution: DependencyResolution) -> bool:

@@ -4,6 +4,8 @@ When CMake configures a new folder, it detects the compilers with about ten smal
 package. It stores the results in CMakeFiles/VERSION/ and in its cache, and trusts them in a folder that
 contains both. A reference project that only enables C and C++ is configured once for each set of options,
 compilers and variables; its results are copied into new folders whose CMakeLists.txt cannot require others.
+If no package needs C++, the reference project enables only C: some cross compilers compile their C++ library
+when they are tested.
 ROS's own ament also searches Python in every package, which starts the interpreter five times: these results
 are copied, too.
 """
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 _PROJECT = """\
 # forge detects the compilers here, once for all packages.
 cmake_minimum_required(VERSION 3.18)
-project(forge_toolchain C CXX)
+project(forge_toolchain {languages})
 """
 _UNUSED = "unused_variables"
 """The variables of CMake's arguments that the reference project does not use, one per line."""
@@ -57,23 +59,26 @@ _BEGINS_WITH_PROJECT = re.compile(r"\s*project\s*\([^()$]*\)", re.IGNORECASE)
 class Toolchain:
     """The detection results for one build; the first package that needs them runs the reference project."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913  (what identifies the results)
         self,
         build: Path,
         cmake: Path,
         arguments: tuple[str, ...],
         identity: Pairs,
         python: Path | None = None,
+        *,
+        languages: str = "C CXX",
     ) -> None:
         """Identify the results by CMake's arguments, the programs and the variables; run nothing.
 
-        `python` is the interpreter that packages search, None if none does.
+        `python` is the interpreter that packages search, None if none does; `languages` are those of CMake
+        that packages enable.
         """
         if python is not None:
             arguments = (f"-DPython3_EXECUTABLE={python}", *arguments)
         self._asks_python = python is not None
-        self._project = _PROJECT + (_FIND_PYTHON if self._asks_python else "")
-        key = "\0".join((str(cmake), *arguments, *(f"{name}={value}" for name, value in identity)))
+        self._project = _PROJECT.format(languages=languages) + (_FIND_PYTHON if self._asks_python else "")
+        key = "\0".join((str(cmake), languages, *arguments, *(f"{name}={value}" for name, value in identity)))
         self._home = build / TOOLCHAIN_DIR / hashlib.blake2b(key.encode(), digest_size=8).hexdigest()
         self._argv = (str(cmake), "-S", str(self._home), "-B", str(self._home / "build"), *arguments)
         self._lock = threading.Lock()

@@ -1,6 +1,6 @@
-"""Builds for another platform: Debian's cross compiler, and its programs under qemu.
+"""Builds for another platform: Debian's cross compiler and, for C, zig, and their programs under qemu.
 
-`make cross` does the same with zig, which first compiles its C++ library for minutes: FORGE_TEST_ZIG=1.
+`make cross` does all of it with zig, which first compiles its C++ library for minutes: FORGE_TEST_ZIG=1.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 import tarfile
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,8 +17,6 @@ from tests.packages import manifest_text
 from tests.snippets import ROOT, shell
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tests.conftest import Forge, Tree
 
 BY_ZIG = os.environ.get("FORGE_TEST_ZIG") == "1"
@@ -134,6 +133,24 @@ enable_testing()
 add_test(NAME plain COMMAND plain made)
 """,
 }
+
+
+@pytest.mark.needs("python-zig")
+def test_zig_compiles_no_cxx_library_for_a_package_in_c(tree: Tree, forge: Forge) -> None:
+    """Only zig's wheel is needed: it compiles what the linker adds to every program, for some seconds."""
+    root = tree({**PLAIN, "src/maker/generator.c": MAKER["src/maker/generator.c"]})
+    wheel = Path(shutil.which("python-zig") or "").parents[1]
+    zig = next(wheel.glob("lib/python3*/site-packages/ziglang"))
+    env = {"PATH": f"{zig}{os.pathsep}{os.environ['PATH']}", "XDG_CACHE_HOME": str(root / "cache")}
+    built = forge("build", "--target", "arm64", cwd=root, env=env)
+    assert (built.code, built.err) == (0, "")
+    assert (root / "cache/forge/zig").is_dir()
+    assert not list(root.glob("cache/**/libc++*"))
+    program = root / f"install/{TARGET}/plain/bin/plain"
+    assert program.read_bytes()[18:20] == FOR_AARCH64
+    tested = forge("test", "--target", "arm64", "--return-code-on-test-failure", cwd=root, env=env)
+    assert tested.code == 0, tested.err
+    assert "1 test, 0 errors, 0 failures, 0 skipped" in tested.out
 
 
 def test_without_qemu_the_remedy_is_told(tree: Tree, forge: Forge) -> None:

@@ -17,7 +17,7 @@ from forge.base.templating import render
 from forge.environment.prefixes import find_underlays
 from forge.toolchain.cross.targets import TRIPLES
 from forge.toolchain.cross.zig import Zig, find_zig
-from forge.toolchain.programs import compiled_packages
+from forge.toolchain.languages import any_enables_cxx
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -51,8 +51,8 @@ class CrossBuild:
         return (f"-DCMAKE_TOOLCHAIN_FILE={self.file}",)
 
     def prepare_compilers(self, packages: Iterable[Package]) -> tuple[Problem, ...]:
-        """Compile the libraries of the compilers if one of the packages needs them; return warnings."""
-        if self.zig and compiled_packages(package for package in packages if not package.embedded):
+        """Compile the C++ library of the compilers if one of the packages needs it; return warnings."""
+        if self.zig and any_enables_cxx(package for package in packages if not package.embedded):
             return self.zig.compile_library(self.file.parent)
         return ()
 

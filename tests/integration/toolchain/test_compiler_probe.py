@@ -89,6 +89,16 @@ def _what_matters(build: Path) -> dict[str, object]:
     return found
 
 
+@pytest.mark.needs("cmake", "ninja", "gcc")
+def test_without_a_package_in_cxx_no_compiler_for_it_is_tested(tree: Tree) -> None:
+    """A cross compiler may compile its C++ library for minutes then; a package in C++ tests it by itself."""
+    root = tree({"src/CMakeLists.txt": LISTS.replace(" LANGUAGES CXX", " LANGUAGES C"), "build/keep": ""})
+    cmake, variables = Path(shutil.which("cmake") or ""), {**os.environ, "CXX": "/no/such/compiler"}
+    toolchain = Toolchain(root / "cache", cmake, ("-G", "Ninja"), (), languages="C")
+    assert toolchain.seed(root / "src", root / "build", variables)
+    assert "CMAKE_CXX_COMPILER" not in (root / "build/CMakeCache.txt").read_text()
+
+
 @pytest.mark.needs("cmake")
 def test_without_a_compiler_nothing_is_seeded(tree: Tree) -> None:
     root = tree({"src/CMakeLists.txt": LISTS, "build/keep": ""})

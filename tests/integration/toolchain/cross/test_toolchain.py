@@ -47,11 +47,11 @@ def prepare(root: Path, word: str = "arm64", *, toolchain_file: str = "", sysroo
     )
 
 
-def compiled(root: Path) -> Package:
-    """Return a CMake package that enables C++."""
+def compiled(root: Path, languages: str = "") -> Package:
+    """Return a CMake package that enables these languages, or C and C++."""
     found = replace(package("hello", build_type="cmake"), path=root / "hello")
     found.path.mkdir(exist_ok=True)
-    (found.path / "CMakeLists.txt").write_text("project(hello)\n")
+    (found.path / "CMakeLists.txt").write_text(f"project(hello {languages})\n")
     return found
 
 
@@ -172,9 +172,9 @@ def test_zig_compiles_its_library_once(
     root = tree({"bin/zig": STAND_IN, **SOURCES})
     monkeypatch.chdir(root)
     cross = prepare(root)
-    hello = compiled(root)
-    assert cross.prepare_compilers([]) == ()
+    assert cross.prepare_compilers([compiled(root, "C")]) == ()
     assert not (root / "calls").exists()
+    hello = compiled(root)
     assert cross.prepare_compilers([hello]) == ()
     assert capsys.readouterr().err == (
         "zig compiles its C++ library for aarch64-linux-gnu, once for this machine: this takes a few "

@@ -1,0 +1,62 @@
+"""Which CMake files enable C++."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.toolchain.languages import any_enables_cxx, enables_cxx
+from tests.packages import package
+
+if TYPE_CHECKING:
+    from tests.conftest import Tree
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "project(x)",
+        "project(x VERSION 1.2)",
+        'PROJECT(x VERSION 1 DESCRIPTION "A C library" HOMEPAGE_URL https://x.org)',
+        "project(x C CXX)",
+        "project(x LANGUAGES\n  CXX)",
+        "project(x LANGUAGES C CUDA)",
+        "project(x ${languages})",
+        'project(x DESCRIPTION "of (two)" LANGUAGES C)',
+        "project(x C)\nenable_language(CXX OPTIONAL)",
+    ],
+)
+def test_a_project_with_cxx(text: str) -> None:
+    assert enables_cxx(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "project(x C)",
+        "project(x NONE)",
+        "project(x C)  # project(y)",
+        'project(x VERSION 1 DESCRIPTION "With CXX" LANGUAGES C ASM)\nenable_language(Fortran OPTIONAL)',
+    ],
+)
+def test_a_project_without_cxx(text: str) -> None:
+    assert not enables_cxx(text)
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ({"CMakeLists.txt": "project(x C)", "sub/CMakeLists.txt": "add_library(y y.c)"}, False),
+        ({"CMakeLists.txt": "project(x C)", "sub/CMakeLists.txt": "project(y CXX)"}, True),
+        ({"CMakeLists.txt": "project(x C)", "cmake/more.cmake": "enable_language(CXX)"}, True),
+        ({"CMakeLists.txt": "add_library(y y.c)"}, True),
+        ({"CMakeLists.txt": "project(x NONE)"}, False),
+        ({}, False),
+    ],
+)
+def test_all_cmake_files_of_a_package_count(tree: Tree, files: dict[str, str], expected: bool) -> None:  # noqa: FBT001
+    found = replace(package("x", build_type="cmake"), path=tree(files))
+    assert any_enables_cxx([found]) == expected
