@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from forge.base.colours import Meaning
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
-    from forge.output.failure_hints import FirstError
+    from forge.output.first_error import FirstError
     from forge.testing.outcomes import Counts
     from forge.toolchain.compiler_launchers.launcher_stats import LauncherSummary
     from forge.workspace.model import Package
@@ -327,7 +327,7 @@ class ConsoleReporter:
             if not text.strip():
                 return ""
             if failed:
-                from forge.output.failure_hints import with_paths  # noqa: PLC0415  (only needed after failures)
+                from forge.output.first_error import with_paths  # noqa: PLC0415  (only needed after failures)
 
                 text = with_paths(text, self.packages[task].path.as_posix())
             self.screen.write(f"--- stderr: {task}\n".encode(), stderr=True)
@@ -355,7 +355,7 @@ class ConsoleReporter:
 
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
-        from forge.output.failure_hints import first_error, is_visible  # noqa: PLC0415  (as above)
+        from forge.output.first_error import first_error, is_visible  # noqa: PLC0415  (as above)
 
         task = event.task
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")

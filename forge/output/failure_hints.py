@@ -1,4 +1,4 @@
-"""Finds the first error in the output of a failed program, and remedies for failures with a known cause.
+"""Finds remedies for failures with a known cause in the output of a failed program.
 
 A hint names the line to add or the command to run. If several causes match, the first in the table is the
 most certain one. A wrong hint is worse than none.
@@ -15,7 +15,7 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
-from forge.execution.worker_client import DECLINED_PREFIX
+from forge.output.first_error import COLOUR
 from forge.output.known_names import cmake_commands, installed_headers
 from forge.output.platform_hints import remedy_for_platform
 from forge.toolchain.python_modules import install_command
@@ -25,35 +25,14 @@ from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name, similar_package
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from forge.workspace.model import Package
-
-_INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
-_COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
-_CMAKE = re.compile(r"^CMake Error\b")
-_OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)", re.MULTILINE)
-_LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
-_OTHER = re.compile(
-    r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
-)
-_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
-
-_VISIBLE_LINES = 20
-"""So far above the report of a failure, an error is still seen."""
 
 _SURE = 0.8
 """Required similarity for suggestions among many similar names."""
 
 _BUILD_TOOLS = ("ament_cmake", "rosidl_default_generators", "ament_lint_auto")
-
-
-@frozen
-class FirstError:
-    """The lines of an error, and whether it is an error in an interface definition."""
-
-    lines: tuple[str, ...]
-    interface: bool = False
 
 
 @frozen
@@ -100,31 +79,6 @@ class FailureContext:
         return f"<{tag}>{name}</{tag}>"
 
 
-def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
-    """Return the first error in `output`, trying the most specific patterns first, else None.
-
-    Paths are those of `with_paths`.
-    """
-    plain = [_COLOUR.sub("", line.rstrip("\r\n")) for line in output]
-    for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
-        for index, line in enumerate(plain):
-            if pattern.search(line) and not line.startswith(DECLINED_PREFIX):
-                first, *rest = _block(plain, index, extent)
-                return FirstError((with_paths(first, folder), *rest), pattern is _INTERFACE)
-    return None
-
-
-def with_paths(output: str, folder: str) -> str:
-    """Return the output with `folder` before each CMakeLists.txt of an error, so that editors can open it."""
-    return _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), output)
-
-
-def is_visible(error: FirstError, shown: str) -> bool:
-    """Tell whether an error is at the end of what was just printed."""
-    plain = _COLOUR.sub("", shown).splitlines()
-    return error.lines[0] in plain[-_VISIBLE_LINES:]
-
-
 def failure_context(
     package: Package,
     packages: Mapping[str, Package],
@@ -146,23 +100,13 @@ def failure_context(
 
 def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
-    plain = _COLOUR.sub("", output)
+    plain = COLOUR.sub("", output)
     for pattern, remedy in _REMEDIES:
         match = pattern.search(plain)
         hint = remedy(match[1] if pattern.groups else "", context) if match else None
         if hint:
             return hint
     return remedy_for_platform(plain, context.targets)
-
-
-def _block(lines: Sequence[str], start: int, extent: int) -> tuple[str, ...]:
-    """Return the line and the lines that belong to it: indented ones and a hint."""
-    block = [lines[start]]
-    for line in lines[start + 1 : start + extent]:
-        if not (line.startswith((" ", "hint:")) or (not line and block[0].startswith("CMake"))):
-            break
-        block.append(line)
-    return tuple(line for line in block if line.strip())
 
 
 def _package_not_found(name: str, context: FailureContext) -> str | None:
@@ -298,6 +242,18 @@ def _target_not_found(target: str, context: FailureContext) -> str | None:
     return f"add find_package({name} REQUIRED) before its use in CMakeLists.txt{depend}"
 
 
+def _not_exported(names: str, context: FailureContext) -> str | None:
+    """Return a remedy for a package that exports a target but not the package which the target links."""
+    exporter, needed = re.findall(r"[\w-]+(?=::)", names)
+    if exporter not in context.packages or needed in {exporter, "PkgConfig"}:
+        return None
+    if context.packages[exporter].build_type == "cmake":
+        line, file = f"find_dependency({needed})", f"the CMake config that '{exporter}' installs"
+    else:
+        line, file = f"ament_export_dependencies({needed})", f"the CMakeLists.txt of '{exporter}'"
+    return f"users of '{exporter}' need '{needed}': add {line} to {file}"
+
+
 def _command_not_found(command: str, context: FailureContext) -> str | None:
     packages = (
         ("rosidl_", "rosidl_default_generators"),
@@ -354,6 +310,13 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
     (
         re.compile(r'links\s+to(?:\s+target|:)\s+"?([\w-]+::[\w-]+)"?\s+but\s+the\s+target\s+was\s+not'),
         _target_not_found,
+    ),
+    (
+        re.compile(
+            r'link\s+interface\s+of\s+target\s+("[\w-]+::[\w-]+"\s+contains:\s+[\w-]+::[\w-]+)\s+'
+            r"but\s+the\s+target\s+was\s+not\s+found"
+        ),
+        _not_exported,
     ),
     (re.compile(r"Failed to clone repository: '([^']+)'"), _no_git),
     (re.compile(r"module 'em' has no attribute"), _other_empy),

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.layout import PACKAGE
-from forge.output.failure_hints import FailureContext, first_error, hint_of
+from forge.output.failure_hints import FailureContext, hint_of
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
 from tests.packages import manifest_text, package
@@ -27,6 +27,8 @@ SCENE = FailureContext(
     ("CMakeCache.txt", "launch/robot/go.launch.py", "msg/Other.msg"),
     ("drive",),
 )
+
+NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but the target was not found.'
 
 
 @pytest.mark.parametrize(
@@ -69,6 +71,10 @@ SCENE = FailureContext(
         (
             "ament_target_dependencies(): 'a' uses the package 'shapes', which was not found",
             "add find_package(shapes REQUIRED) before it",
+        ),
+        (
+            NOT_EXPORTED.format("shapes::shapes", "points::points"),
+            "add ament_export_dependencies(points) to the CMakeLists.txt of 'shapes'",
         ),
         ("ament_target_dependencies() was given 'drvie', which is not a target", "did you mean 'drive'?"),
         (
@@ -125,6 +131,9 @@ def test_a_misspelt_package_is_not_looked_for_in_the_system_first() -> None:
         "ModuleNotFoundError: No module named 'shapes'",
         "/bin/sh: 1: ./generate.sh: Permission denied",
         "ament_target_dependencies(): 'a' uses the package 'shaders', which was not found",
+        NOT_EXPORTED.format("far::far", "points::points"),
+        NOT_EXPORTED.format("shapes::shapes", "shapes::core"),
+        NOT_EXPORTED.format("shapes::shapes", "PkgConfig::ZLIB"),
         'Unknown CMake command "frobnicate".',
     ],
 )
@@ -187,44 +196,18 @@ def test_headers_of_interfaces_are_in_lower_case() -> None:
     assert hint_of(said, scene) == "headers of interfaces are lower case: 'own_msgs/msg/big_status.hpp'"
 
 
+def test_a_plain_cmake_package_finds_what_its_users_need_in_its_config() -> None:
+    scene = FailureContext(package("mine"), {"plain": package("plain", build_type="cmake")})
+    hint = str(hint_of(NOT_EXPORTED.format("plain::plain", "Threads::Threads"), scene))
+    assert hint.endswith("add find_dependency(Threads) to the CMake config that 'plain' installs")
+
+
 def test_build_tools_are_declared_as_such() -> None:
     said = 'package configuration file provided by "ament_cmake", but'
     scene = FailureContext(package("mine"), {"ament_cmake": package("ament_cmake")})
     assert "add <buildtool_depend>ament_cmake</buildtool_depend> to src/mine/package.xml" in str(
         hint_of(said, scene)
     )
-
-
-@pytest.mark.parametrize(
-    ("output", "expected"),
-    [
-        (["all is well"], None),
-        (["\x1b[1ma.cpp:1:2: \x1b[31mfatal error: x.h: No such file\x1b[0m", "    1 | #include"], 2),
-        (["CMake Error at CMakeLists.txt:3 (find_package):", "  By not providing", "", "  more", "-- x"], 3),
-        (["/usr/bin/ld: a.o: undefined reference to `f()'"], 1),
-        (["running", "/ws/src/a: error: there is no setup.py", "hint: make one"], 2),
-        (["Traceback (most recent call last):", "  File x", "ModuleNotFoundError: No module named 'em'"], 1),
-        (["a.cpp:1: error: later", "src/m/A.msg:1:1: error: sooner", "    int8", "    ^", "hint: do"], 4),
-    ],
-)
-def test_the_first_error_is_the_surest_and_brings_its_lines(output: list[str], expected: int | None) -> None:
-    error = first_error(output)
-    assert (len(error.lines) if error else None) == expected
-
-
-@pytest.mark.parametrize(
-    ("line", "shown"),
-    [
-        ("CMake Error at CMakeLists.txt:3 (x):", "CMake Error at src/a b/CMakeLists.txt:3 (x):"),
-        ("CMake Error in sub/CMakeLists.txt:", "CMake Error in src/a b/sub/CMakeLists.txt:"),
-        ("CMake Error at /usr/CMakeLists.txt:3 (x):", "CMake Error at /usr/CMakeLists.txt:3 (x):"),
-        ("CMake Error at cmake_install.cmake:3 (x):", "CMake Error at cmake_install.cmake:3 (x):"),
-    ],
-)
-def test_a_cmakelists_is_named_as_editors_find_it(line: str, shown: str) -> None:
-    error = first_error([line], "src/a b")
-    assert error is not None
-    assert error.lines == (shown,)
 
 
 def test_the_embedded_cmake_commands_report_unknown_targets_in_words_that_have_a_hint() -> None:

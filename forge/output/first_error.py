@@ -1,0 +1,68 @@
+"""Finds the first error in the output of a failed program."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.frozen import frozen
+from forge.execution.worker_client import DECLINED_PREFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
+_COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
+_CMAKE = re.compile(r"^CMake Error\b")
+_OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)", re.MULTILINE)
+_LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
+_OTHER = re.compile(
+    r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
+)
+COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+
+_VISIBLE_LINES = 20
+"""So far above the report of a failure, an error is still seen."""
+
+
+@frozen
+class FirstError:
+    """The lines of an error, and whether it is an error in an interface definition."""
+
+    lines: tuple[str, ...]
+    interface: bool = False
+
+
+def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
+    """Return the first error in `output`, trying the most specific patterns first, else None.
+
+    Paths are those of `with_paths`.
+    """
+    plain = [COLOUR.sub("", line.rstrip("\r\n")) for line in output]
+    for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
+        for index, line in enumerate(plain):
+            if pattern.search(line) and not line.startswith(DECLINED_PREFIX):
+                first, *rest = _block(plain, index, extent)
+                return FirstError((with_paths(first, folder), *rest), pattern is _INTERFACE)
+    return None
+
+
+def with_paths(output: str, folder: str) -> str:
+    """Return the output with `folder` before each CMakeLists.txt of an error, so that editors can open it."""
+    return _OWN_LISTS.sub(lambda match: match[1] + (f"{folder}/" if folder else ""), output)
+
+
+def is_visible(error: FirstError, shown: str) -> bool:
+    """Tell whether an error is at the end of what was just printed."""
+    plain = COLOUR.sub("", shown).splitlines()
+    return error.lines[0] in plain[-_VISIBLE_LINES:]
+
+
+def _block(lines: Sequence[str], start: int, extent: int) -> tuple[str, ...]:
+    """Return the line and the lines that belong to it: indented ones and a hint."""
+    block = [lines[start]]
+    for line in lines[start + 1 : start + extent]:
+        if not (line.startswith((" ", "hint:")) or (not line and block[0].startswith("CMake"))):
+            break
+        block.append(line)
+    return tuple(line for line in block if line.strip())
