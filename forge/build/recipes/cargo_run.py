@@ -21,6 +21,7 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
@@ -31,6 +32,8 @@ INDEX = "share/ament_index/resource_index/rust_packages"
 TESTS_FAILED = 1
 _LOCAL = "forge_local_crates"
 _DEPENDENCY = re.compile(r"(?:\\ |[^\s\\]|\\[^ ])+")
+_STATUS = re.compile(r"(?=.{12} ) *[A-Z][a-z-]+ ")
+"""A line that says what cargo does: a verb, right-aligned to 12 columns."""
 _TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
 _OUTPUT = re.compile(r"^---- (.+?) stdout ----\n(.*?)(?=^---- |^failures:|\Z)", re.MULTILINE | re.DOTALL)
 
@@ -38,10 +41,10 @@ _OUTPUT = re.compile(r"^---- (.+?) stdout ----\n(.*?)(?=^---- |^failures:|\Z)", 
 def build(name: str, source: Path, folder: Path, command: list[str]) -> int:
     """Build and stage; return cargo's exit code."""
     _forget_local_crates(folder / "target")
-    with _own_lock_file(source, folder):
-        ran = _cargo(command, source)
-    if ran.returncode == 0:
-        messages = [json.loads(line) for line in ran.stdout.splitlines() if line.startswith("{")]
+    with _own_lock_file(source, folder), _cargo(command, source, name) as cargo:
+        output, _ = cargo.communicate()
+    if cargo.returncode == 0:
+        messages = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
         artifacts = [message for message in messages if message.get("reason") == "compiler-artifact"]
         local = sorted({crate for artifact in artifacts if (crate := _local_crate(artifact["package_id"]))})
         (folder / "target" / _LOCAL).write_text("".join(f"{crate}\n" for crate in local), encoding="utf-8")
@@ -55,38 +58,56 @@ def build(name: str, source: Path, folder: Path, command: list[str]) -> int:
         listed = folder / ".forge/read_by_backend"
         listed.parent.mkdir(parents=True, exist_ok=True)
         listed.write_text("".join(f"{path}\n" for path in sorted(read)), encoding="utf-8")
-    return ran.returncode
+    return cargo.returncode
 
 
 def test(name: str, source: Path, folder: Path, result: Path, command: list[str]) -> int:
     """Test and write the results; return 0, TESTS_FAILED, or cargo's exit code if no test failed."""
-    with _own_lock_file(source, folder):
-        ran = _cargo(command, source)
-    sys.stdout.write(ran.stdout)
-    tests = _TEST.findall(ran.stdout)
+    with _own_lock_file(source, folder), _cargo(command, source, name, stderr=subprocess.PIPE) as cargo:
+        output = _forward(cargo)
+    tests = _TEST.findall(output)
     result.parent.mkdir(parents=True, exist_ok=True)
-    result.write_bytes(_junit(name, tests, dict(_OUTPUT.findall(ran.stdout))))
-    return TESTS_FAILED if any(outcome == "FAILED" for _, outcome in tests) else ran.returncode
+    result.write_bytes(_junit(name, tests, dict(_OUTPUT.findall(output))))
+    return TESTS_FAILED if any(outcome == "FAILED" for _, outcome in tests) else cargo.returncode
 
 
-def _cargo(command: list[str], source: Path) -> subprocess.CompletedProcess[str]:
-    """Run cargo, with crates of AMENT_PREFIX_PATH in place of those on crates.io."""
+def _cargo(command: list[str], source: Path, name: str, stderr: int | None = None) -> subprocess.Popen[str]:
+    """Start cargo, with crates of AMENT_PREFIX_PATH in place of those on crates.io."""
     patches = [
         word
         for crate, folder in sorted(_installed_crates().items())
         for word in ("--config", f"patch.crates-io.{crate}.path={json.dumps(str(folder))}")
-        if _names(source, crate)
+        if crate != name and _names(source, crate)
     ]
     # With all descriptors: cargo is a client of make's jobserver.
-    return subprocess.run(
+    return subprocess.Popen(
         (*command[:2], *patches, *command[2:]),
         cwd=source,
         stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
         errors="replace",
         close_fds=False,
-        check=False,
     )
+
+
+def _forward(cargo: subprocess.Popen[str]) -> str:
+    """Print what cargo prints, with its status lines on stdout, where they are no warnings; return stdout."""
+    assert cargo.stdout is not None  # noqa: S101  (a pipe)
+    assert cargo.stderr is not None  # noqa: S101  (as above)
+    status = Thread(target=_forward_status, args=(cargo.stderr,))
+    status.start()
+    lines = []
+    for line in cargo.stdout:
+        lines.append(line)
+        print(line, end="", flush=True)  # noqa: T201  (for forge)
+    status.join()
+    return "".join(lines)
+
+
+def _forward_status(stderr: Iterable[str]) -> None:
+    for line in stderr:
+        print(line, end="", flush=True, file=sys.stdout if _STATUS.match(line) else sys.stderr)
 
 
 def _forget_local_crates(target: Path) -> None:

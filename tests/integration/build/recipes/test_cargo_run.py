@@ -37,6 +37,7 @@ CARGO = """#!/bin/sh
 echo locked > Cargo.lock
 echo "$@" > arguments
 cat output
+[ ! -e stderr ] || cat stderr >&2
 exit ${CODE:-0}
 """
 
@@ -114,19 +115,16 @@ def artifact(root: Path, folder: str, kind: list[str], file: str, executable: st
     }
 
 
+def command_of_tests(root: Path) -> list[str]:
+    """Return the words that test the package."""
+    words = (root / "src", root / "build", root / "results/test.xml", root / "cargo")
+    return ["test", "node", *map(str, words), "test"]
+
+
 def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     root = write_cargo(tree, TESTED)
     (root / "src/Cargo.lock").write_text("own\n")
-    result = root / "results/test.xml"
-    command = [
-        "test",
-        "node",
-        str(root / "src"),
-        str(root / "build"),
-        str(result),
-        str(root / "cargo"),
-        "test",
-    ]
+    result, command = root / "results/test.xml", command_of_tests(root)
     monkeypatch.setenv("CODE", "101")
     assert cargo_run.main(command) == cargo_run.TESTS_FAILED
     outcome = read_junit(parse_xml(result.read_bytes(), result), str(result), "")
@@ -136,3 +134,31 @@ def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPat
     (root / "src/output").write_text("error: could not compile\n")
     assert cargo_run.main(command) == 101
     assert (root / "src/Cargo.lock").exists()
+
+
+def test_status_lines_of_cargo_are_no_errors(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Programs and compilers write to stderr for a reason, cargo also to say what it does."""
+    root = write_cargo(tree, TESTED)
+    status = (
+        "   Compiling node v0.1.0 (/ws/src/node)\n"
+        "    Finished `test` profile [unoptimized + debuginfo] target(s) in 2.02s\n"
+        "     Running unittests src/lib.rs (/ws/build/node/target/debug/deps/node-efc8)\n"
+        "   Doc-tests node\n"
+    )
+    rest = (
+        "warning: unused variable: `x`\n"
+        "  --> src/lib.rs:1:5\n"
+        "   |\n"
+        "12 |     Let there be\n"
+        "   |\n"
+        "   = note: Some note\n"
+        "  A program says more\n"
+    )
+    (root / "src/stderr").write_text(status + rest)
+    monkeypatch.setenv("CODE", "101")
+    cargo_run.main(command_of_tests(root))
+    out, err = capfd.readouterr()
+    assert err == rest
+    assert sorted(out.splitlines()) == sorted((status + TESTED).splitlines())
