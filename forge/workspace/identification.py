@@ -79,8 +79,9 @@ def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Pack
 
 
 def _has_definitions(folder: Path) -> bool:
-    """Tell whether a folder such as 'srv' contains files with its name as extension."""
-    return folder.is_dir() and next(folder.glob(f"*.{folder.name}"), None) is not None
+    """Tell whether a folder such as 'srv' contains .idl files or files with its name as extension."""
+    endings = (f".{folder.name}", ".idl")
+    return folder.is_dir() and any(path.suffix in endings for path in folder.iterdir())
 
 
 def _colcon_pkg(folder: Folder) -> dict[str, Any]:

@@ -130,11 +130,16 @@ def test_actions_and_services_are_noticed(tree: Tree) -> None:
             "b/package.xml": manifest_text("b"),
             "b/srv/Go.srv": "---\n",
             "b/action/README.md": "",
+            "c/package.xml": manifest_text("c"),
+            "c/msg/Go.idl": "",
+            "c/action/Go.idl": "",
+            "c/srv/Go.idl": "",
         }
     )
     found = discover(root, ["."], {}).packages
     assert (found["a"].has_actions, found["a"].has_services) == (True, False)
     assert (found["b"].has_actions, found["b"].has_services) == (False, True)
+    assert (found["c"].has_actions, found["c"].has_services) == (True, True)
 
 
 def test_the_embedded_packages_are_sound() -> None:
