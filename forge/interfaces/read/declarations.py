@@ -85,11 +85,11 @@ def read_declaration(text: str, package: str) -> Declaration:
     written, _, rest = text.partition(" ")
     _check_outline(text, written, rest)
     type_ = _read_type(written, package)
-    offset = len(text) - len(rest.lstrip(" "))
+    offset = len(text) - len(rest.lstrip())
     if "=" not in rest:
         name, _, value = text[offset:].partition(" ")
         _check_field(name, offset, type_)
-        value = value.lstrip(" ")
+        value = value.lstrip()
         return Declaration(
             type_,
             name,
@@ -99,7 +99,7 @@ def read_declaration(text: str, package: str) -> Declaration:
             value_offset=len(text) - len(value),
         )
     name, _, value = text[offset:].partition("=")
-    name, value = name.rstrip(" "), value.lstrip(" ")
+    name, value = name.rstrip(), value.lstrip()
     _check_constant(name, offset, type_)
     return Declaration(
         type_,

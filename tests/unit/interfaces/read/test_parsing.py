@@ -92,6 +92,15 @@ def test_blanks_and_comments_do_not_change_a_constant(line: str) -> None:
     assert [(c.name, c.type, c.value) for c in message(line).constants] == [("A", INT8, -1)]
 
 
+@pytest.mark.parametrize("line", ["int8 \xa0a \xa05", "int8 A\xa0=\xa05", "int8  \u3000A=5\xa0"])
+def test_other_blanks_around_names_and_values_are_ignored_too(line: str) -> None:
+    parsed = message(line)
+    values = [(f.name.upper(), f.default) for f in parsed.fields] + [
+        (c.name, c.value) for c in parsed.constants
+    ]
+    assert values == [("A", 5)]
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\v", "\f", "\x1c", "\x85", "\u2028"])
 def test_any_line_end_ends_a_line(end: str) -> None:
     assert [f.name for f in message(f"int8 a{end}int8 b{end}").fields] == ["a", "b"]
