@@ -23,11 +23,12 @@ from tests.generated import INTEGERS
 from tests.messages import class_of, plain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 EXAMPLES = 5
 _SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
 _WSTRING = re.compile(r"^\s*wstring\b", re.MULTILINE)
+_INCLUDE = re.compile(r"^\s*#include.*", re.MULTILINE)
 
 
 def main(packages: Sequence[str]) -> int:
@@ -87,13 +88,19 @@ def _unsigned(described: Any) -> Any:  # noqa: ANN401  (rosbags' nested tuples)
 def _described_by_peer(path: Path) -> dict[str, Any]:
     text = path.read_text(encoding="utf-8-sig")
     if path.suffix == ".idl":
-        return dict(get_types_from_idl(text))
+        # rosbags reads no #include and needs none: names in .idl files are complete.
+        return _flat_names(get_types_from_idl(_INCLUDE.sub("", text)))
     texts = re.split(r"^---.*$", text, flags=re.MULTILINE)
     types: dict[str, Any] = {}
     for suffix, part in zip(_SECTIONS[path.suffix[1:]], texts, strict=True):
         if not _WSTRING.search(part):  # rosbags has no wstring
             types.update(get_types_from_msg(part, f"{_flat(path)}{suffix}"))
     return types
+
+
+def _flat_names(types: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the types of an .idl file as if all were messages, see `_flat`."""
+    return {re.sub(r"/(srv|action)/", "/msg/", name): fields for name, fields in types.items()}
 
 
 def _name(path: Path) -> str:

@@ -50,37 +50,54 @@ def test_interface_packages_are_found_by_their_checkouts(tree: Tree) -> None:
     }
 
 
+MESSAGE = "uint8[] data\nfloat32 x 1.5\nbyte b\nstring<=4 s\n"
+SERVICE = """
+#include "reading_msgs/msg/Reading.idl"
+
+module reading_msgs { module srv {
+  struct Save_Request { int32 id; sequence<reading_msgs::msg::Reading> readings; };
+  struct Save_Response { boolean done; };
+}; };
+"""
+WRONG = "rosbags reads other values"
+
+
 @pytest.mark.parametrize(
-    ("installed", "fault"),
+    ("installed", "faults"),
     [
-        ("uint8[] data\nfloat32 x 1.5\nbyte b\nstring<=4 s\n", None),
-        ("uint8[] data\nint32 x\nbyte b\nstring<=4 s\n", "rosbags reads other values"),
+        ({}, {}),
+        (
+            {"msg/Reading.msg": MESSAGE.replace("float32 x 1.5", "int32 x")},
+            {"Reading": WRONG, "Save_Request": WRONG},
+        ),
+        ({"srv/Save.idl": SERVICE.replace("int32 id", "float id")}, {"Save_Request": WRONG}),
     ],
 )
 def test_types_are_compared_with_those_that_rosbags_reads(
-    installed: str,
-    fault: str | None,
+    installed: dict[str, str],
+    faults: dict[str, str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     texts = {
-        "msg/Reading.msg": "uint8[] data\nfloat32 x 1.5\nbyte b\nstring<=4 s\n",
+        "msg/Reading.msg": MESSAGE,
         "srv/Read.srv": "---\nwstring name\n",
+        "srv/Save.idl": SERVICE,
     }
     generate(tmp_path, embedded_catalog("builtin_interfaces"))
     generate(tmp_path, catalog_of("reading_msgs", texts))
-    for path, text in {**texts, "msg/Reading.msg": installed}.items():
+    for path, text in {**texts, **installed}.items():
         file = tmp_path / "share/reading_msgs" / path
-        file.parent.mkdir(parents=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     with importable(tmp_path):
         assert types_check.main(["reading_msgs"]) == 0
     report = json.loads(capsys.readouterr().out)
-    assert report["types"] == {"reading_msgs": 2}
-    assert list(report["faults"]) == (["reading_msgs/msg/Reading"] if fault else [])
-    assert fault is None or fault in report["faults"]["reading_msgs/msg/Reading"]
+    assert report["types"] == {"reading_msgs": 3}
+    assert report["faults"] == {f"reading_msgs/msg/{name}": fault for name, fault in faults.items()}
+    assert report["unread"] == {}
 
 
 def test_a_new_row_leaves_other_distributions_and_notes() -> None:
