@@ -21,7 +21,7 @@ from forge.testing.failures import Failure, first_lines, last_lines
 from forge.testing.outcomes import Counts, counted_once, find_junit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from forge.build.events import Event
@@ -74,15 +74,21 @@ def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) ->
         replace_file(task.build_dir / RESULT, f"{result}\n".encode())
 
 
-def counts_of(task: Task, context: TestContext) -> Counts:
-    """Return the numbers of tests in the last run of a package."""
-    if not task.steps:
-        return Counts()
+def total_counts(tasks: Iterable[Task], context: TestContext) -> Counts | None:
+    """Return the numbers of tests in the last run of packages, None if those that ran left no result."""
+    counts = [_counts_of(task, context) for task in tasks if task.steps]
+    known = [count for count in counts if count is not None]
+    return sum(known, Counts()) if known or not counts else None
+
+
+def _counts_of(task: Task, context: TestContext) -> Counts | None:
+    """Return the numbers of tests in the last run of a package, None if they left no result."""
     results = collect(context.results_of(task.name)).outcomes
     kind = task.steps[-1].kind
     if kind is not StepKind.CTEST:
         own = str(context.results_of(task.name) / f"{kind.value}.xml")
-        return sum((outcome.counts for outcome in results if outcome.path == own), Counts())
+        counts = [outcome.counts for outcome in results if outcome.path == own]
+        return sum(counts, Counts()) if counts else None
     junits = [outcome for outcome in results if not outcome.by_name]
     if context.options.test_result_base is not None:
         results = collect(task.build_dir).outcomes

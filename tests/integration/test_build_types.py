@@ -96,11 +96,28 @@ def test_the_exit_code_of_a_plugins_tests_has_a_meaning(forge: Forge, greeter: P
     makefile = greeter / "src/greeter/Makefile"
     makefile.write_text(MAKEFILE.replace("$(WORD)", "made"))
     assert forge("build", cwd=greeter).code == 0
-    assert forge("test", "--return-code-on-test-failure", cwd=greeter).code == 0
+    passed = forge("test", "--return-code-on-test-failure", cwd=greeter)
+    assert passed.code == 0
     makefile.write_text(MAKEFILE.replace("$(WORD)", "other"))
     ran = forge("test", "--return-code-on-test-failure", cwd=greeter)
     assert ran.code == 1
     assert "1 package had test failures: greeter" in ran.out
+    assert " tests, " not in passed.out + ran.out, "nobody knows how many"
+
+
+@pytest.mark.usefixtures("plugin")
+def test_results_that_a_plugin_writes_are_counted(forge: Forge, greeter: Path) -> None:
+    """Packages that leave none do not change the sum."""
+    results = '<testsuite tests="2" errors="0" failures="0" skipped="1"/>'
+    makefile = MAKEFILE.replace('grep -q "$(WORD)" greet', f"echo '{results}' > test.xml")
+    (greeter / "src/greeter/Makefile").write_text(makefile)
+    (greeter / "src/other").mkdir()
+    (greeter / "src/other/package.xml").write_text(manifest_text("other", build_type="make"))
+    (greeter / "src/other/Makefile").write_text("all install check:\n")
+    assert forge("build", cwd=greeter).code == 0
+    tested = forge("test", cwd=greeter)
+    assert "Summary: 2 packages finished" in tested.out
+    assert "\n  2 tests, 0 errors, 0 failures, 1 skipped\n" in tested.out
 
 
 @pytest.mark.usefixtures("plugin")

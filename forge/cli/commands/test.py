@@ -23,7 +23,6 @@ from forge.execution.scheduler import Scheduler
 from forge.output.handlers import ReportOptions
 from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
 from forge.testing.failures import table
-from forge.testing.outcomes import Counts
 from forge.testing.preparing import (
     absent_problems,
     changed_since_build,
@@ -35,7 +34,7 @@ from forge.testing.preparing import (
     prepare_context,
     tested_names,
 )
-from forge.testing.running import TestSetup, counts_of, failures_of, write_result_file
+from forge.testing.running import TestSetup, failures_of, total_counts, write_result_file
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -145,7 +144,7 @@ def _report_results(plan: BuildPlan, context: TestContext, session: Session, *, 
     """Print the summary and a table of the failed tests; return the exit code."""
     report, seconds = session.report, session.seconds
     ended = {*report.tally.finished, *report.tally.failed} & plan.tasks.keys()
-    report.test_counts = sum((counts_of(plan.tasks[name], context) for name in ended), Counts())
+    report.test_counts = total_counts((plan.tasks[name] for name in ended), context)
     report.summarise(seconds)
     failures = [
         failure
