@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package
 
-_BATCH_SIZE = 64
-"""Sources per compiled unit: headers weigh little, and a unit needs less than twice the memory of one source.
+_C_BATCH_SIZE = 64
+_CXX_BATCH_SIZE = 24
+"""Sources per compiled unit. One more source costs a unit about 1 MB, the headers in C++ 70 MB.
 
-A package has eight targets or so, so even a small one has enough units for eight processors.
+So a unit needs less than 100 MB, not much more than one source, and compilers together no more than without
+units. A package has eight targets or so, so even a small one has enough units for eight processors.
 """
 
 _BUILD = r"""[ -e "$0" ] && exec "$@"
@@ -50,7 +52,8 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
     include = render(
         "cmake/fast_rosidl.cmake.j2",
         marker=quoted(str(marker)),
-        batch_size=_BATCH_SIZE,
+        c_batch_size=_C_BATCH_SIZE,
+        cxx_batch_size=_CXX_BATCH_SIZE,
         compile_launcher=quoted(shlex.join(("sh", str(script), str(marker)))),
         launcher_program=quoted(context.generator_launcher[0]),
         generator_launcher=quoted(shlex.join(context.generator_launcher)),
