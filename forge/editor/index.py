@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    from forge.interfaces.read.occurrences import Occurrence
     from forge.interfaces.read.sources import Library
 
 _SUFFIXES = frozenset(f".{ending}" for ending in ENDINGS)
@@ -39,7 +40,7 @@ class Index:
         self._readings: dict[Path, Reading] = {}
         self._manifests: dict[Path, ManifestReading] = {}
         self._by_name: dict[TypeName, Path] = {}
-        self._users: dict[TypeName, set[Path]] = {}
+        self._uses: dict[TypeName, dict[Path, list[Occurrence]]] = {}
         self._elsewhere: tuple[TypeName, ...] | None = None
         self._stamps: dict[Path, int | None] = {}
         """When each file that was read, and its folder, was changed last."""
@@ -120,17 +121,14 @@ class Index:
                 return self._manifests[folder / MANIFEST]
         return None
 
-    def readings(self) -> Iterator[Reading]:
-        """Yield all definitions of the workspace."""
-        return iter(self._readings.values())
-
     def manifests(self) -> Iterator[ManifestReading]:
         """Yield all manifests of the workspace."""
         return iter(self._manifests.values())
 
-    def users(self, name: TypeName) -> tuple[Path, ...]:
-        """Return the definitions that refer to a message."""
-        return tuple(sorted(self._users.get(name, ()), key=str))  # many paths are slow to compare
+    def uses(self, name: TypeName) -> list[tuple[Path, list[Occurrence]]]:
+        """Return the definitions that refer to a message, with the places that do."""
+        # Many paths are slow to compare.
+        return sorted(self._uses.get(name, {}).items(), key=lambda use: str(use[0]))
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return an interface, without what is invalid in it, or None."""
@@ -146,10 +144,6 @@ class Index:
             return self.find(name)
         except InterfaceError:
             return None
-
-    def own_names(self) -> Iterator[TypeName]:
-        """Yield the names of the interfaces of the workspace."""
-        return iter(self._by_name)
 
     def names(self) -> Iterator[TypeName]:
         """Yield the names of all interfaces, those of the workspace first."""
@@ -179,7 +173,7 @@ class Index:
             self._by_name.setdefault(reading.name, path)
             for each in reading.occurrences:
                 if each.type:
-                    self._users.setdefault(each.type, set()).add(path)
+                    self._uses.setdefault(each.type, {}).setdefault(path, []).append(each)
 
     def _put_manifest(self, path: Path, text: str | None) -> None:
         """Replace what is known about a manifest, and the package of the definitions beside it."""
@@ -201,7 +195,7 @@ class Index:
             del self._by_name[old.name]
         for each in old.occurrences:
             if each.type:
-                self._users[each.type].discard(path)
+                self._uses[each.type].pop(path, None)
 
     def _package_of(self, path: Path) -> str:
         """Return the name of the package that contains a definition."""

@@ -75,11 +75,9 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
 
 def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
     """Yield the places in definitions of the workspace that name a message, without its declaration."""
-    for user in index.users(name):
-        reading = index.reading(user)
-        for each in reading.occurrences if reading else ():
-            if each.type == name:
-                yield user, each
+    for user, occurrences in index.uses(name):
+        for each in occurrences:
+            yield user, each
 
 
 def package_manifest(index: Index, name: str) -> Path | None:

@@ -29,7 +29,7 @@ class NearbyTypes:
         self._containers = {reading.name}
         waiting = [reading.name]
         while waiting:
-            users = filter(None, map(index.reading, index.users(waiting.pop())))
+            users = filter(None, (index.reading(user) for user, _ in index.uses(waiting.pop())))
             found = {user.name for user in users} - self._containers
             self._containers |= found
             waiting += found

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import re
 import sys
 from contextlib import redirect_stdout
-from functools import partial
+from functools import lru_cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -53,8 +56,15 @@ _KINDS = {
     "keyword": lsp.CompletionItemKind.Keyword,
     "value": lsp.CompletionItemKind.Value,
 }
-_REFUSED = lsp.LSPErrorCodes.RequestFailed.value
 _WATCHED = "**/{package.xml,*.msg,*.srv,*.action,*.idl}"
+_PLAIN = re.compile(r"[\w./-]*", re.ASCII)
+"""A path that is the same in an address: matching is faster than quoting."""
+
+
+class _RefusedError(JsonRpcException):
+    """The answer to a request that cannot be met."""
+
+    CODE = lsp.LSPErrorCodes.RequestFailed.value
 
 
 class InterfaceServer(LanguageServer):
@@ -63,6 +73,7 @@ class InterfaceServer(LanguageServer):
     def __init__(self, open_index: Callable[[Path], Index]) -> None:
         """Register what the server offers."""
         super().__init__("forge", __version__)
+        logging.getLogger("pygls.protocol.json_rpc").addFilter(_is_worth_logging)
         self._open_index = open_index
         self._indexes: dict[Path, Index] = {}
         self._opened: dict[Path, str] = {}
@@ -192,11 +203,9 @@ class InterfaceServer(LanguageServer):
         try:
             found = rename(*asked, params.new_name)
         except ForgeError as error:
-            raise JsonRpcException("; ".join(each.message for each in error.problems), _REFUSED) from None
+            raise _RefusedError("; ".join(each.message for each in error.problems)) from None
         if found.moves and not self._can_rename_files():
-            raise JsonRpcException(
-                "this editor cannot rename files, which renaming a type requires", _REFUSED
-            )
+            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
         return self._workspace_edit(asked[0], found)
 
     def _can_rename_files(self) -> bool:
@@ -224,7 +233,8 @@ class InterfaceServer(LanguageServer):
         return lsp.WorkspaceEdit(document_changes=changes)
 
     def _uri(self, path: Path) -> str:
-        return self._opened.get(path) or f"file://{quote(str(path))}"  # faster than as_uri()
+        name = str(path)
+        return self._opened.get(path) or f"file://{name if _PLAIN.fullmatch(name) else quote(name)}"
 
     def _cursor(self, params: _AtPosition) -> tuple[Index, Path, int, int] | None:
         """Return where a question is about, None in a file of another kind."""
@@ -262,12 +272,12 @@ class InterfaceServer(LanguageServer):
 
     def _range(self, index: Index, path: Path, span: Span) -> lsp.Range:
         """Return a part of a file in the units of the editor."""
-        lines = index.text(path).splitlines()
-        line = lines[span.line] if span.line < len(lines) else ""
+        text = index.text(path)
         start, end = span.start, span.end
-        if not line.isascii():
+        if not text.isascii():
+            line = next(islice(text.splitlines(), span.line, None), "")
             start, end = map(self.workspace.position_codec.client_num_units, (line[:start], line[:end]))
-        return lsp.Range(lsp.Position(span.line, start), lsp.Position(span.line, end))
+        return _range(span.line, start, end)
 
 
 def serve(open_index: Callable[[Path], Index]) -> None:
@@ -275,6 +285,12 @@ def serve(open_index: Callable[[Path], Index]) -> None:
     # The server closes its stream at the end; and whatever is printed must not get between its answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as answers, redirect_stdout(sys.stderr):
         InterfaceServer(open_index).start_io(stdout=answers)
+
+
+@lru_cache(4096)
+def _range(line: int, start: int, end: int) -> lsp.Range:
+    """Return a part of a line; thousands of references are at a few hundred places."""
+    return lsp.Range(lsp.Position(line, start), lsp.Position(line, end))
 
 
 def _item(proposal: Proposal, where: lsp.Range, number: int) -> lsp.CompletionItem:
@@ -286,6 +302,11 @@ def _item(proposal: Proposal, where: lsp.Range, number: int) -> lsp.CompletionIt
         sort_text=f"{number:04}",
         text_edit=lsp.TextEdit(where, proposal.text or proposal.label),
     )
+
+
+def _is_worth_logging(record: logging.LogRecord) -> bool:
+    """Tell whether a message of pygls is about more than a request that the server refused."""
+    return not (record.exc_info and isinstance(record.exc_info[1], _RefusedError))
 
 
 def _path(uri: str) -> Path | None:

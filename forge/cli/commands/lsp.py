@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,4 +54,6 @@ def _open(folder: Path, rosdistro: str | None) -> Index:
     )
     index = Index(root, library, os.environ)
     index.scan()
+    # The index stays: garbage collection between answers need not go through all of it.
+    gc.freeze()
     return index

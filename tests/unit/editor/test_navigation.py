@@ -92,8 +92,8 @@ def test_the_declaration_is_among_them_if_wanted(
 
 
 def test_files_are_read_once(workspace: Pointer) -> None:
-    for reading in workspace.index.readings():
-        reading.source.path.unlink()
+    for path in workspace.path("").glob("*/msg/*.msg"):
+        path.unlink()
     found = definition(*workspace.at("nav/msg/Path.msg", "Point"))
     assert shown(workspace, found) == "shapes/msg/Point.msg:0:0-0"
     assert len(references(*workspace.at("nav/msg/Path.msg", "Point"), declaration=False)) == 4

@@ -104,13 +104,17 @@ def test_a_rename_edits_all_files_and_moves_one(client: Editor, root: Path) -> N
     assert client.at("textDocument/rename", root / "notes.txt", "0:0", newName="A") is None
 
 
-def test_an_editor_that_cannot_rename_files_is_told(root: Path) -> None:
+def test_an_editor_that_cannot_rename_files_is_told(root: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The answer is an error of the protocol, and no failure of the server that its log would show."""
     with editor() as client:
         client.start(root)
         path = root / "src/nav/msg/Path.msg"
         client.open(path, "shapes/Point[] points\n")
         with pytest.raises(AssertionError, match="this editor cannot rename files"):
             client.at("textDocument/rename", path, "0:8", newName="Spot")
+        with pytest.raises(AssertionError, match="'code': -32803"):
+            client.at("textDocument/rename", path, "0:8", newName="spot")
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_columns_count_in_the_units_of_the_editor(client: Editor, root: Path) -> None:
