@@ -47,6 +47,14 @@ def find_definition(folder: Path, rosdistro: str, relative: str) -> Path | None:
     return None
 
 
+def is_embedded(folder: Path) -> bool:
+    """Tell whether a package is forge's own, or was installed from one; `folder` contains its package.xml."""
+    if folder.is_relative_to(EMBEDDED):
+        return True
+    manifest = folder / "package.xml"
+    return manifest.is_file() and "<forge_family>" in manifest.read_text(encoding="utf-8")
+
+
 def has_definitions(folder: Path, rosdistro: str) -> bool:
     """Tell whether an embedded package has any definition in a distribution."""
     paths = (

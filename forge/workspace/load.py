@@ -12,7 +12,7 @@ from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import ordered_names
-from forge.base.standard_interfaces import distribution_hint
+from forge.base.standard_interfaces import distribution_hint, is_embedded
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded
 from forge.workspace.filters import apply_filters
@@ -122,18 +122,23 @@ def resolve_workspace(
     # If this workspace is sourced, its own results are on PATH.
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
     rosdistro = distribution_in(variables)
+    find = cache(lambda name: provider(name, underlays, system))
     resolution = resolve_dependencies(
         workspace.packages,
         discover_embedded(rosdistro),
-        cache(lambda name: provider(name, underlays, system)),
-        lambda: ament_index.resources("packages", underlays.prefixes),
+        find,
+        is_embedded=lambda name: (prefix := find(name)) is not None and is_embedded(prefix / "share" / name),
         events=has_service_events(rosdistro),
     )
-    if GENERATORS in resolution.withheld:
-        return resolution
-    missing = {name for names in resolution.missing.values() for name in names}
-    hints = {name: hint for name in missing if (hint := distribution_hint(name, rosdistro))}
-    return replace(resolution, elsewhere=hints)
+    hints: dict[str, str] = {}
+    if GENERATORS not in resolution.withheld:
+        missing = {name for names in resolution.missing.values() for name in names}
+        hints = {name: hint for name in missing if (hint := distribution_hint(name, rosdistro))}
+    return replace(
+        resolution,
+        elsewhere=hints,
+        known=lambda: (*resolution.known(), *ament_index.resources("packages", underlays.prefixes)),
+    )
 
 
 def _needs(resolution: DependencyResolution, duplicates: Iterable[Package]) -> Mapping[str, frozenset[str]]:

@@ -81,17 +81,17 @@ def resolve_dependencies(
     workspace: Mapping[str, Package],
     embedded: Mapping[str, Package],
     provider: Callable[[str], object | None],
-    installed: Callable[[], Iterable[str]] = tuple,
     *,
+    is_embedded: Callable[[str], bool] = lambda _: False,
     events: bool = False,
 ) -> DependencyResolution:
     """Return the workspace's packages with the embedded ones that they depend on, recursively.
 
     `provider(name)` returns the prefix in which an underlay or the system has a package, else None;
-    `installed()` returns the names of the packages in underlays. With `events`, the embedded generators
-    generate the events of services.
+    `is_embedded(name)` tells whether it is an embedded package that forge installed there. With `events`,
+    the embedded generators generate the events of services.
     """
-    reasons = _provided_families(workspace, provider)
+    reasons = _provided_families(workspace, provider, is_embedded)
     answers, withheld = _embedded_providers(embedded, reasons)
     events = events and GENERATORS in answers
     packages = dict(workspace)
@@ -124,7 +124,7 @@ def resolve_dependencies(
         missing,
         frozenset(superseded) - workspace.keys(),
         withheld=withheld,
-        known=lambda: (*workspace, *answers, *installed()),
+        known=lambda: (*workspace, *answers),
     )
 
 
@@ -186,15 +186,21 @@ def similar_package(name: str, known: Iterable[str]) -> str | None:
 
 
 def _provided_families(
-    workspace: Mapping[str, Package], provider: Callable[[str], object | None]
+    workspace: Mapping[str, Package],
+    provider: Callable[[str], object | None],
+    is_embedded: Callable[[str], bool],
 ) -> dict[str, str]:
-    """Return the families provided elsewhere, with the provider."""
+    """Return the families provided elsewhere, with the provider.
+
+    An underlay that was built without ROS has the embedded generators, but only the interfaces that it needs.
+    """
     families = {}
+    ours = provider(GENERATORS) if is_embedded(GENERATORS) else None
     for family, marks in FAMILY_MARKERS.items():
         for mark in marks:
             if mark in workspace:
                 families[family] = f"'{mark}' is in the workspace ({workspace[mark].path})"
-            elif found := provider(mark):
+            elif (found := provider(mark)) and not (family == "rosidl" and found == ours):
                 families[family] = f"'{mark}' comes from '{found}'"
     return families
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.standard_interfaces import EMBEDDED
 from forge.environment.install_state import recorded_underlays
 from forge.environment.underlays import lost_underlays, overridden
 from tests.installs import Made, make_install
@@ -57,6 +58,27 @@ def test_what_is_overridden_in_an_underlay_is_one_warning(tmp_path: Path) -> Non
     assert problem.message == (
         f"'one', 'two' override the packages in '{root}', on which 'other', 'user' there depend"
     )
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_embedded_interfaces_join_embedded_generators_of_an_underlay(
+    ours: bool,  # noqa: FBT001  (a column)
+    forge: Forge,
+    tree: Tree,
+    tmp_path: Path,
+) -> None:
+    """A workspace below that was built without ROS has only the interfaces that its packages need."""
+    name = "rosidl_default_generators"
+    text = (EMBEDDED / name / "package.xml").read_text() if ours else manifest_text(name)
+    core = "rosidl_core_generators"
+    files = {f"share/{name}/package.xml": text, f"share/{core}/cmake/{core}Config.cmake": ""}
+    made = [Made(name, files=files), Made("builtin_interfaces")]
+    below = make_install(tmp_path / "below", made).install
+    depends = f"<depend>{name}</depend><depend>std_msgs</depend>"
+    root = tree({"ws/src/a/package.xml": manifest_text("a", depends)}) / "ws"
+    listed = forge("list", "--embedded", "-n", cwd=root, env={"COLCON_PREFIX_PATH": str(below)}).out.split()
+    assert ("std_msgs" in listed) == ours
+    assert not {name, "builtin_interfaces"} & set(listed)
 
 
 @pytest.mark.needs("cmake")

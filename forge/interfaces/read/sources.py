@@ -17,6 +17,7 @@ from forge.base.standard_interfaces import (
     distribution_hint,
     find_definition,
     has_definitions,
+    is_embedded,
     removed_definitions,
 )
 from forge.base.xml import parse_xml
@@ -163,7 +164,7 @@ class Library:
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which distributions have a type that an embedded package of this one lacks, or None."""
         folder = self.folder(name.package)
-        if folder and not _is_embedded(folder):
+        if folder and not is_embedded(folder):
             return None
         return distribution_hint(name.package, self.rosdistro, f"{name.kind}/{name.name}.{name.kind}")
 
@@ -204,14 +205,6 @@ def _declared_in(manifest: Path) -> frozenset[str]:
     except (OSError, ForgeError):
         return frozenset()
     return frozenset(each.text.strip() for each in root.children if each.tag.endswith("depend"))
-
-
-def _is_embedded(folder: Path) -> bool:
-    """Tell whether the definitions are forge's own, or were installed from these."""
-    if folder.is_relative_to(EMBEDDED):
-        return True
-    manifest = folder / "package.xml"
-    return manifest.is_file() and "<forge_family>" in manifest.read_text(encoding="utf-8")
 
 
 def _has_interfaces(folder: Path, rosdistro: str) -> bool:

@@ -32,9 +32,9 @@ def missing_in(
 ) -> MissingDependencies:
     """Return what a workspace lacks of which nothing is installed."""
     workspace: Mapping[str, Package] = {each.name: each for each in packages}
-    return missing_dependencies(
-        resolve_dependencies(workspace, {}, lambda _: None, lambda: known), workspace, skip_keys
-    )
+    resolution = resolve_dependencies(workspace, {}, lambda _: None)
+    resolution = replace(resolution, known=lambda: (*workspace, *known))
+    return missing_dependencies(resolution, workspace, skip_keys)
 
 
 def beginnings(problems: Iterable[Problem]) -> list[str]:

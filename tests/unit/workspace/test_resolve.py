@@ -89,6 +89,18 @@ def test_a_family_is_used_whole_or_not_at_all() -> None:
     )
 
 
+def test_embedded_generators_in_an_underlay_leave_the_embedded_interfaces() -> None:
+    there = {"ament_cmake": 1, "rosidl_default_generators": 2, "rosidl_cmake": 2, "builtin_interfaces": 3}
+    made = resolve_dependencies(
+        by_name(package("a", "rosidl_default_generators", "std_msgs")),
+        EMBEDDED,
+        there.get,
+        is_embedded=there.__contains__,
+    )
+    assert set(made.packages) == {"a", "std_msgs"}
+    assert made.missing == {}
+
+
 def test_an_incomplete_family_in_the_workspace_is_reported() -> None:
     half = package("ament_cmake_core", build_type="cmake")
     made = resolve_dependencies(by_name(package("a", "ament_cmake_auto"), half), EMBEDDED, nobody)
