@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import tarfile
 from typing import TYPE_CHECKING
@@ -63,6 +64,7 @@ def test_a_bundle_works_where_it_is_unpacked(
     layout = make_install(root, [WALKER], merged=layout_word == "merged")
     ran = forge("bundle", "-o", str(tmp_path / "x.tar.gz"), cwd=root)
     assert (ran.code, ran.err) == (0, "")
+    assert re.fullmatch(r"/.*/x\.tar\.gz: \d+ files, [1-9] KB\n", ran.out)
     root.rename(tmp_path / "away")
     new = tmp_path / "a new 'place'"
     new.mkdir()

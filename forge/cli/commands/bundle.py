@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from forge.cli.main import Parser
 
+_MEGABYTE = 1_000_000
+
 
 def register(parser: Parser) -> None:
     """Add the options of `forge bundle`."""
@@ -43,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     name = f"{Path.cwd().name}-{target.triple}" if target else Path.cwd().name
     output = Path(os.path.abspath(options.output or f"{name}.tar.gz"))  # noqa: PTH100  (no '..' in it)
     files, size = write_bundle(install, output, build_files=options.with_build_files, name=base.name)
-    print(f"{output}: {files} files, {size / 1e6:.1f} MB")
+    print(f"{output}: {files} files, {_shown(size)}")
     underlays = [str(path) for path in recorded_underlays(install)]
     if underlays:
         hint = "install them at the same path on the target machine, or bundle them, too"
@@ -52,3 +54,7 @@ def run(options: argparse.Namespace) -> int:
         )
     sys.stdout.flush()
     return 0
+
+
+def _shown(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{max(round(size / 1e3), 1)} KB"

@@ -6,6 +6,7 @@ import os
 import re
 
 from forge.base.frozen import frozen
+from forge.base.names import nearest
 
 _NAME = re.compile(r"(\w[\w-]*?)(?:\.(\d+\.\d+))?")
 
@@ -70,6 +71,12 @@ def parse_target(word: str) -> Target:
     known = TRIPLES.get(_cpu(name))
     is_known = known is not None and (name == known or "-" not in name)
     return Target(known if known and is_known else name, glibc)
+
+
+def similar_target(target: Target) -> str | None:
+    """Return the name of a known platform that an unknown one may stand for, or None."""
+    near = nearest(target.cpu, {*TRIPLES, *_PROCESSORS})
+    return near and (TRIPLES[_cpu(near)] if "-" in target.triple else near)
 
 
 def _cpu(name: str) -> str:

@@ -15,7 +15,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.templating import render
 from forge.environment.prefixes import find_underlays
-from forge.toolchain.cross.targets import TRIPLES
+from forge.toolchain.cross.targets import TRIPLES, similar_target
 from forge.toolchain.cross.zig import Zig, find_zig
 from forge.toolchain.languages import any_enables_cxx
 
@@ -122,7 +122,10 @@ def _included(toolchain_file: Path, folder: Path, layout: Layout) -> str:
 
 def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None) -> Iterator[Problem]:
     if toolchain_file is None and not target.is_known:
-        hint = f"use one of {', '.join(TRIPLES.values())}, or describe the compilers in a '--toolchain-file'"
+        near = similar_target(target)
+        question = f"did you mean '{near}'? otherwise " if near else ""
+        known = ", ".join(TRIPLES.values())
+        hint = f"{question}use one of {known}, or describe the compilers in a '--toolchain-file'"
         yield Problem(f"unknown target '{target.triple}'", hint=hint)
     if toolchain_file and target.glibc:
         hint = f"pass '--target {target.triple}'"

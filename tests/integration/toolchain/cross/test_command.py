@@ -47,6 +47,12 @@ def test_options_without_a_meaning_are_refused(
     assert (ran.code, message in ran.err) == (2, True)
 
 
+def test_a_similar_target_is_suggested(tree: Tree, forge: Forge) -> None:
+    ran = forge("build", "--target", "arm46", cwd=tree(QUICK))
+    assert ran.code == 2
+    assert "unknown target 'arm46'\nhint: did you mean 'arm64'? otherwise use one of " in ran.err
+
+
 def test_a_build_for_this_machine_imports_none_of_it(
     tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
 ) -> None:

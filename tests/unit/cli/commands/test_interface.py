@@ -13,6 +13,7 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN
+from tests.packages import manifest_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -112,6 +113,29 @@ def test_interfaces_of_the_workspace_around_need_not_be_sourced(forge: Forge, tr
     new = ("--package", "new", str(root / "src/new"))
     assert forge("interface", "hash", *new, cwd=root).code == 0
     assert "mine" in forge("interface", "generate", *new, "--output", "out", cwd=root).err
+
+
+@pytest.mark.parametrize("built", [True, False])
+def test_show_names_the_command_for_a_package_that_is_not_built(
+    forge: Forge,
+    tree: Tree,
+    built: bool,  # noqa: FBT001
+) -> None:
+    files = {
+        "src/robot_msgs/package.xml": manifest_text("robot_msgs"),
+        "src/robot_msgs/msg/Arm.msg": "int8 x\n",
+        "src/robot_msg/package.xml": manifest_text("robot_msg"),
+    }
+    installed = {f"install/robot_msg/{path}": text for path, text in PREFIX.items()}
+    installed["install/.colcon_install_layout"] = "isolated\n"
+    root = tree({**files, **(installed if built else {})})
+    for words in (("show", "robot_msgs/msg/Arm"), ("package", "robot_msgs")):
+        ran = forge("interface", *words, cwd=root / "src")
+        assert ran.code == 2
+        assert ran.err == (
+            "error: package 'robot_msgs' is in this workspace, but not built\n"
+            "hint: run: forge build --packages-up-to robot_msgs\n"
+        )
 
 
 def test_show_prints_an_interface_that_is_only_idl_as_it_is(forge: Forge, tree: Tree) -> None:

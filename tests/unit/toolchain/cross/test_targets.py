@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from forge.toolchain.cross.targets import parse_target
+from forge.toolchain.cross.targets import parse_target, similar_target
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,18 @@ def test_a_name_is_a_folder(word: str) -> None:
 def test_cmake_calls_processors_as_the_kernel_does() -> None:
     assert parse_target("armhf").cmake_processor == "armv7l"
     assert parse_target("arm64").cmake_processor == "aarch64"
+
+
+@pytest.mark.parametrize(
+    ("word", "near"),
+    [
+        ("arm46", "arm64"),
+        ("arm46-linux-gnu", "aarch64-linux-gnu"),
+        ("aarch46-linux-gnu", "aarch64-linux-gnu"),
+        ("aarch64-linux-musl", "aarch64-linux-gnu"),
+        ("risc64", "riscv64"),
+        ("mips-linux-gnu", None),
+    ],
+)
+def test_a_name_that_is_almost_right_is_recognized(word: str, near: str | None) -> None:
+    assert similar_target(parse_target(word)) == near
