@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import prefix_of
 from forge.base.errors import InterfaceError, Problem
 from forge.base.names import did_you_mean
 from forge.base.standard_interfaces import EMBEDDED, distribution_hint
-from forge.cli.commands.interface.inputs import add_distribution, known_library
+from forge.cli.commands.interface.inputs import add_distribution, known_library, require_built
 from forge.interfaces.read.sources import names_in
-from forge.workspace.root import find_root, is_root, source_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from forge.cli.main import Parser
     from forge.interfaces.model import TypeName
@@ -161,14 +160,6 @@ def _check_package(package: str, library: Library) -> Path:
     hint = distribution_hint(package, library.rosdistro)
     if not hint and (EMBEDDED / package / "package.xml").is_file():
         return EMBEDDED / package
-    if _is_in_workspace(package):
-        message = f"package '{package}' is in this workspace, but not built"
-        raise InterfaceError(Problem(message, hint=f"run: forge build --packages-up-to {package}"))
+    require_built(package, library)
     hint = hint or did_you_mean(package, library.packages())
     raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))
-
-
-def _is_in_workspace(package: str) -> bool:
-    """Tell whether the enclosing workspace contains a package; elsewhere, nothing is searched."""
-    root = find_root(Path.cwd(), Path.home())
-    return is_root(root) and package in source_packages(root / "install")

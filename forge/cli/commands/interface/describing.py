@@ -13,6 +13,7 @@ from forge.cli.commands.interface.inputs import (
     catalog_of,
     includes_of,
     known_library,
+    require_built,
 )
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
@@ -105,5 +106,6 @@ def _hash_of(name: TypeName, library: Library) -> str:
 
 
 def _missing(name: TypeName, library: Library) -> NoReturn:
+    require_built(name.package, library)
     hint = did_you_mean(str(name), [str(each) for each in library.names()])
     raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))

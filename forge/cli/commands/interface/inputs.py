@@ -17,7 +17,7 @@ from forge.interfaces.read.declarations import LOWER_NAME
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_source
 from forge.interfaces.resolve.resolution import resolve
-from forge.workspace.root import find_install
+from forge.workspace.root import find_install, find_root, is_root, source_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -94,6 +94,14 @@ def known_library(options: argparse.Namespace, includes: Mapping[str, Path] | No
         prefixes=known_prefixes(os.environ, install),
         rosdistro=distribution_of(options),
     )
+
+
+def require_built(package: str, library: Library) -> None:
+    """Raise InterfaceError for a package of the enclosing workspace whose interfaces are not installed."""
+    root = find_root(Path.cwd(), Path.home())
+    if not library.folder(package) and is_root(root) and package in source_packages(root / "install"):
+        message = f"package '{package}' is in this workspace, but not built"
+        raise InterfaceError(Problem(message, hint=f"run: forge build --packages-up-to {package}"))
 
 
 def distribution_of(options: argparse.Namespace) -> str:

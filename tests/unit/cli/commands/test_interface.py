@@ -116,7 +116,7 @@ def test_interfaces_of_the_workspace_around_need_not_be_sourced(forge: Forge, tr
 
 
 @pytest.mark.parametrize("built", [True, False])
-def test_show_names_the_command_for_a_package_that_is_not_built(
+def test_questions_name_the_command_for_a_package_that_is_not_built(
     forge: Forge,
     tree: Tree,
     built: bool,  # noqa: FBT001
@@ -129,7 +129,8 @@ def test_show_names_the_command_for_a_package_that_is_not_built(
     installed = {f"install/robot_msg/{path}": text for path, text in PREFIX.items()}
     installed["install/.colcon_install_layout"] = "isolated\n"
     root = tree({**files, **(installed if built else {})})
-    for words in (("show", "robot_msgs/msg/Arm"), ("package", "robot_msgs")):
+    arm = "robot_msgs/msg/Arm"
+    for words in (("show", arm), ("proto", arm), ("hash", arm), ("schema", arm), ("package", "robot_msgs")):
         ran = forge("interface", *words, cwd=root / "src")
         assert ran.code == 2
         assert ran.err == (
