@@ -21,6 +21,7 @@ from hypothesis import HealthCheck, settings
 
 from forge.base.files import write_if_changed
 from forge.cli.main import main
+from forge.toolchain.compiler_probe import Toolchain
 from tests.generated import generate, importable, probe_catalog
 from tests.rosidl import DEBIAN, EMPY, MODULES
 
@@ -167,13 +168,26 @@ def tree(tmp_path: Path) -> Tree:
     return write
 
 
+@pytest.fixture(scope="session")
+def detected_compilers(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
+    """Return a folder for the results of compiler detection, which all workspaces of a session share.
+
+    A module that counts how often compilers are started has a fixture of this name that returns None.
+    """
+    return tmp_path_factory.mktemp("compilers")
+
+
 @pytest.fixture
-def forge(capfd: pytest.CaptureFixture[str]) -> Forge:
-    """Run forge as its users do, but in-process and far from any ROS that this shell has sourced."""
+def forge(capfd: pytest.CaptureFixture[str], detected_compilers: Path | None) -> Forge:
+    """Run forge as its users do, but in-process and far from any ROS that this shell has sourced.
+
+    Half of what a small workspace takes is compiler detection. A build folder gets the results of an
+    earlier one if forge gives both the same key, as it does for builds in one folder.
+    """
 
     def run(*argv: str, cwd: Path | None = None, env: Variables | None = None) -> Ran:
         capfd.readouterr()
-        with _surroundings(cwd, env or {}):
+        with _surroundings(cwd, env or {}), _detecting_once(detected_compilers):
             try:
                 code = main(argv)
             except SystemExit as leaving:  # argparse leaves this way, after --help and after mistakes
@@ -321,6 +335,26 @@ def _left_out(reporter: pytest.TerminalReporter) -> tuple[Counter[str], Counter[
         else:
             reasons[report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)] += 1
     return tools, reasons
+
+
+@contextmanager
+def _detecting_once(results: Path | None) -> Iterator[None]:
+    """Let a build folder without results of compiler detection take those of the same key."""
+    if results is None:
+        yield
+        return
+    detect = Toolchain._configure  # noqa: SLF001  (only tests have many build folders)
+
+    def configure(toolchain: Toolchain, variables: Mapping[str, str]) -> None:
+        home = toolchain._home  # noqa: SLF001
+        if not home.exists() and (results / home.name).is_dir():
+            shutil.copytree(results / home.name, home, symlinks=True)
+        detect(toolchain, variables)
+        if toolchain._results() is not None and not (results / home.name).exists():  # noqa: SLF001
+            shutil.copytree(home, results / home.name, symlinks=True)
+
+    with patch.object(Toolchain, "_configure", configure):
+        yield
 
 
 @contextmanager

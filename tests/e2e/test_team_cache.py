@@ -89,6 +89,11 @@ def restored(ran: Ran) -> int:
     return int(found[1]) if found else 0
 
 
+@pytest.fixture
+def detected_compilers() -> None:
+    """Let each workspace detect compilers, since their starts are counted."""
+
+
 def watched_compilers(folder: Path) -> dict[str, str]:
     """Return the environment in which each start of a compiler is written down, in FOLDER/started."""
     folder.mkdir()
