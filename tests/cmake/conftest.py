@@ -178,6 +178,11 @@ def ament(tmp_path: Path, embedded: Path) -> Ament:
     return make
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest file, so that no process works on it alone at the end."""
+    items.sort(key=lambda item: item.path.name != "test_shapes.py")
+
+
 def _install_embedded(names: tuple[str, ...], build: Path, prefix: Path, others: tuple[Path, ...]) -> Path:
     for name in names:
         Project(EMBEDDED / name, build / name, prefix, (prefix, *others)).install()
