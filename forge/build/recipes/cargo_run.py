@@ -35,6 +35,11 @@ _DEPENDENCY = re.compile(r"(?:\\ |[^\s\\]|\\[^ ])+")
 _STATUS = re.compile(r"(?=.{12} ) *[A-Z][a-z-]+ ")
 """A line that says what cargo does: a verb, right-aligned to 12 columns."""
 _TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
+_PANIC = re.compile(
+    r" panicked at (?:'(.*?)', (\S+:\d+:\d+)|(\S+:\d+:\d+):\n(.*?))\s*(?=^(?:note|stack backtrace):|\Z)",
+    re.MULTILINE | re.DOTALL,
+)
+"""A panic: message and place in Rust before 1.73, place and message since."""
 _OUTPUT = re.compile(r"^---- (.+?) stdout ----\n(.*?)(?=^---- |^failures:|\Z)", re.MULTILINE | re.DOTALL)
 
 
@@ -216,10 +221,16 @@ def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> 
         if outcome == "ignored":
             ET.SubElement(case, "skipped")
         elif outcome == "FAILED":
-            failure = ET.SubElement(case, "failure", message="the test failed")
-            failure.text = _printable(outputs.get(test_name, ""))
+            text = _printable(outputs.get(test_name, ""))
+            ET.SubElement(case, "failure", message=_message(text)).text = text
     ET.indent(suite)
     return bytes(ET.tostring(suite, encoding="utf-8", xml_declaration=True))
+
+
+def _message(output: str) -> str:
+    """Return where and why a test panicked."""
+    panic = _PANIC.search(output)
+    return f"{panic[2] or panic[3]}: {panic[1] or panic[4]}" if panic else "the test failed"
 
 
 def _printable(text: str) -> str:

@@ -136,6 +136,28 @@ def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPat
     assert (root / "src/Cargo.lock").exists()
 
 
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        (  # since Rust 1.73
+            "thread 'x' (12) panicked at a.rs:3:25:\nassertion failed\n  left: 42\n right: 41\nnote: run with\n",
+            "a.rs:3:25: assertion failed\n  left: 42\n right: 41",
+        ),
+        (
+            "some output\nthread 'x' panicked at 'it is late', src/lib.rs:3:25\nnote: run with\n",
+            "src/lib.rs:3:25: it is late",
+        ),
+        (
+            "thread 'x' panicked at src/lib.rs:1:1:\nlate\nstack backtrace:\n   0: main\n",
+            "src/lib.rs:1:1: late",
+        ),
+        ('Error: "no file"\n', "the test failed"),
+    ],
+)
+def test_the_message_of_a_failed_test_is_its_panic(output: str, message: str) -> None:
+    assert cargo_run._message(output) == message  # noqa: SLF001  (of cargo's formats, one machine has one)
+
+
 def test_status_lines_of_cargo_are_no_errors(
     tree: Tree, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
