@@ -140,7 +140,7 @@ def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPat
     ("output", "message"),
     [
         (  # since Rust 1.73
-            "thread 'x' (12) panicked at a.rs:3:25:\nassertion failed\n  left: 42\n right: 41\nnote: run with\n",
+            "thread 'x' panicked at a.rs:3:25:\nassertion failed\n  left: 42\n right: 41\nnote: run with\n",
             "a.rs:3:25: assertion failed\n  left: 42\n right: 41",
         ),
         (
