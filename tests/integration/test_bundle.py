@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.layout import LAYOUT_MARKER
 from forge.environment.bundling import for_building
 from tests.e2e.test_shells import PLAIN, each_layout, each_shell, report, sourced
 from tests.installs import Made, make_install
@@ -108,6 +109,14 @@ def test_the_same_tree_makes_the_same_bytes(forge: Forge, tmp_path: Path) -> Non
     assert (tmp_path / "a.tar.gz").read_bytes() == (tmp_path / "b.tar.gz").read_bytes()
     with tarfile.open(tmp_path / "a.tar.gz") as archive:
         assert "install/walker/include/walker/walker.hpp" in archive.getnames()
+
+
+def test_a_workspace_that_was_only_built_for_other_platforms(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {f"install/{name}/{LAYOUT_MARKER}": "" for name in ("riscv64-linux-gnu", "aarch64-linux-gnu")}
+    )
+    hint = "hint: pass the platform that it was built for: --target aarch64-linux-gnu or riscv64-linux-gnu\n"
+    assert forge("bundle", cwd=root).err.endswith(hint)
 
 
 def test_missing_files_and_underlays_are_reported(forge: Forge, tmp_path: Path) -> None:

@@ -247,6 +247,7 @@ def test_a_program_for_another_platform(forge: Forge, tree: Tree) -> None:
     code, _, err = run(forge, root, "walker", "say")
     assert (code, err.splitlines()[0]) == (2, f"error: cannot run '{root}/lib/walker/say': exec format error")
     assert "hint: it was compiled for another platform" in err
+    assert "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu'" in err
 
 
 def test_a_package_that_was_not_built_is_not_to_be_sourced(forge: Forge, tree: Tree) -> None:

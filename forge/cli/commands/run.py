@@ -163,7 +163,10 @@ def _fix(program: str) -> str:
     except OSError:
         compiled = False
     if compiled:
-        return "it was compiled for another platform; emulators of the package 'qemu-user' run it here"
+        return (
+            "it was compiled for another platform; with qemu-user, run it with "
+            "--prefix 'qemu-aarch64 -L /usr/aarch64-linux-gnu' or similar"
+        )
     return "scripts need a line such as '#!/usr/bin/env python3' at the beginning"
 
 

@@ -65,7 +65,10 @@ def parse_target(word: str) -> Target:
     """
     match = _NAME.fullmatch(word)
     if match is None:
+        name, dot, version = word.partition(".")
         message = f"'{word}' is not the name of a platform, such as 'aarch64-linux-gnu' or 'arm64'"
+        if dot and _NAME.fullmatch(name):
+            message = f"'{version}' is not a version of glibc, such as 2.35"
         raise ValueError(message)
     name, glibc = match[1].replace("-unknown-", "-"), match[2] or ""
     known = TRIPLES.get(_cpu(name))

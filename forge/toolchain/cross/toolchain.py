@@ -84,6 +84,7 @@ def prepare_cross_build(  # noqa: PLR0913  (what describes a target)
         base=_included(toolchain_file, folder, layout) if toolchain_file else "",
         processor=target.cmake_processor,
         sysroot=quoted(str(sysroot)) if sysroot else "",
+        architecture=_architecture(target, sysroot),
         install=os.path.relpath(layout.install, folder),
         underlays=[quoted(str(root)) for root in _underlays(target, layout, variables)],
         emulator=quoted(*command) if command else "",
@@ -138,6 +139,11 @@ def _problems(target: Target, toolchain_file: Path | None, sysroot: Path | None)
         yield Problem(message, hint=hint)
     if sysroot and not sysroot.is_dir():
         yield Problem(f"--sysroot: '{sysroot}' is not a folder")
+
+
+def _architecture(target: Target, sysroot: Path | None) -> str:
+    """Return the name of the folder with the libraries of a Debian or Ubuntu, '' for another sysroot."""
+    return target.triple if sysroot and (sysroot / "usr/lib" / target.triple).is_dir() else ""
 
 
 def _soabi(target: Target, version: tuple[int, int]) -> str:

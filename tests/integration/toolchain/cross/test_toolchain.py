@@ -121,6 +121,27 @@ def test_the_python_of_a_sysroot_is_what_its_link_says(tree: Tree) -> None:
     assert prepare(root, sysroot="root", toolchain_file="own.cmake").python_version == (3, 11)
 
 
+FINDS_KNOWN = """\
+cmake_minimum_required(VERSION 3.22)
+project(finds_known NONE)
+find_package(known REQUIRED)
+"""
+
+
+@pytest.mark.needs("cmake")
+def test_packages_are_found_in_the_folder_of_the_processor(tree: Tree) -> None:
+    """CMake asks the compiler for its name, but not without languages, and no path may contain a blank."""
+    root = tree(
+        {
+            "a root/usr/lib/aarch64-linux-gnu/cmake/known/known-config.cmake": "",
+            "own.cmake": "set(CMAKE_SYSTEM_NAME Linux)\n",
+            "src/CMakeLists.txt": FINDS_KNOWN,
+        }
+    )
+    cross = prepare(root, sysroot="a root", toolchain_file="own.cmake")
+    subprocess.run(["cmake", "-S", root / "src", "-B", root / "b", *cross.cmake_args], check=True)
+
+
 def test_the_processor_of_this_machine_needs_no_emulator(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
     machine = type("Machine", (), {"machine": "aarch64"})
     monkeypatch.setattr("os.uname", lambda: machine)

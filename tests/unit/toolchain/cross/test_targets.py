@@ -37,9 +37,17 @@ def test_another_name_is_kept_for_a_toolchain_file(word: str) -> None:
     assert not target.is_known
 
 
-@pytest.mark.parametrize("word", ["", "../x", "a b", "aarch64-linux-gnu.2", "x/y"])
+@pytest.mark.parametrize("word", ["", "../x", "a b", "x/y"])
 def test_a_name_is_a_folder(word: str) -> None:
     with pytest.raises(ValueError, match="is not the name of a platform"):
+        parse_target(word)
+
+
+@pytest.mark.parametrize(
+    ("word", "version"), [("aarch64-linux-gnu.2", "2"), ("arm64.22.04.1", "22.04.1"), ("arm64.", "")]
+)
+def test_what_follows_a_name_is_a_version_of_glibc(word: str, version: str) -> None:
+    with pytest.raises(ValueError, match=f"'{version}' is not a version of glibc, such as 2.35"):
         parse_target(word)
 
 
