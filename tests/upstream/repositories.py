@@ -135,9 +135,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--headers",
         nargs="*",
-        default=["jazzy"],
+        default=DISTRIBUTIONS,
         choices=DISTRIBUTIONS,
-        help="distributions whose C++ headers are compiled (default: jazzy)",
+        help="distributions whose C++ headers are compiled (default: all)",
     )
     return parser
 
