@@ -15,7 +15,9 @@ _INTERFACE = re.compile(r"^(?!\s).+\.(msg|srv|action|idl)(:\d+)*: error: ")
 _COMPILER = re.compile(r"^(?!\s).+:\d+(:\d+)?: (fatal )?error: ")
 _CMAKE = re.compile(r"^CMake Error\b")
 _OWN_LISTS = re.compile(r"^(CMake Error (?:at|in) )(?=(?:[\w.-]+/)*CMakeLists\.txt\b)", re.MULTILINE)
-_LINKER = re.compile(r"(undefined reference to|ld: cannot find|multiple definition of)")
+_LINKER = re.compile(
+    r"(undefined reference to|ld: cannot find|multiple definition of|file in wrong format|ld\.lld: error: )"
+)
 _OTHER = re.compile(
     r"^(error: |/.+: error: |forge: |\w*(Error|Exception): |(ninja|make): \*\*\* )", re.IGNORECASE
 )

@@ -14,6 +14,8 @@ from forge.output.first_error import first_error
         (["\x1b[1ma.cpp:1:2: \x1b[31mfatal error: x.h: No such file\x1b[0m", "    1 | #include"], 2),
         (["CMake Error at CMakeLists.txt:3 (find_package):", "  By not providing", "", "  more", "-- x"], 3),
         (["/usr/bin/ld: a.o: undefined reference to `f()'"], 1),
+        (["/usr/bin/ld: /a.so: error adding symbols: file in wrong format", "collect2: error: x"], 1),
+        (["ld.lld: error: a.so is incompatible with aarch64linux", "x"], 1),
         (["running", "/ws/src/a: error: there is no setup.py", "hint: make one"], 2),
         (["Traceback (most recent call last):", "  File x", "ModuleNotFoundError: No module named 'em'"], 1),
         (["a.cpp:1: error: later", "src/m/A.msg:1:1: error: sooner", "    int8", "    ^", "hint: do"], 4),

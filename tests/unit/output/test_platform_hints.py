@@ -23,6 +23,31 @@ def test_a_program_for_another_platform_needs_an_emulator(output: str, expected:
     assert expected in (remedy_for_platform(output, {"maker"}) or "")
 
 
+@pytest.mark.parametrize(
+    ("output", "expected"),
+    [
+        (
+            "/usr/bin/ld: /my ws/liba.so: error adding symbols: file in wrong format",
+            "'liba.so' was built for another platform",
+        ),
+        (
+            "ld.lld: error: /my ws/liba.so is incompatible with aarch64linux",
+            "'liba.so' was built for another platform",
+        ),
+        (
+            'error: unable to provide libc for target "aarch64-linux.5.10...7.2-gnu.2.10"',
+            "zig has no glibc 2.10",
+        ),
+        (
+            'error: unable to provide libc for target "arm-linux.5.10...7.2-gnueabihf.2.10"',
+            "zig has no glibc 2.10",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_platform_is_named(output: str, expected: str) -> None:
+    assert expected in (remedy_for_platform(output, ()) or "")
+
+
 @pytest.mark.parametrize("output", ["", "/bin/sh: 1: bison: not found", "maker: not found"])
 def test_other_failures_get_no_such_remedy(output: str) -> None:
     assert remedy_for_platform(output, {"maker"}) is None
