@@ -105,14 +105,24 @@ def nothing_built(absent: Mapping[str, Problem]) -> tuple[Problem, ...]:
 
 
 def not_built_here(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
-    """Return a warning for packages restored from a cache, whose tests are not available."""
-    here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
-    gone = [name for name in here if not (layout.build_dir(name) / "CMakeCache.txt").is_file()]
-    if not gone:
-        return ()
-    packages = ", ".join(f"'{name}'" for name in gone)
-    message = f"skipping tests of {packages}: only installed files came from the cache"
-    return (Problem(message, hint=f"forge build --force --packages-select {' '.join(gone)}"),)
+    """Return warnings for packages restored from a cache or not configured, whose tests are not available."""
+    here = [name for name in names if loaded.packages[name].build_type in CMAKE_TYPES]
+    restored = [name for name in here if not (layout.build_dir(name) / "CMakeCache.txt").is_file()]
+    generated = {name for name in here if (layout.build_dir(name) / "cmake_install.cmake").is_file()}
+    failed = [name for name in here if name not in generated and name not in restored]
+    problems = []
+    if restored:
+        message = f"skipping tests of {_quoted(restored)}: only installed files came from the cache"
+        hint = f"forge build --force --packages-select {' '.join(restored)}"
+        problems.append(Problem(message, hint=hint))
+    if failed:
+        message = f"skipping tests of {_quoted(failed)}: CMake failed in the last build"
+        problems.append(Problem(message, hint=f"forge build --packages-select {' '.join(failed)}"))
+    return tuple(problems)
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
 
 
 def changed_since_build(

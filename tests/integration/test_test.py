@@ -257,6 +257,18 @@ def test_a_program_that_cannot_be_started_fails_the_package(forge: Forge, worksp
     assert result(workspace, "c_bad") == "127"
 
 
+def test_a_package_whose_configuration_failed_has_no_tests(forge: Forge, tree: Tree) -> None:
+    """Its last good build is still installed, but 0 tests without a word would look like success."""
+    root = tree(cmake_package("c_good", GOOD))
+    assert forge("build", cwd=root).code == 0
+    lists = root / "src/c_good/CMakeLists.txt"
+    lists.write_text(lists.read_text() + "message(FATAL_ERROR no)\n")
+    assert forge("build", cwd=root).code == 1
+    ran = forge("test", cwd=root)
+    assert "warning: skipping tests of 'c_good': CMake failed in the last build" in ran.err
+    assert "hint: forge build --packages-select c_good\n" in ran.err
+
+
 def test_a_broken_manifest_stops_testing(forge: Forge, tree: Tree) -> None:
     root = tree({"src/a/package.xml": "<package/>", "src/b/package.xml": manifest_text("b")})
     assert forge("test", cwd=root).code == 2
