@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import re
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,11 @@ def is_email(text: str) -> bool:
 def snake_case(name: str) -> str:
     """Return rosidl's file name for an interface: 'UInt8' gives 'u_int8', 'ColorRGBA' 'color_rgba'."""
     return _LOWER_THEN_UPPER.sub(r"\1_\2", _LOWER_THEN_WORD.sub(r"\1_\2", name)).lower()
+
+
+def python_attribute(name: str) -> str:
+    """Return the name of a field in Python code: keywords end with '_' there (PEP 8)."""
+    return f"{name}_" if keyword.iskeyword(name) else name
 
 
 def nearest(name: str, known: Iterable[str], nearness: float = 0.6) -> str | None:

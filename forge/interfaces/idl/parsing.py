@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.interfaces.idl.structures import StructureReader
 from forge.interfaces.model import Action, Message, Service, TypeName
-from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING, cast
 
-from forge.base.names import did_you_mean
+from forge.base.names import did_you_mean, python_attribute
 from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
@@ -22,8 +22,8 @@ from forge.interfaces.model import (
     String,
     TypeName,
 )
-from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -263,6 +263,9 @@ def _check_name(name: Token, what: str, *taken: Mapping[str, object]) -> None:
     check_keyword(str(name), _start(name), what)
     if any(str(name) in names for names in taken):
         raise ParseError(f"'{name}' is already declared", offset=_start(name))
+    for other in (f"{name}_", name.removesuffix("_")):
+        if python_attribute(other) == python_attribute(name) and any(other in names for names in taken):
+            raise ParseError(f"'{name}' has the same name in Python as '{other}'", offset=_start(name))
 
 
 def _subtrees(tree: Tree[Token]) -> list[Tree[Token]]:

@@ -6,6 +6,7 @@ from math import isinf
 from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
+from forge.base.names import python_attribute
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
 from forge.interfaces.python.types import (
     DTYPES,
@@ -48,6 +49,8 @@ class FieldView:
     """A field, for the template."""
 
     name: str
+    attribute: str
+    """The name in Python code, another one than `name` if that is a keyword."""
     type_text: str
     slot_type: str
     build: tuple[str, ...]
@@ -67,6 +70,7 @@ def view_field(field: Field, scope: Scope) -> FieldView:
     default = None if field.default is None else literal(field.type, field.default)
     return FieldView(
         name=field.name,
+        attribute=python_attribute(field.name),
         type_text=repr(type_text(field.type)),
         slot_type=slot_type(field.type),
         build=_build(field, scope),
@@ -89,7 +93,7 @@ def _needs(field: Field) -> frozenset[str]:
 
 def _build(field: Field, scope: Scope) -> tuple[str, ...]:
     """Return the lines of the constructor for a field: the default, a fast path, and the property setter."""
-    name, slot = field.name, f"{scope.own}._{field.name}"
+    name, slot = python_attribute(field.name), f"{scope.own}._{field.name}"
     # The property setter reports a default that is out of range.
     target = slot if _fits(field) else f"{scope.own}.{name}"
     lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
@@ -147,12 +151,12 @@ def _zeros(type_: Array, scope: Scope) -> str:
 
 def _convert(field: Field) -> str:
     """Return the call that converts an argument of the constructor to an array."""
-    number = numeric(field.type) or ""
+    number, variable = numeric(field.type) or "", python_attribute(field.name)
     if isinstance(field.type, Array):
-        return f"_arrays.new_array({field.name!r}, {field.name}, {number!r}, {field.type.size})"
+        return f"_arrays.new_array({field.name!r}, {variable}, {number!r}, {field.type.size})"
     if isinstance(field.type, Sequence) and field.type.bound is not None:
-        return f"_checks.new_numbers({field.name!r}, {field.name}, {number!r}, {field.type.bound})"
-    return f"_array({TYPE_CODES[number]!r}, {field.name})"
+        return f"_checks.new_numbers({field.name!r}, {variable}, {number!r}, {field.type.bound})"
+    return f"_array({TYPE_CODES[number]!r}, {variable})"
 
 
 def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:

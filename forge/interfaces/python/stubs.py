@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from forge.base.frozen import frozen
+from forge.base.names import python_attribute
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String, element_of
 from forge.interfaces.python.types import DTYPES, INTEGERS, numeric
 
@@ -77,6 +78,7 @@ class MemberStub:
     """A field or a constant, for the template."""
 
     name: str
+    """The name in Python code, which for keywords is another one than in the definition."""
     getter_type: str
     setter_type: str
     doc: tuple[str, ...]
@@ -170,7 +172,7 @@ def _constant(constant: Constant, names: StubNames) -> MemberStub:
 def _field(field: Field, names: StubNames) -> MemberStub:
     unit = (f"[{field.unit}]",) if field.unit else ()
     return MemberStub(
-        name=field.name,
+        name=python_attribute(field.name),
         getter_type=names.getter_type(field.type),
         setter_type=names.setter_type(field.type),
         doc=docstring((*field.doc, *unit)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 import re
 from functools import cache
 from typing import TYPE_CHECKING, cast
@@ -11,6 +10,7 @@ from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, snake_case
 from forge.interfaces.model import Array, Named, Primitive, Sequence, String, TypeName
 from forge.interfaces.read.errors import ParseError
+from forge.interfaces.read.keywords import check_keyword
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -47,22 +47,6 @@ _CONSTANT_NAME = re.compile(r"[A-Z](?:_?[A-Z0-9])*")
 _SECTION_NAME = re.compile(
     r"(?:Sample_)?[A-Z][A-Za-z0-9]*(?:_Feedback)?(?:_Result)?(?:_Goal)?(?:_Response)?(?:_Request)?"
 )
-
-_CPP_KEYWORDS = """
-    alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t
-    char32_t class compl const const_cast constexpr continue decltype default delete do double
-    dynamic_cast else enum explicit export extern false float for friend goto if inline int long
-    mutable namespace new noexcept not not_eq nullptr operator or or_eq private protected public
-    register reinterpret_cast return short signed sizeof static static_assert static_cast struct
-    switch template this thread_local throw true try typedef typeid typename union unsigned
-    using virtual void volatile wchar_t while xor xor_eq
-"""
-CPP_KEYWORDS = frozenset(_CPP_KEYWORDS.split())
-_KEYWORDS = {
-    "Python": frozenset(keyword.kwlist),
-    "C++": CPP_KEYWORDS,
-    "C": frozenset({"restrict"}),  # the only keyword that is in neither of the others
-}
 
 
 @frozen
@@ -260,17 +244,6 @@ def _check_field(name: str, offset: int, _: Type) -> None:
         rule = "use lower-case letters, digits and single underscores"
         raise ParseError(f"invalid field name '{name}'", offset=offset, hint=hint or rule)
     check_keyword(name, offset, "field")
-
-
-def check_keyword(name: str, offset: int, what: str) -> None:
-    """Raise ParseError if the name is a keyword of a target language; `what` is the kind of the name."""
-    languages = [language for language, words in _KEYWORDS.items() if name in words]
-    if languages:
-        raise ParseError(
-            f"{what} name '{name}' is a keyword of {' and '.join(languages)}",
-            offset=offset,
-            hint=f"rename it, for example to '{name}_value'",
-        )
 
 
 def _check_constant(name: str, offset: int, type_: Type) -> None:

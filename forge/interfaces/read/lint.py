@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Location, Problem
 from forge.interfaces.model import HIDDEN_MEMBER, Array, Primitive, Sequence, String, element_of, sections_of
+from forge.interfaces.read.keywords import python_keywords
 from forge.interfaces.read.literals import QUOTES
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
             problems = [*_comments(each.source), *_lines(each)]
         for message in sections_of(each.interface):
             problems += _names(message)
+        problems += python_keywords([each.interface])
         found += sorted(problems, key=_position)
     return found
 

@@ -20,7 +20,7 @@ from forge.cache.remote import open_remote
 from tests.rude import Shelf, reply, rude
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from tests.rude import Moves, Request
@@ -117,9 +117,11 @@ def target(tmp_path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def asking(url: str, seconds: float = AMPLE, **variables: str) -> Iterator[HttpStore]:
+def asking(
+    url: str, seconds: float = AMPLE, variables: Mapping[str, str] | None = None
+) -> Iterator[HttpStore]:
     """Open a store, and close it."""
-    with closing(HttpStore(url, seconds, {"HOME": "/nowhere", **variables})) as store:
+    with closing(HttpStore(url, seconds, {"HOME": "/nowhere", **(variables or {})})) as store:
         yield store
 
 
@@ -373,7 +375,7 @@ def test_credentials_come_from_the_url_then_the_token_then_netrc(tmp_path: Path)
             (server.url, home),
             (server.url, {}),
         ):
-            with asking(url, **variables) as store:
+            with asking(url, variables=variables) as store:
                 assert store.name == server.url
                 store.result(KEY)
         sent = [request.headers.get("authorization") for request in server.requests]

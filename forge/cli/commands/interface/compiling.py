@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import compiled_templates
-from forge.base.errors import InterfaceError, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.standard_interfaces import EMBEDDED
 from forge.base.templating import keep_compiled
 from forge.cli.commands.interface.inputs import add_inputs, catalog_of, library_of
 from forge.interfaces.fingerprints import fingerprints
 from forge.interfaces.output_state import STATE_FOLDER, OutputState, generator_digest, read_states
+from forge.interfaces.read.keywords import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.rendering import Part, parts
 from forge.interfaces.resolve.dependencies import dependency_catalogs, undeclared_dependencies
@@ -78,6 +79,7 @@ def _generate(options: argparse.Namespace) -> int:
     catalog = catalog_of(options, options.source, library)
     if options.no_runtime:
         raise_if_any(undeclared_dependencies(catalog, dict(options.includes), library), InterfaceError)
+    print_warnings(python_keywords(catalog.interfaces.values()))
     needed = () if options.no_runtime else dependency_catalogs(catalog, library)
     others = () if options.no_runtime else _others(catalog, options)
     state = OutputState(

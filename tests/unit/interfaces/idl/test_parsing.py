@@ -301,6 +301,8 @@ def test_the_hidden_member_alone_is_no_field() -> None:
         ("int8 a", "'}' is not expected here"),
         ("int8 class;", "field name 'class' is a keyword of Python and C++"),
         ("int8 a; int16 a;", "'a' is already declared"),
+        ("int8 in; int8 in_;", "'in_' has the same name in Python as 'in'"),
+        ("int8 in_; int8 in;", "'in' has the same name in Python as 'in_'"),
         ("int8 a[2][3];", "arrays of arrays are not supported"),
         ("sequence<int8> a[2];", "arrays of sequences are not supported"),
         ("sequence<sequence<int8>> a;", "sequences of arrays or sequences are not supported"),

@@ -1,8 +1,12 @@
 """Single fields of generated Python: defaults, accepted and rejected values."""
 
+# ruff: noqa: S301  (the test unpickles what it has pickled)
+
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 import sys
 from array import array
 from collections import UserString
@@ -264,3 +268,32 @@ def test_a_message_with_a_field_named_shape_can_be_compared(tmp_path: Path) -> N
         assert module.Tracked() == module.Tracked()
         wide = module.Tracked(object=module.Seen(shape=module.Panel(width=1.0)))
         assert wide != module.Tracked()
+
+
+def test_a_field_named_like_a_keyword_has_another_name_in_code(tmp_path: Path) -> None:
+    """Under its own name, getattr() and the constructor find it, as do tools that go through all fields."""
+    text = "string from\nfloat64[2] in\nint8[<=2] is\nint32 lambda 3\nuint8 pass\n"
+    generate(tmp_path, catalog_of("keyword_msgs", {"msg/Edge.msg": text}))
+    with importable(tmp_path):
+        module: Any = import_module("keyword_msgs.msg")
+        edge = module.Edge(**{"from": "a", "in": [1.0, 2.0], "is_": [1]}, pass_=4)
+        assert (edge.from_, getattr(edge, "from"), edge.lambda_) == ("a", "a", 3)
+        assert list(edge.get_fields_and_field_types()) == ["from", "in", "is", "lambda", "pass"]
+        setattr(edge, "from", "b")
+        assert edge.from_ == "b"
+        with pytest.raises(AssertionError, match="The 'from' field must be"):
+            edge.from_ = 1
+        with pytest.raises(AssertionError, match="unknown"):
+            module.Edge(unknown=1)
+        cdr: Any = import_module("forge_cdr")
+        assert cdr.deserialize(cdr.serialize(edge), module.Edge) == edge
+        convert: Any = import_module("rosidl_runtime_py.convert")
+        assert convert.message_to_ordereddict(edge)["from"] == "b"
+        assert copy.deepcopy(edge) == edge == pickle.loads(pickle.dumps(edge))
+
+
+def test_the_stub_of_a_keyword_has_its_name_in_code() -> None:
+    catalog = catalog_of("keyword_msgs", {"msg/Edge.msg": "string from\n"})
+    stub = next(file.text for file in python.files(catalog) if file.path.endswith("_edge.pyi"))
+    compile(stub, "_edge.pyi", "exec")
+    assert "def from_(self) -> str:" in stub

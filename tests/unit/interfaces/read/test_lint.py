@@ -26,6 +26,10 @@ def told(text: str, relative: str = "msg/A.msg") -> list[str]:
     ("line", "message"),
     [
         ("int8 requires", "1:6 avoid the field name 'requires': it is a keyword of C++20"),
+        (
+            "int8[<=2] in",
+            "1:11 field name 'in' is a keyword of Python, where it becomes 'in_'",
+        ),
         ("int8 errno", "1:6 avoid the field name 'errno': it is a macro in common headers"),
         ("int8 unix", "1:6 avoid the field name 'unix': it is a macro in common headers"),
         (
