@@ -1,6 +1,8 @@
 #ifndef FORGE_CDR__ERROR_HPP_
 #define FORGE_CDR__ERROR_HPP_
 
+#include "rosidl_runtime_cpp/requires_cpp17.hpp"
+
 #include <stdexcept>
 
 namespace forge_cdr

@@ -3,6 +3,8 @@
 #ifndef FORGE_CDR__MEMBERS_HPP_
 #define FORGE_CDR__MEMBERS_HPP_
 
+#include "rosidl_runtime_cpp/requires_cpp17.hpp"
+
 #include <cstddef>
 
 namespace forge_cdr

@@ -3,6 +3,8 @@
 #ifndef ROSIDL_RUNTIME_CPP__YAML_HPP_
 #define ROSIDL_RUNTIME_CPP__YAML_HPP_
 
+#include "rosidl_runtime_cpp/requires_cpp17.hpp"
+
 #include <cstddef>
 #include <cstdio>
 #include <string>

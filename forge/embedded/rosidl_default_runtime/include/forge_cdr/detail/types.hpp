@@ -3,6 +3,8 @@
 #ifndef FORGE_CDR__DETAIL__TYPES_HPP_
 #define FORGE_CDR__DETAIL__TYPES_HPP_
 
+#include "rosidl_runtime_cpp/requires_cpp17.hpp"
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
