@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from forge.build.recipes.context import BuildContext, Recipe
     from forge.build.tests.recipes import TestContext
-    from forge.workspace.model import Package
+    from forge.workspace.model import Manifest, Package
 
 
 class BuildType(Protocol):
@@ -68,11 +68,21 @@ def find_build_type(name: str) -> BuildType | None:
     return OWN[name] if name in OWN else _plugin(name)
 
 
+def known_types() -> tuple[str, ...]:
+    """Return the names of all build types, without loading those of other distributions."""
+    return tuple(sorted({*OWN, *_plugin_names()}))
+
+
+def is_known_type(name: str) -> bool:
+    """Tell whether there is a build type of this name, without loading it."""
+    return name in OWN or name in _plugin_names()
+
+
 def build_type_of(package: Package) -> BuildType:
     """Return the build type of a package; raises ForgeError if it is unknown."""
     found = find_build_type(package.build_type)
     if found is None:
-        raise ForgeError(unknown_type(package))
+        raise ForgeError(unknown_type(package.manifest))
     return found
 
 
@@ -108,10 +118,10 @@ def _left_out(package: Package) -> Problem:
     return Problem(f"skipping '{package.name}': unknown build type '{kind}'", location, hint, several)
 
 
-def unknown_type(package: Package) -> Problem:
+def unknown_type(manifest: Manifest) -> Problem:
     """Return the problem of a package that cannot be built because its build type is unknown."""
-    message = f"unsupported build type '{package.build_type}' of package '{package.name}'"
-    return Problem(message, Location(package.manifest.path), hint_on_type(package.build_type, package.name))
+    message = f"unsupported build type '{manifest.build_type}' of package '{manifest.name}'"
+    return Problem(message, Location(manifest.path), hint_on_type(manifest.build_type, manifest.name))
 
 
 def hint_on_type(build_type: str, name: str = "NAME") -> str:
@@ -122,6 +132,12 @@ def hint_on_type(build_type: str, name: str = "NAME") -> str:
     near = did_you_mean(build_type, OWN)
     known = f"{near} Others" if near else f"supported build types: {', '.join(sorted(OWN))}; others"
     return f"{known} need a plugin, see `forge extensions`"
+
+
+def _plugin_names() -> frozenset[str]:
+    from forge.workspace.finders import plugin_names  # noqa: PLC0415  (as below)
+
+    return plugin_names()
 
 
 def _plugin(name: str) -> BuildType | None:

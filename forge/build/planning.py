@@ -240,7 +240,7 @@ def _replacing(earlier: tuple[str, ...], steps: tuple[Step, ...]) -> tuple[Step,
 
 def _of_unknown_type(names: Sequence[str], resolution: DependencyResolution) -> Iterable[Problem]:
     unknown = unknown_types(resolution.packages[name] for name in names)
-    return (unknown_type(resolution.packages[name]) for name in names if name in unknown)
+    return (unknown_type(resolution.packages[name].manifest) for name in names if name in unknown)
 
 
 def _not_installed(

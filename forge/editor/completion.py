@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from forge.base import ament_index
 from forge.base.frozen import frozen
 from forge.base.standard_interfaces import EMBEDDED
+from forge.build.build_types import known_types
 from forge.editor.text import Span
 from forge.interfaces.model import element_of, sections_of
 from forge.interfaces.read.declarations import PRIMITIVES, read_declaration
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.editor.index import Index
+    from forge.interfaces.model import TypeName
     from forge.interfaces.read.occurrences import Reading
 
 MOST = 100
@@ -30,12 +32,12 @@ _IDL_TYPES = (
     *("boolean", "octet", "char", "wchar", "float", "double", "string", "wstring", "sequence"),
     *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 )
-_BUILD_TYPES = ("ament_cmake", "ament_python", "cmake")
 _INTERFACE_GROUP = "rosidl_interface_packages"
 
 _TYPE = re.compile(r"[\w/]*")
 _VALUE = re.compile(r"(\S+)\s+\w+(?:\s+|\s*=\s*)(\S*)")
 _SCOPED = re.compile(r"(?:\w+::)*\w*\Z")
+_INCLUDE = re.compile(r"""\s*\#include\b(?:\s*["<]([\w/.]*)\Z)?""")
 _TAG = re.compile(r"<(\w*)\Z")
 _CONTENT = re.compile(r"<(\w+)[^<>]*>\s*([^<>\s]*)\Z")
 
@@ -69,8 +71,7 @@ def complete(index: Index, path: Path, line: int, column: int) -> Proposals:
     if reading is None:
         typed, found = _in_manifest(index, before)
     elif path.suffix == ".idl":
-        typed = _SCOPED.search(before)[0]  # type: ignore[index]  # matches nothing as well
-        found = _idl_types(index, typed)
+        typed, found = _in_idl(index, before)
     else:
         typed, found = _in_declaration(index, reading, line, before)
     matching = [each for each in found if _fits(each, typed)]
@@ -97,7 +98,7 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
     if not own:
         yield from (Proposal(word, "keyword") for word in (*PRIMITIVES, *_TEXTS))
     package = reading.source.package
-    messages = [name for name in index.names() if name.kind not in {"srv", "action"}]
+    messages = list(_messages(index))
     if not own:
         siblings = (name for name in messages if name.package == package)
         yield from (Proposal(name.name, "type", detail=str(name)) for name in siblings)
@@ -142,12 +143,35 @@ def _values(reading: Reading, line: int, written: str) -> Iterator[Proposal]:
                 yield Proposal(constant.name, "constant", text, detail=f"= {text}")
 
 
+def _in_idl(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
+    """Return what was typed in a line of an .idl file, and what may stand there."""
+    if include := _INCLUDE.match(before):
+        typed = include[1] or ""
+        return typed, _idl_files(index, typed) if include[1] is not None else ()
+    typed = _SCOPED.search(before)[0]  # type: ignore[index]  # matches nothing as well
+    return typed, _idl_types(index, typed)
+
+
+def _idl_files(index: Index, typed: str) -> Iterator[Proposal]:
+    """Yield the paths of messages in #include directives; also messages of .msg files have such paths."""
+    for name in _messages(index):
+        label = f"{name}.idl"
+        # Editors compare what was typed with the label, unless there is a match.
+        match = None if label.lower().startswith(typed.lower()) else name.name
+        yield Proposal(label, "type", match=match, detail=str(name))
+
+
+def _messages(index: Index) -> Iterator[TypeName]:
+    """Yield the names of all interfaces that can be the type of a field."""
+    return (name for name in index.names() if name.kind not in {"srv", "action"})
+
+
 def _idl_types(index: Index, typed: str) -> Iterator[Proposal]:
     package = typed.partition("::")[0] if "::" in typed else None
     if package is None:
         yield from (Proposal(word, "keyword") for word in _IDL_TYPES)
-    for name in index.names():
-        if name.kind not in {"srv", "action"} and package in {None, name.package}:
+    for name in _messages(index):
+        if package in {None, name.package}:
             label = str(name).replace("/", "::")
             yield Proposal(label, "type", match=None if package else name.name, detail=str(name))
 
@@ -161,8 +185,18 @@ def _in_manifest(index: Index, before: str) -> tuple[str, Iterable[Proposal]]:
         return "", ()
     if content[1] in DEPENDENCY_KINDS:
         return content[2], (Proposal(name, "package") for name in _packages(index))
-    words = {"build_type": _BUILD_TYPES, "member_of_group": (_INTERFACE_GROUP,)}.get(content[1], ())
-    return content[2], (Proposal(word, "value") for word in words)
+    return content[2], (Proposal(word, "value") for word in _words(content[1]))
+
+
+def _words(tag: str) -> tuple[str, ...]:
+    """Return the words that an element may contain, if they are known."""
+    match tag:
+        case "build_type":
+            return known_types()
+        case "member_of_group":
+            return (_INTERFACE_GROUP,)
+        case _:
+            return ()
 
 
 def _packages(index: Index) -> list[str]:

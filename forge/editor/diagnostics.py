@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import InterfaceError
 from forge.base.frozen import frozen
+from forge.build.build_types import is_known_type, unknown_type
 from forge.editor.nearby import NearbyTypes
 from forge.editor.text import span_at
 from forge.interfaces.model import Catalog
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from forge.base.errors import Problem, Severity
     from forge.editor.index import Index
+    from forge.editor.manifests import ManifestReading
     from forge.editor.text import Span
     from forge.interfaces.read.occurrences import Reading
 
@@ -39,6 +41,7 @@ def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
     if manifest:
         lines = manifest.text.split("\n")
         found = [*_all(manifest.errors, "error", lines), *_all(manifest.warnings, "warning", lines)]
+        found += _unsupported(index, manifest)
     elif reading:
         lines = reading.source.text.splitlines()
         errors = (*reading.problems, *_unresolved(index, reading))
@@ -51,14 +54,18 @@ def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
 
 
 def _all(problems: Iterable[Problem], severity: Severity, lines: list[str]) -> list[Diagnostic]:
-    return [
-        Diagnostic(
-            span_at(problem.location, lines),
-            severity,
-            f"{problem.message}\nhint: {problem.hint}" if problem.hint else problem.message,
-        )
-        for problem in problems
-    ]
+    return [Diagnostic(span_at(problem.location, lines), severity, _message(problem)) for problem in problems]
+
+
+def _message(problem: Problem) -> str:
+    return f"{problem.message}\nhint: {problem.hint}" if problem.hint else problem.message
+
+
+def _unsupported(index: Index, reading: ManifestReading) -> Iterator[Diagnostic]:
+    """Yield the problem of a build type that is unknown, unless the workspace assigns another one."""
+    manifest, span = reading.manifest, reading.build_type
+    if manifest and span and not (is_known_type(manifest.build_type) or index.assigns_type(reading.path)):
+        yield Diagnostic(span, "error", _message(unknown_type(manifest)))
 
 
 def _unresolved(index: Index, reading: Reading) -> Iterator[Problem]:

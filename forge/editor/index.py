@@ -40,6 +40,8 @@ class Index:
         self._readings: dict[Path, Reading] = {}
         self._manifests: dict[Path, ManifestReading] = {}
         self._by_name: dict[TypeName, Path] = {}
+        self._assigned: set[Path] = set()
+        """The manifests whose build type is overridden, by colcon.pkg for example."""
         self._uses: dict[TypeName, dict[Path, list[Occurrence]]] = {}
         self._elsewhere: tuple[TypeName, ...] | None = None
         self._stamps: dict[Path, int | None] = {}
@@ -54,6 +56,9 @@ class Index:
         for package in packages.values():
             folder = self.root / package.path
             self.refresh(folder / MANIFEST)
+            reading = self._manifests.get(folder / MANIFEST)
+            if reading and reading.manifest and reading.manifest.build_type != package.build_type:
+                self._assigned.add(reading.path)
             for relative, base in definition_files(folder).items():
                 if base:
                     self.refresh(base / relative)
@@ -100,6 +105,10 @@ class Index:
     def manifest(self, path: Path) -> ManifestReading | None:
         """Return what is known about a package.xml."""
         return self._manifests.get(path)
+
+    def assigns_type(self, path: Path) -> bool:
+        """Tell whether the workspace assigns another build type than the one in a package.xml."""
+        return path in self._assigned
 
     def text(self, path: Path) -> str:
         """Return the text of a file, empty if it cannot be read."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.errors import WorkspaceError
+from forge.base.errors import Location, WorkspaceError
 from forge.base.frozen import frozen
 from forge.base.xml import parse_xml
-from forge.editor.text import Span
+from forge.editor.text import Span, span_at
 from forge.workspace.discovery import ROS_DEFAULTS
 from forge.workspace.manifest import DEPENDENCY_KINDS, parse_manifest
 
@@ -41,6 +41,8 @@ class ManifestReading:
     errors: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
     mentions: tuple[PackageMention, ...] = ()
+    build_type: Span | None = None
+    """Where the build type is; None if the manifest is invalid or names none."""
 
     @property
     def name(self) -> str | None:
@@ -57,14 +59,16 @@ def read_manifest(path: Path, text: str, variables: Mapping[str, str]) -> Manife
     """Read a package.xml that may be incomplete."""
     content = text.encode()
     try:
-        mentions = tuple(_mentions(parse_xml(content, path), text.split("\n")))
+        root, lines = parse_xml(content, path), text.split("\n")
+        mentions = tuple(_mentions(root, lines))
     except WorkspaceError as error:
         return ManifestReading(path, text, None, error.problems)
     try:
         manifest = parse_manifest(content, path, {**ROS_DEFAULTS, **variables})
     except WorkspaceError as error:
         return ManifestReading(path, text, None, error.problems, mentions=mentions)
-    return ManifestReading(path, text, manifest, warnings=manifest.warnings, mentions=mentions)
+    build_type = _build_type(root, manifest.build_type, lines)
+    return ManifestReading(path, text, manifest, (), manifest.warnings, mentions, build_type)
 
 
 def _mentions(root: Element, lines: list[str]) -> Iterator[PackageMention]:
@@ -74,6 +78,16 @@ def _mentions(root: Element, lines: list[str]) -> Iterator[PackageMention]:
             span = _span_of_text(child, name, lines)
             if span:
                 yield PackageMention(child.tag, name, span)
+
+
+def _build_type(root: Element, name: str, lines: list[str]) -> Span | None:
+    """Return where the build type is: the last element with its name, because others are not active."""
+    elements = (each for export in root.all("export") for each in export.all("build_type"))
+    found = [each for each in elements if each.inner.strip() == name]
+    if not found:
+        return None
+    span = _span_of_text(found[-1], name, lines) if name else None
+    return span or span_at(Location("", found[-1].line, found[-1].column), lines)
 
 
 def _span_of_text(element: Element, text: str, lines: list[str]) -> Span | None:

@@ -15,6 +15,7 @@ from forge.base.extensions import call, entry_points, load
 from forge.workspace.identity import Identity
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
     from pathlib import Path
 
     from forge.workspace.identity import Folder
@@ -59,7 +60,17 @@ def require_plugins(names: tuple[str, ...], file: Path) -> None:
             raise WorkspaceError(Problem(message, Location(file), hint))
 
 
+def plugin_names() -> frozenset[str]:
+    """Return the names of the build types of other distributions, without loading them."""
+    return frozenset(_entries(tuple(sys.path)))
+
+
 @cache
-def _plugin(name: str, _search_path: tuple[str, ...]) -> Any:  # noqa: ANN401  (as above)
-    entry = entry_points(GROUP).get(name)
+def _plugin(name: str, search_path: tuple[str, ...]) -> Any:  # noqa: ANN401  (as above)
+    entry = _entries(search_path).get(name)
     return None if entry is None else load(entry, "build type", FUNCTIONS)
+
+
+@cache
+def _entries(_search_path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    return entry_points(GROUP)

@@ -73,3 +73,14 @@ class Pointer:
 @pytest.fixture
 def workspace(tree: Tree) -> Pointer:
     return Pointer(index_of(tree(FILES)))
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Return a build type of an installed distribution; its module is missing, because no editor loads it."""
+    info = tmp_path / "site/weird-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: weird\nVersion: 1.0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text("[forge.build_types]\nweird_make = missing\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(info.parent)
+    return "weird_make"

@@ -48,10 +48,14 @@ def is_embedded(label: str) -> bool:
         ("nav/msg/A.idl", "module nav { module msg { struct A { uint1|", ["uint16"]),
         ("nav/msg/A.idl", "  shapes::|", ["shapes::msg::Box", "shapes::msg::Point"]),
         ("nav/msg/A.idl", "  Pat|", ["nav::msg::Path"]),
+        ("nav/msg/A.idl", '#include "shapes/msg/P|', ["shapes/msg/Point.idl"]),
+        ("nav/msg/A.idl", "#include <shapes/|>", ["shapes/msg/Box.idl", "shapes/msg/Point.idl"]),
+        ("nav/msg/A.idl", '  #include "Pat|"', ["nav/msg/Path.idl"]),
+        ("nav/msg/A.idl", '#include "nav/msg/Path.idl"|', []),
         ("nav/package.xml", "<package>\n  <depend>shapes|</depend>", ["shapes"]),
         ("nav/package.xml", "<package>\n  <depend>std_m|</depend>", ["std_msgs"]),
         ("nav/package.xml", "<package>\n  <exec_|", ["exec_depend"]),
-        ("nav/package.xml", "<export><build_type>ament_p|", ["ament_python"]),
+        ("nav/package.xml", "<export><build_type>ament_|", ["ament_cargo", "ament_cmake", "ament_python"]),
         ("nav/package.xml", "<member_of_group>|", ["rosidl_interface_packages"]),
         ("nav/package.xml", "<version>1|", []),
         ("nav/package.xml", "words|", []),
@@ -66,6 +70,10 @@ def test_a_type_of_another_package_is_found_by_its_name(workspace: Pointer) -> N
     found = proposed(workspace, "nav/msg/A.msg", "Poin|")
     assert "shapes/Point" in found
     assert "geometry_msgs/Point" in found
+
+
+def test_build_types_of_other_distributions_are_proposed(workspace: Pointer, plugin: str) -> None:
+    assert proposed(workspace, "nav/package.xml", "<export><build_type>we|") == [plugin]
 
 
 def test_a_constant_is_inserted_as_its_value(workspace: Pointer) -> None:

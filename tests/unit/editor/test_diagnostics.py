@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.errors import ForgeError
+from forge.build.build_types import build_type_of
 from forge.editor.diagnostics import diagnose
+from forge.workspace.manifest import parse_manifest
+from forge.workspace.model import Package
 from tests.editors import index_of
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from forge.editor.index import Index
     from tests.conftest import Tree
 
@@ -65,6 +68,46 @@ def test_the_hint_follows_the_message(index: Index) -> None:
     doubt, error = diagnose(index, path)
     assert doubt.message.endswith("in common headers\nhint: rename it, for example to 'stdin_value'")
     assert error.message == "unknown type 'nav/Gaol'\nhint: did you mean 'nav/Goal'?"
+
+
+@pytest.mark.parametrize("build_type", ["ament_cargo", "cargo", "cmake", "weird_make"])
+@pytest.mark.usefixtures("plugin")
+def test_build_types_that_forge_builds_are_no_problem(index: Index, build_type: str) -> None:
+    assert told(index, "package.xml", manifest_text("nav", build_type=build_type)) == []
+
+
+@pytest.mark.parametrize(
+    ("build_type", "span", "hint"),
+    [
+        ("ament_weird", "22-33", "did you mean 'ament_"),
+        ("", "10-44", "supported build types: ament_cargo, ament_cmake, "),
+        ("catkin", "22-28", "catkin, the build type of"),
+    ],
+)
+def test_an_unsupported_build_type_is_reported_as_by_the_build(
+    index: Index, build_type: str, span: str, hint: str
+) -> None:
+    path, text = index.root / "src/nav/package.xml", manifest_text("nav", build_type=build_type)
+    message = f"unsupported build type '{build_type}' of package 'nav'"
+    assert told(index, "package.xml", text) == [f"7:{span} error: {message}"]
+    (problem,) = diagnose(index, path)
+    parsed = parse_manifest(text.encode(), path, {})
+    with pytest.raises(ForgeError) as built:
+        build_type_of(Package(Path("src/nav"), parsed))
+    assert problem.message == f"{message}\nhint: {built.value.problems[0].hint}"
+    assert f"hint: {hint}" in problem.message
+
+
+def test_the_build_type_is_the_one_that_is_active(index: Index) -> None:
+    weird = '<build_type condition="$ROS_VERSION == 1">catkin</build_type>'
+    text = manifest_text("nav").replace("<export>", f"<export>{weird}")
+    assert told(index, "package.xml", text) == []
+
+
+def test_a_build_type_that_an_option_overrides_is_no_problem(tree: Tree) -> None:
+    manifest = manifest_text("nav", build_type="weird")
+    root = tree({"src/nav/package.xml": manifest, "src/nav/colcon.pkg": '{"type": "ros.ament_cmake"}'})
+    assert told(index_of(root), "package.xml", manifest) == []
 
 
 def test_a_type_whose_file_is_broken_is_known(index: Index) -> None:
