@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
 from forge.editor.manifests import read_manifest
-from forge.editor.navigation import mention_at, occurrence_at, package_manifest, type_at
+from forge.editor.navigation import declared_in_file, mention_at, occurrence_at, package_manifest, type_at
 from forge.interfaces.model import Field, Message, sections_of
+from forge.interfaces.read.occurrences import NameKind
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages
 from forge.interfaces.site.text import kind_of, type_text, value_text
@@ -34,6 +35,9 @@ def hover(index: Index, path: Path, line: int, column: int) -> str | None:
     occurrence = occurrence_at(reading, line, column) if reading else None
     if reading is None or occurrence is None:
         return None
+    if occurrence.kind in {NameKind.TYPEDEF, NameKind.ALIAS}:
+        declared = declared_in_file(reading, occurrence)
+        return _code([reading.source.text.splitlines()[declared.line].strip()])
     name = type_at(reading, line, column)
     return _interface(index, name) if name else _member(index, reading, occurrence)
 

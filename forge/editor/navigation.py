@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from forge.interfaces.model import TypeName
     from forge.interfaces.read.occurrences import Occurrence, Reading
 
+IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})
+"""The kinds of names that mean nothing outside of their file."""
+
 _START = Span(0, 0, 0)
 
 
@@ -37,9 +40,18 @@ def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMenti
 def type_at(reading: Reading, line: int, column: int) -> TypeName | None:
     """Return the interface that a definition names under a cursor, or None."""
     found = occurrence_at(reading, line, column)
-    if found is None or found.kind in {NameKind.FIELD, NameKind.CONSTANT}:
+    if found is None or found.kind in IN_FILE:
         return None
     return found.type or reading.name
+
+
+def declared_in_file(reading: Reading, occurrence: Occurrence) -> Occurrence:
+    """Return the declaration of a field, constant or typedef."""
+    if occurrence.kind is not NameKind.ALIAS:
+        return occurrence
+    return next(
+        each for each in reading.occurrences if each.kind is NameKind.TYPEDEF and each.name == occurrence.name
+    )
 
 
 def definition(index: Index, path: Path, line: int, column: int) -> Place | None:
@@ -51,7 +63,7 @@ def definition(index: Index, path: Path, line: int, column: int) -> Place | None
     if reading is None or occurrence is None:
         return None
     name = type_at(reading, line, column)
-    return _type_place(index, name) if name else Place(path, _span(occurrence))
+    return _type_place(index, name) if name else Place(path, _span(declared_in_file(reading, occurrence)))
 
 
 def references(index: Index, path: Path, line: int, column: int, *, declaration: bool) -> list[Place]:
@@ -65,12 +77,26 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
     if reading is None:
         return []
     occurrence = occurrence_at(reading, line, column)
-    if occurrence and occurrence.kind in {NameKind.FIELD, NameKind.CONSTANT}:
-        return [Place(path, _span(occurrence))] if declaration else []
+    if occurrence is None and path.suffix == ".idl":
+        return []
+    if occurrence and occurrence.kind in IN_FILE:
+        found = _uses_in_file(reading, occurrence, declaration=declaration)
+        return [Place(path, _span(each)) for each in found]
     name = (occurrence.type if occurrence else None) or reading.name
     declared = _type_place(index, name) if declaration else None
     used = (Place(user, _span(use)) for user, use in uses(index, name))
     return [*([declared] if declared else []), *used]
+
+
+def _uses_in_file(reading: Reading, occurrence: Occurrence, *, declaration: bool) -> Iterator[Occurrence]:
+    """Yield the uses of a field, constant or typedef; other files do not name it."""
+    declared = declared_in_file(reading, occurrence)
+    if declaration:
+        yield declared
+    if declared.kind is NameKind.TYPEDEF:
+        for each in reading.occurrences:
+            if each.kind is NameKind.ALIAS and each.name == declared.name:
+                yield each
 
 
 def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:

@@ -49,6 +49,8 @@ def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | N
     if reading is None:
         return None
     occurrence = occurrence_at(reading, line, column)
+    if occurrence and occurrence.kind in {NameKind.TYPEDEF, NameKind.ALIAS}:
+        return None
     if occurrence:
         name = _type_of(reading, occurrence)
         start = occurrence.stem if name else occurrence.start

@@ -154,6 +154,10 @@ class FileReader:
     warnings: list[Problem] = field(default_factory=list)
     references: list[tuple[Token, Token, TypeName]] = field(default_factory=list)
     """Each scoped name of a message: its first and last word, and the message."""
+    typedefs: list[Token] = field(default_factory=list)
+    """The name of each typedef."""
+    aliases: list[Token] = field(default_factory=list)
+    """Each name of a typedef as a type."""
     structs: list[tuple[Token, TypeName]] = field(default_factory=list)
     """The name of each struct, as a word of the text and in full."""
     includes: list[Token] = field(default_factory=list)
@@ -184,6 +188,8 @@ class FileReader:
             self.structs.append((word, name))
             self._messages.append(structures.message(name, definition, notes))
         self.references += structures.references
+        self.typedefs += structures.typedefs
+        self.aliases += structures.aliases
         self._check_number([definition for _, definition, _ in structs])
 
     def has_interface(self) -> bool:

@@ -58,6 +58,10 @@ class StructureReader:
     warn: Callable[[ParseError], None]
     references: list[tuple[Token, Token, TypeName]] = field(default_factory=list)
     """Each scoped name of a message: its first and last word, and the message."""
+    typedefs: list[Token] = field(default_factory=list)
+    """The name of each typedef."""
+    aliases: list[Token] = field(default_factory=list)
+    """Each name of a typedef as a type."""
     _types: dict[str, Type] = field(default_factory=dict)
     _constants: dict[tuple[str, ...], list[tuple[Tree[Token], list[Tree[Token]]]]] = field(
         default_factory=dict
@@ -67,6 +71,7 @@ class StructureReader:
         """Add a typedef."""
         type_tree, declarator = _subtrees(tree)
         name = _token(declarator)
+        self.typedefs.append(name)
         try:
             type_ = self._declared(self._type(type_tree), declarator)
         except ParseError as error:
@@ -185,6 +190,7 @@ class StructureReader:
                 or "write the full name of a message: 'package::msg::Name'"
             )
             raise ParseError(f"unknown type '{written}'", offset=offset, hint=hint)
+        self.aliases.append(names[0])
         return self._types[written]
 
     def _declared(self, base: Type, declarator: Tree[Token]) -> Type:

@@ -37,6 +37,10 @@ class NameKind(Enum):
     """The name of a struct in an .idl file."""
     FIELD = "field"
     CONSTANT = "constant"
+    TYPEDEF = "typedef"
+    """The name of a typedef in its declaration."""
+    ALIAS = "alias"
+    """The name of a typedef as a type."""
     FILE = "file"
     """The name of an interface in the path of an #include directive."""
 
@@ -143,6 +147,9 @@ def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurre
         start = reader.place(first.start_pos or 0)
         same_line = start.line == written.line + 1
         yield replace(written, start=(start.column or 1) - 1) if same_line else written
+    for kind, words in ((NameKind.TYPEDEF, reader.typedefs), (NameKind.ALIAS, reader.aliases)):
+        for word in words:
+            yield _at(reader.place(word.start_pos or 0), kind, str(word), main)
     for message in sections_of(interface) if interface else ():
         yield from _declared(message)
 

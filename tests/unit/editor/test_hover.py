@@ -63,6 +63,14 @@ def test_the_documentation_and_the_size_are_shown(
         assert hover(*workspace.at(file, word)) == text
 
 
+@pytest.mark.parametrize("word", ["three[3]", "three sides"])
+def test_a_typedef_is_shown_as_declared(workspace: Pointer, word: str) -> None:
+    struct = "struct Box {\n  three sides;\n};"
+    text = f"module shapes {{ module msg {{\n  typedef double three[3];\n{struct}\n}}; }};"
+    workspace.index.open(workspace.path("shapes/msg/Box.idl"), text)
+    assert hover(*workspace.at("shapes/msg/Box.idl", word)) == "```\ntypedef double three[3];\n```"
+
+
 def test_a_package_is_described(workspace: Pointer) -> None:
     own = hover(*workspace.at("nav/package.xml", "shapes"))
     assert own == f"**shapes** 0.1.0\n\nA package of the tests\n\n{workspace.path('shapes')}"

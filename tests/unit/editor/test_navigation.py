@@ -91,6 +91,47 @@ def test_the_declaration_is_among_them_if_wanted(
     assert place in [shown(workspace, each) for each in found]
 
 
+_TYPEDEFS = """module shapes {
+  module msg {
+    typedef double three[3];
+    typedef three triple;
+    struct Cube {
+      three sides;
+      sequence<triple, 2> more;
+      @default (value=three) string name;
+    };
+  };
+};
+"""
+
+
+@pytest.mark.parametrize(
+    ("word", "place", "uses"),
+    [
+        ("three[3]", "2:19-24", ["3:12-17", "5:6-11"]),
+        ("three triple", "2:19-24", ["3:12-17", "5:6-11"]),
+        ("three sides", "2:19-24", ["3:12-17", "5:6-11"]),
+        ("triple,", "3:18-24", ["6:15-21"]),
+        ("module", None, []),
+        ("double", None, []),
+        ("typedef double", None, []),
+    ],
+)
+def test_a_typedef_is_found_in_its_file(
+    workspace: Pointer, word: str, place: str | None, uses: list[str]
+) -> None:
+    workspace.index.open(workspace.path("shapes/msg/Cube.idl"), _TYPEDEFS)
+    workspace.index.open(workspace.path("nav/msg/Path.msg"), "shapes/Cube cube\n")
+    at, file = workspace.at("shapes/msg/Cube.idl", word), "shapes/msg/Cube.idl:"
+    found = definition(*at)
+    assert (shown(workspace, found) if found else None) == (f"{file}{place}" if place else None)
+    assert [shown(workspace, each) for each in references(*at, declaration=False)] == [
+        f"{file}{use}" for use in uses
+    ]
+    whole = [f"{file}{use}" for use in ((place, *uses) if place else uses)]
+    assert [shown(workspace, each) for each in references(*at, declaration=True)] == whole
+
+
 def test_files_are_read_once(workspace: Pointer) -> None:
     for path in workspace.path("").glob("*/msg/*.msg"):
         path.unlink()

@@ -108,4 +108,8 @@ def test_what_can_be_renamed_is_known_beforehand(workspace: Pointer) -> None:
     assert (whole.name, whole.span.start, whole.span.end) == ("Plan", 0, 3)
     assert renamable(*workspace.at("nav/msg/Path.msg", "] points")) is None
     assert renamable(*workspace.at("shapes/msg/Box.idl", "module msg")) is None
+    typedef = "module shapes { module msg { typedef long number; struct Box { number x; }; }; };"
+    workspace.index.open(workspace.path("shapes/msg/Box.idl"), typedef)
+    assert renamable(*workspace.at("shapes/msg/Box.idl", "number")) is None
+    assert renamable(*workspace.at("shapes/msg/Box.idl", "number x")) is None
     assert renamable(*workspace.at("nav/package.xml", "shapes")) is None
