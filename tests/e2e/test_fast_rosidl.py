@@ -130,6 +130,28 @@ def test_sources_that_do_not_compile_together_are_compiled_one_by_one(tree: Tree
     assert line not in log(root)
 
 
+OWN_INTERFACES = """
+set(sources)
+foreach(name IN ITEMS a b c d e f g h i j k l)
+  set(source "${CMAKE_CURRENT_BINARY_DIR}/rosidl_own/own/%s/detail/${name}.c")
+  file(WRITE "${source}" "int ${name}(void) { return 1; }")
+  list(APPEND sources "${source}")
+endforeach()
+add_library(own SHARED ${sources})
+install(TARGETS own DESTINATION lib)
+"""
+
+
+@pytest.mark.parametrize(("kind", "sizes"), [("msg", [12]), ("srv", [12]), ("action", [6, 6])])
+def test_units_have_about_the_same_number_of_messages(kind: str, sizes: list[int], tree: Tree) -> None:
+    """The source of an action has those of two services and more, so fewer of them make a unit."""
+    root = tree(interface_package("fast_msgs", FILES, after=OWN_INTERFACES % kind))
+    done = build(root)
+    assert done.returncode == 0, done.stderr
+    units = sorted((root / "build/fast_msgs/CMakeFiles/own.dir/Unity").glob("*.c"))
+    assert [unit.read_text(encoding="utf-8").count("#include") for unit in units] == sizes
+
+
 def test_descriptions_of_types_are_compiled_one_by_one(tree: Tree) -> None:
     """Debian's rosidl generates none yet: those of later distributions clash in one unit."""
     after = re.sub(r"\b([ab])\.c\b", r"\1__description.c", CLASH)

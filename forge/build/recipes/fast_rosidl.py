@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package
 
-_C_BATCH_SIZE = 64
-_CXX_BATCH_SIZE = 24
-"""Sources per compiled unit. One more source costs a unit about 1 MB, the headers in C++ 70 MB.
+_C_MESSAGES = 64
+_CXX_MESSAGES = 24
+"""Messages per compiled unit. One more message costs a unit about 1 MB, the headers in C++ 70 MB.
 
-So a unit needs less than 100 MB, not much more than one source, and compilers together no more than without
+So a unit needs about 100 MB, not much more than one source, and compilers together no more than without
 units. A package has eight targets or so, so even a small one has enough units for eight processors.
 """
 
@@ -52,8 +52,8 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
     include = render(
         "cmake/fast_rosidl.cmake.j2",
         marker=quoted(str(marker)),
-        c_batch_size=_C_BATCH_SIZE,
-        cxx_batch_size=_CXX_BATCH_SIZE,
+        c_messages=_C_MESSAGES,
+        cxx_messages=_CXX_MESSAGES,
         compile_launcher=quoted(shlex.join(("sh", str(script), str(marker)))),
         launcher_program=quoted(context.generator_launcher[0]),
         generator_launcher=quoted(shlex.join(context.generator_launcher)),
