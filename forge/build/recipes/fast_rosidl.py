@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _C_MESSAGES = 64
 _CXX_MESSAGES = 24
-"""Messages per compiled unit. One more message costs a unit about 1 MB, the headers in C++ 70 MB.
+"""Messages per compiled unit. One more message costs a unit about 1 MB, the headers in C++ 70 MB: without -O.
 
 So a unit needs about 100 MB, not much more than one source, and compilers together no more than without
 units. A package has eight targets or so, so even a small one has enough units for eight processors.
