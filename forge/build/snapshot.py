@@ -33,13 +33,15 @@ def take_snapshot(
     records = dict(journal.records)
     sources, installed, changed_files, present = {}, {}, {}, set()
     changed_externals = find_changed_externals(journal, table)
+    changed_before = tuple(table.changed_files)  # also sources, which other packages read
     for package in packages:
         name = package.name
         record = records.get(name)
         home = str(root / package.path)
         table.changed_files.clear()
         sources[name] = fingerprint_tree(home, table, record.sources if record else None)
-        changed_files[name] = tuple(path[len(home) + 1 :] for path in sorted(table.changed_files))
+        changed = {*table.changed_files, *(path for path in changed_before if path.startswith(f"{home}/"))}
+        changed_files[name] = tuple(path[len(home) + 1 :] for path in sorted(changed))
         if record:
             installed[name] = fingerprint_files((*record.files, *record.folders), table, record.installed)
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():

@@ -123,8 +123,14 @@ def executables(package: str, prefix: Path) -> tuple[Path, ...]:
 
 
 def plain_executables(package: str, prefix: Path) -> tuple[Path, ...]:
-    """Return the executables of a package without ament, also those in bin, the usual folder of these."""
-    return (*executables(package, prefix), *_executables(prefix / "bin"))
+    """Return the executables of a package without ament, also those in bin, the usual folder of these.
+
+    A link in bin to an executable of the same name in lib/PACKAGE, as in Rust packages, is left out.
+    """
+    found = executables(package, prefix)
+    same = {(path.name, path.resolve()) for path in found}
+    rest = (path for path in _executables(prefix / "bin") if (path.name, path.resolve()) not in same)
+    return (*found, *rest)
 
 
 def _executables(root: Path) -> tuple[Path, ...]:

@@ -96,5 +96,21 @@ def test_cargo_is_asked_for_only_where_it_is_needed(forge: Forge, tree: Tree, tm
     assert ran.err.startswith("error: cargo not found; 'lib_crate' needs it\nhint: install it with ")
 
 
+def test_a_plain_package_has_each_program_once(forge: Forge, tree: Tree) -> None:
+    """The program in bin is a link to that in lib/PACKAGE."""
+    root = tree({"src/app/Cargo.toml": CARGO.format("app"), "src/app/src/main.rs": "fn main() {}\n"})
+    assert forge("build", cwd=root).code == 0
+    ran = forge("run", "app", "app", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
+
+
+def test_a_changed_file_of_a_crate_that_another_one_uses_is_the_reason(forge: Forge, tree: Tree) -> None:
+    root = tree({key: text for key, text in MIXED.items() if "/cpp/" not in key and "/py/" not in key})
+    (root / "src/node/package.xml").unlink()
+    assert forge("build", cwd=root).code == 0
+    (root / "src/lib/src/lib.rs").write_text(LIBRARY.replace("42", "43"))
+    assert "'src/lib.rs' changed" in forge("build", "--explain", cwd=root).out
+
+
 def said_by(program: Path) -> str:
     return subprocess.run([program], capture_output=True, text=True, check=True).stdout
