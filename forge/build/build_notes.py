@@ -64,16 +64,17 @@ def saved_during_build(
 ) -> frozenset[str]:
     """Return the inputs that were written since the build started, even if with the same content.
 
-    Files that the native tool or a build backend wrote among the sources are excluded, and so are files that
-    were also written during the last build and have the same content: the build itself writes them.
+    Files that the native tool wrote among the sources, or a build backend anywhere, are excluded, and so are
+    files that were also written during the last build and have the same content: the build writes them.
     """
     note = read_json(build / SCRATCH_DIR / BEGUN)
+    written = frozenset(written_by_backend(build))
     then, now, last = begun.sources, tree_stats(begun.source), begun.last
     paths = then.keys() | now.keys()
     changed = {path for path in paths if path not in then or then[path].stats != now.get(path)}
     if changed:
         made = {output for edge in read_native_graph(build).edges for output in edge.outputs}
-        made.update(written_by_backend(build))
+        made.update(written)
         before = {path: then[path].content for path in changed & then.keys()}
         contents = contents_of(sorted(changed), table)
         changed = {
@@ -81,7 +82,7 @@ def saved_during_build(
             for path in changed
             if path not in made and not (path in last.saved and before.get(path) == contents[path])
         }
-    recent_externals = {path for path in externals if written_since(path, note["began"])}
+    recent_externals = {path for path in externals.keys() - written if written_since(path, note["began"])}
     for path in recent_externals:
         known = last.externals.get(path)
         if not (path in last.saved and known is not None and known.content == externals[path].content):

@@ -96,6 +96,62 @@ def test_cargo_is_asked_for_only_where_it_is_needed(forge: Forge, tree: Tree, tm
     assert ran.err.startswith("error: cargo not found; 'lib_crate' needs it\nhint: install it with ")
 
 
+SCRIPT = """fn main() {
+    println!("cargo:rerun-if-env-changed=FROM_SCRIPT");
+    println!("cargo:rerun-if-changed=../../../data");
+    let count = std::fs::read_dir("../../../data").unwrap().count();
+    let name = std::env::var("FROM_SCRIPT").unwrap_or("none".into());
+    println!("cargo:rustc-env=SCRIPT={name} {count}");
+}
+"""
+MEMBER = """fn main() {
+    println!("{:?} {} {}", option_env!("FROM_SOURCE"), env!("SCRIPT"), env!("CARGO_PKG_VERSION"));
+    if let Some(value) = outer::VALUE { println!("outer: {value}"); }
+    if cfg!(special) { println!("special"); }
+}
+"""
+INPUTS = {
+    "src/all/Cargo.toml": '[workspace]\nmembers = ["node"]\n[workspace.package]\nversion = "1.0.0"\n',
+    "src/all/node/Cargo.toml": '[package]\nname = "node"\nversion.workspace = true\nedition = "2021"\n'
+    '[dependencies]\nouter = { path = "../../../crates/outer" }\n',
+    "crates/COLCON_IGNORE": "",
+    "crates/outer/Cargo.toml": CARGO.format("outer"),
+    "crates/outer/src/lib.rs": 'pub const VALUE: Option<&str> = option_env!("FROM_CRATE");\n',
+    "src/all/node/build.rs": SCRIPT,
+    "src/all/node/src/main.rs": MEMBER,
+    "data/one": "",
+}
+
+
+def test_what_cargo_reads_outside_of_the_package_is_an_input(forge: Forge, tree: Tree) -> None:
+    """These are variables, folders, the root of a Cargo workspace, and cargo's configuration above."""
+    root = tree(INPUTS)
+    env: dict[str, str] = {}
+
+    def built() -> str:
+        ran = forge("build", cwd=root, env=env)
+        assert ran.code == 0, ran.err
+        assert "1 package unchanged" in forge("build", cwd=root, env=env).out
+        return said_by(root / "install/node/lib/node/node")
+
+    assert built() == "None none 1 1.0.0\n"
+    env["FROM_SOURCE"] = "x"
+    assert built() == 'Some("x") none 1 1.0.0\n'
+    env["FROM_SCRIPT"] = "y"
+    assert built() == 'Some("x") y 1 1.0.0\n'
+    tree({"data/two": ""})
+    assert built() == 'Some("x") y 2 1.0.0\n'
+    tree({"src/all/Cargo.toml": INPUTS["src/all/Cargo.toml"].replace("1.0.0", "1.1.0")})
+    assert built() == 'Some("x") y 2 1.1.0\n'
+    tree({"src/all/.cargo/config.toml": '[build]\nrustflags = ["--cfg", "special"]\n'})
+    assert built() == 'Some("x") y 2 1.1.0\nspecial\n'
+    env["FROM_CRATE"] = "z"
+    assert built() == 'Some("x") y 2 1.1.0\nouter: z\nspecial\n'
+    lock = root / "src/all/Cargo.lock"
+    lock.write_text(lock.read_text() + "\n# other versions\n")
+    assert "1 package finished" in forge("build", cwd=root, env=env).out
+
+
 def test_a_plain_package_has_each_program_once(forge: Forge, tree: Tree) -> None:
     """The program in bin is a link to that in lib/PACKAGE."""
     root = tree({"src/app/Cargo.toml": CARGO.format("app"), "src/app/src/main.rs": "fn main() {}\n"})

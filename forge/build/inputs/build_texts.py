@@ -18,6 +18,7 @@ from forge.build.up_to_date import NAMED_FILE, is_relevant
 from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
 from forge.toolchain.programs import cmake_root
 from forge.workspace.references import (
+    CARGO_MANIFEST,
     LISTS,
     References,
     in_find_module,
@@ -166,8 +167,11 @@ def _read_texts(source_dir: str) -> tuple[References, list[str]]:
 
 
 def _listed(path: str) -> tuple[str, ...]:
-    """Return the CMake files for an include path: the file itself, or the CMakeLists.txt in a folder."""
-    return tuple(name for name in (path, f"{path}/{LISTS}") if os.path.isfile(name))  # noqa: PTH113
+    """Return the files for a path: itself, the CMakeLists.txt in a folder, or the sources of a Rust crate."""
+    names = [name for name in (path, f"{path}/{LISTS}") if os.path.isfile(name)]  # noqa: PTH113
+    if os.path.isfile(f"{path}/{CARGO_MANIFEST}"):  # noqa: PTH113
+        names += [name for name in source_files(path) if name.endswith((".rs", CARGO_MANIFEST))]
+    return tuple(names)
 
 
 def _expand(word: str, list_dir: str, source_dir: str = "") -> str:

@@ -57,7 +57,8 @@ def external_inputs(
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)
     graph = read_native_graph(build)
-    found = {*graph.known(), *graph.read_by_cmake, *_programs(build, graph), *_read_by_backend(build)}
+    found = {*graph.known(), *graph.read_by_cmake, *_programs(build, graph)}
+    found.update(_read_by_backend(build, inside))
     found.update(_libraries(build, graph))
     for path in (*_installed_from(build), *_named_outside(source, graph)):
         if not path.startswith(own):
@@ -94,7 +95,7 @@ def _programs(build: Path, graph: NativeGraph) -> Iterator[str]:
 
 
 def written_by_backend(build: Path) -> Iterator[str]:
-    """Yield the source files of a Python package that its build backend wrote itself."""
+    """Yield the source files that a Python build backend wrote, or the Cargo.lock that cargo wrote."""
     return _listed(build, WRITTEN_BY_BACKEND)
 
 
@@ -130,9 +131,11 @@ def _searched_by_linkers(build: Path) -> tuple[str, ...]:
     return tuple(dict.fromkeys(folder for folder in found if folder.startswith("/")))
 
 
-def _read_by_backend(build: Path) -> Iterator[str]:
-    """Yield the files that the build backend of a Python package read."""
-    return _listed(build, READ_BY_BACKEND)
+def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
+    """Yield what the build backend of a Python package or cargo read; a folder includes all its files."""
+    for path in _listed(build, READ_BY_BACKEND):
+        is_folder = not path.endswith(DIR_LISTING_SUFFIX) and os.path.isdir(path)  # noqa: PTH112
+        yield from _files_of(path, inside) if is_folder else (path,)
 
 
 def _listed(build: Path, name: str) -> Iterator[str]:

@@ -36,7 +36,7 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
         *context.cargo_args,
         *package.option_values("cargo-args"),
     )
-    argv = (*_PROGRAM, "build", package.name, str(source), str(build), *cargo)
+    argv = (*_PROGRAM, "build", package.name, str(source), str(build), str(context.root), *cargo)
     steps = (Step(StepKind.BUILD, argv, build), install_tree(package, context, build / "staged"))
     return Recipe(steps, kept=_KEPT)
 

@@ -1,13 +1,15 @@
 """Run cargo for one package; a program of its own, without forge.
 
-    python cargo_run.py build NAME SOURCE BUILD [cargo's command line]
+    python cargo_run.py build NAME SOURCE BUILD WORKSPACE [cargo's command line]
     python cargo_run.py test NAME SOURCE BUILD RESULT [cargo's command line]
 
 `build` stages what the package installs in BUILD/staged, and lists for forge the files that rustc read
-outside of SOURCE, from its dep-info files. `test` writes the results as JUnit to RESULT; it ends with 1 if
+outside of SOURCE, from its dep-info files, and the manifests and configuration that cargo read above SOURCE,
+up to the folder WORKSPACE. `test` writes the results as JUnit to RESULT; it ends with 1 if
 tests failed.
 
-A Cargo.lock that the package does not have is kept in BUILD, so that the sources stay as they are. Crates
+A Cargo.lock that the package does not have is kept in BUILD, so that the sources stay as they are; members of
+a Cargo workspace share that beside its root manifest, which cargo finds or writes there. Crates
 that packages in AMENT_PREFIX_PATH have installed replace those of the same name on crates.io.
 """
 
@@ -32,6 +34,9 @@ INDEX = "share/ament_index/resource_index/rust_packages"
 TESTS_FAILED = 1
 _LOCAL = "forge_local_crates"
 _DEPENDENCY = re.compile(r"(?:\\ |[^\s\\]|\\[^ ])+")
+_CARGO_WORKSPACE = re.compile(r"^\s*\[\s*workspace\s*[\].]", re.MULTILINE)
+_CARGO_ROOT = re.compile(r"""^\s*workspace\s*=\s*["']([^"']+)["']""", re.MULTILINE)
+"""The line of a member's manifest that names the folder of the workspace."""
 _STATUS = re.compile(r"(?=.{12} ) *[A-Z][a-z-]+ ")
 """A line that says what cargo does: a verb, right-aligned to 12 columns."""
 _TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
@@ -43,9 +48,11 @@ _PANIC = re.compile(
 _OUTPUT = re.compile(r"^---- (.+?) stdout ----\n(.*?)(?=^---- |^failures:|\Z)", re.MULTILINE | re.DOTALL)
 
 
-def build(name: str, source: Path, folder: Path, command: list[str]) -> int:
+def build(name: str, source: Path, folder: Path, workspace: Path, command: list[str]) -> int:
     """Build and stage; return cargo's exit code."""
     _forget_local_crates(folder / "target")
+    lock = (_cargo_root(source) or source) / "Cargo.lock"
+    locked = _content(lock)
     with _own_lock_file(source, folder), _cargo(command, source, name) as cargo:
         output, _ = cargo.communicate()
     if cargo.returncode == 0:
@@ -59,10 +66,13 @@ def build(name: str, source: Path, folder: Path, command: list[str]) -> int:
         _stage_programs(own, staged, name)
         if any({"lib", "rlib", "proc-macro"} & {*artifact["target"]["kind"]} for artifact in own):
             _stage_crate(source, staged, name)
-        read = {path for path in _read_by_rustc(artifacts) if not path.startswith(f"{source}/")}
-        listed = folder / ".forge/read_by_backend"
-        listed.parent.mkdir(parents=True, exist_ok=True)
-        listed.write_text("".join(f"{path}\n" for path in sorted(read)), encoding="utf-8")
+        read = {*_read_by_rustc(artifacts), *_manifests(artifacts), *_configurations(source, workspace)}
+        if locked in {None, _content(lock)}:
+            # Members with other patches would change it in turns: each would be built for the other's change.
+            read.add(str(lock))
+        read = {path for path in read if not path.startswith(f"{source}/")}
+        _write_list(folder / ".forge/read_by_backend", read)
+        _write_list(folder / ".forge/written_by_backend", () if locked else (str(lock),))
     return cargo.returncode
 
 
@@ -196,15 +206,58 @@ def _stage_crate(source: Path, staged: Path, name: str) -> None:
 
 
 def _read_by_rustc(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
-    """Yield the absolute paths in the dep-info files of the artifacts, and their manifests."""
+    """Yield the absolute paths in the dep-info files of the artifacts."""
     for artifact in artifacts:
-        yield artifact["manifest_path"]
         for file in artifact["filenames"]:
             info = Path(file).with_suffix(".d")
             text = info.read_text(encoding="utf-8") if info.is_file() else ""
             for line in text.splitlines():
                 words = _DEPENDENCY.findall(line.partition(": ")[2])
                 yield from (os.path.normpath(word.replace("\\ ", " ")) for word in words if word[0] == "/")
+
+
+def _write_list(path: Path, lines: Iterable[str]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f"{line}\n" for line in sorted(lines)), encoding="utf-8")
+
+
+def _manifests(artifacts: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """Yield the manifests of the artifacts, and those of the Cargo workspaces that these are members of."""
+    for artifact in artifacts:
+        yield artifact["manifest_path"]
+        is_local = _local_crate(artifact["package_id"])
+        if is_local and (root := _cargo_root(Path(artifact["manifest_path"]).parent)):
+            yield str(root / "Cargo.toml")
+
+
+def _cargo_root(source: Path) -> Path | None:
+    """Return the folder of the Cargo workspace that a crate in a folder is a member of, None for no other."""
+    text = _content(source / "Cargo.toml") or ""
+    if _CARGO_WORKSPACE.search(text):
+        return None
+    if named := _CARGO_ROOT.search(text):
+        return Path(os.path.normpath(source / named[1]))
+    manifests = ((folder, _content(folder / "Cargo.toml") or "") for folder in source.parents)
+    return next((folder for folder, text in manifests if _CARGO_WORKSPACE.search(text)), None)
+
+
+def _configurations(source: Path, workspace: Path) -> Iterator[str]:
+    """Yield the files that would configure cargo between a package and the workspace, existing or not.
+
+    Those in the package are sources, those in the workspace's folder and above identify the toolchain.
+    """
+    for folder in source.parents:
+        if folder in {workspace, *workspace.parents}:
+            return
+        yield from (str(folder / ".cargo" / name) for name in ("config", "config.toml"))
+
+
+def _content(path: Path) -> str | None:
+    """Return the text of a file, None if it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
 
 
 def _junit(name: str, tests: list[tuple[str, str]], outputs: dict[str, str]) -> bytes:
@@ -242,7 +295,7 @@ def main(argv: list[str]) -> int:
     """Return the exit code of a command line."""
     mode, name, source, folder, *rest = argv
     if mode == "build":
-        return build(name, Path(source), Path(folder), rest)
+        return build(name, Path(source), Path(folder), Path(rest[0]), rest[1:])
     return test(name, Path(source), Path(folder), Path(rest[0]), rest[1:])
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import pytest
 
 from forge.workspace.references import (
+    in_cargo_manifest,
     in_find_module,
     in_lists,
     in_module,
     in_python,
+    in_rust,
+    in_rust_script,
     in_settings,
     in_shell,
     reader_of,
@@ -55,6 +58,31 @@ def test_variables_that_python_reads(text: str) -> None:
 
 def test_capitals_of_a_script_that_reads_no_variable_are_none() -> None:
     assert in_python("setup(name='FOO')") == in_python("")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'const X: &str = env!("FOO");',
+        'let x = option_env!( "FOO" );',
+        'println!("cargo:rerun-if-env-changed=FOO");',
+        'println!("cargo::rerun-if-changed=x"); let x = env::var_os("FOO");',
+        'println!("cargo:x"); for name in ["FOO"] { let x = std::env::var(name); }',
+    ],
+)
+def test_variables_that_rust_reads_while_it_compiles(text: str) -> None:
+    assert in_rust(text).variables == in_rust(text).exported == {"FOO"}
+    assert in_rust_script(text) == in_rust(text)
+
+
+def test_variables_that_a_rust_program_reads_when_it_runs_are_no_inputs() -> None:
+    text = 'let x = std::env::var("FOO");'
+    assert in_rust(text).variables == frozenset()
+    assert in_rust_script(text).variables == {"FOO"}
+
+
+def test_crates_in_other_folders() -> None:
+    assert in_cargo_manifest('[dependencies]\nx = { path = "../x" }\n').included == {"../x"}
 
 
 def test_variables_of_settings_and_scripts() -> None:
@@ -121,7 +149,16 @@ def test_scripts_and_included_files() -> None:
 
 
 def test_which_files_a_build_may_run() -> None:
-    always = ["CMakeLists.txt", "x.cmake", "xConfig.cmake.in", "Makefile.am", "x.mk"]
+    always = [
+        "CMakeLists.txt",
+        "x.cmake",
+        "xConfig.cmake.in",
+        "Makefile.am",
+        "x.mk",
+        "build.rs",
+        "x.rs",
+        "Cargo.toml",
+    ]
     assert all(reader_of(name, top=False) for name in always)
     assert all(
         reader_of(name, top=True) for name in ("setup.py", "conftest.py", "setup.cfg", "pyproject.toml")

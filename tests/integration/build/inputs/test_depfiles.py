@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from tests.conftest import Tree
+
 pytestmark = pytest.mark.needs("cmake", "gcc", "ninja", "make")
 
 
@@ -219,3 +221,12 @@ def test_what_cmake_found_by_name_is_found(tmp_path: Path) -> None:
 def test_a_folder_that_was_never_configured_read_nothing(tmp_path: Path) -> None:
     assert external_inputs(tmp_path / "build", tmp_path / "src", (tmp_path / "src",)) == ()
     assert cmake_root(tmp_path / "build") == ""
+
+
+def test_a_folder_that_cargo_watches_includes_its_files_and_names(tree: Tree) -> None:
+    root = tree({"data/x": "", "data/sub/y": "", "src/lib.rs": ""})
+    data = str(root / "data")
+    tree({"build/.forge/read_by_backend": f"{data}\n{data}/sub/.\n{root}\n/missing\n"})
+    found = external_inputs(root / "build", root / "src", (root / "src",))
+    names = ("/missing", f"{data}/.", f"{data}/sub/.", f"{data}/sub/y", f"{data}/x")
+    assert found == names

@@ -70,7 +70,8 @@ def test_what_cargo_built_is_staged_and_what_rustc_read_is_listed(
     ]
     write_cargo(tree, "".join(f"{json.dumps(message)}\n" for message in messages))
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(root / "prefix"))
-    command = ["build", "node", str(root / "src"), str(root / "build"), str(root / "cargo"), "build", "-q"]
+    words = (root / "src", root / "build", root, root / "cargo")
+    command = ["build", "node", *map(str, words), "build", "-q"]
     assert cargo_run.main(command) == 0
     assert cargo_run.main(command) == 0
     staged = root / "build/staged"
