@@ -52,6 +52,7 @@ REMEDIES = {
     **{str(path): "make peers" for path in EMPY.values()},
     str(DEBIAN): "make debian-peers",
     str(MODULES / "rosidl_parser"): "make debian-peers",
+    "/usr/include/catch2/catch.hpp": "apt-get install catch2",
     "/usr/include/fastcdr/Cdr.h": "apt-get install libfastcdr-dev",
     "/usr/sbin/nginx": "apt-get install nginx-light",
     "aarch64-linux-gnu-g++": "apt-get install g++-aarch64-linux-gnu",

@@ -259,6 +259,7 @@ def _command_not_found(command: str, context: FailureContext) -> str | None:
         ("rosidl_", "rosidl_default_generators"),
         ("ament_add_gtest", "ament_cmake_gtest"),
         ("ament_add_gmock", "ament_cmake_gmock"),
+        ("ament_add_catch2", "ament_cmake_catch2"),
         ("ament_add_pytest", "ament_cmake_pytest"),
         ("ament_auto_", "ament_cmake_auto"),
         ("ament_python_", "ament_cmake_python"),

@@ -37,6 +37,19 @@ def registered(project: Project) -> dict[str, dict[str, object]]:
     }
 
 
+def results_of(project: Project) -> str:
+    """Return the output of `forge test-result --verbose`."""
+    argv = [sys.executable, "-m", "forge", "test-result", "--verbose"]
+    workspace = project.build.parents[1]
+    return subprocess.run(argv, cwd=workspace, capture_output=True, text=True, check=False).stdout
+
+
+def skipped(project: Project) -> list[str]:
+    """Return its sorted lines about skipped tests."""
+    listed = results_of(project).partition("Skipped:\n")[2].splitlines()
+    return sorted(line.removeprefix("- ") for line in listed if line.startswith("- "))
+
+
 def run(result: Path, *words: str) -> tuple[int, str]:
     """Run the wrapper; return its exit code and what the result file tells."""
     done = subprocess.run(
@@ -116,6 +129,7 @@ def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> No
         ("ament_add_test(one COMMAND_ x)", "does not accept 'COMMAND_' 'x'"),
         ("ament_add_pytest_test(one none.py)", "none.py', which does not exist"),
         ("find_package(ament_cmake_gtest)\nament_add_gtest(one)", "the test 'one' has no source files"),
+        ("find_package(ament_cmake_catch2)\nament_add_catch2(one)", "the test 'one' has no source files"),
     ],
 )
 def test_a_wrong_call_stops_with_a_reason(ament: Ament, commands: str, complaint: str) -> None:
@@ -160,6 +174,7 @@ def test_without_google_test_targets_exist_and_tests_are_skipped(ament: Ament) -
     ran = demo.test()
     assert ran.code == 0, ran.text
     assert ran.text.count("***Skipped") == 5
+    assert {"demo one: gtest was not found", "demo three: gmock was not found"} <= {*skipped(demo)}
 
 
 FAKE_GTEST = """
@@ -219,6 +234,114 @@ def test_an_installed_google_test_is_taken_before_sources_of_the_system(ament: A
     assert outcome.code == 0, outcome.text
     assert outcome.said("libraries") == f"gtest_main;gtest {demo.source}/installed"
     demo.make()
+    assert registered(demo).keys() == {"one", "two"}
+
+
+CATCH2 = "find_package(ament_cmake_catch2 REQUIRED)\n"
+CASES = """
+TEST_CASE("addition") { CHECK(1 + 1 == 2); }
+TEST_CASE("the environment") { CHECK(std::getenv("A") == std::string("1")); }
+"""
+CATCH2_TEST = f"#include <catch2/catch.hpp>\n#include <cstdlib>\n#include <string>\n{CASES}"
+
+
+@pytest.mark.needs("g++")
+@pytest.mark.needs("/usr/include/catch2/catch.hpp")
+def test_catch2_runs_and_leaves_results(ament: Ament) -> None:
+    """With a main() of the package or without; targets are linked further in either way."""
+    demo = ament(
+        f"{CATCH2}ament_add_catch2(one one.cpp ENV A=1 TIMEOUT 9)\ntarget_link_libraries(one PRIVATE m)\n"
+        "ament_add_catch2(two one.cpp main.cpp ENV A=2 WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})\n"
+        "target_link_libraries(two m)\n"
+        "add_subdirectory(deeper)\nament_add_catch2(four one.cpp SKIP_TEST)\nament_package()",
+        files={
+            "one.cpp": CATCH2_TEST,
+            "main.cpp": "#define CATCH_CONFIG_MAIN\n#include <catch2/catch.hpp>\n",
+            "run.cpp": "#define CATCH_CONFIG_RUNNER\n#include <catch2/catch.hpp>\n"
+            "int main(int argc, char ** argv) { return Catch::Session().run(argc, argv); }\n",
+            "deeper/CMakeLists.txt": "add_library(run STATIC ../run.cpp)\n"
+            "ament_add_catch2(three ../one.cpp SKIP_LINKING_MAIN_LIBRARIES APPEND_ENV A=1)\n"
+            "target_link_libraries(three run)\n",
+        },
+    )
+    outcome = demo.configure("-DCMAKE_BUILD_TYPE=None")
+    assert outcome.code == 0, outcome.text
+    demo.make()
+    tests = registered(demo)
+    assert tests.keys() == {"one", "two", "three", "four"}
+    assert tests["one"]["TIMEOUT"] == 9.0
+    assert tests["one"]["LABELS"] == ["catch2"]
+    assert tests["two"]["WORKING_DIRECTORY"] == str(demo.source)
+    ran = demo.test()
+    assert "The following tests FAILED:\n\t  2 - two" in ran.text
+    assert "four (Skipped)" in ran.text
+    result = ET.fromstring((demo.build / "test_results/demo/two.catch2.xml").read_text("utf-8"))  # noqa: S314
+    assert [(case.get("name"), len(case.findall("failure"))) for case in result.iter("testcase")] == [
+        ("addition", 0),
+        ("the environment", 1),
+    ]
+    told = results_of(demo)
+    assert "two.catch2.xml: 2 tests, 0 errors, 1 failure, 0 skipped" in told
+    assert "the environment" in told
+
+
+@pytest.mark.needs("g++")
+def test_without_catch2_targets_exist_and_tests_are_skipped(ament: Ament) -> None:
+    """But not those of a package with its own copy."""
+    demo = ament(
+        f"{CATCH2}set(CMAKE_DISABLE_FIND_PACKAGE_Catch2 ON)\n"
+        "ament_add_catch2(one one.cpp ENV A=1)\ntarget_link_libraries(one m)\n"
+        "ament_add_catch2_executable(two one.cpp main.cpp)\nament_add_catch2_test(two TEST_NAME two_again)\n"
+        "ament_add_catch2_test(not_there)\nament_add_catch2(own own.cpp)\n",
+        files={
+            "one.cpp": "#include <catch2/missing.hpp>\n",
+            "main.cpp": "#define CATCH_CONFIG_MAIN\n#include <catch2/missing.hpp>\n",
+            "own.cpp": '#define CATCH_CONFIG_MAIN\n#include "own/catch.hpp"\n',
+            "own/catch.hpp": FAKE_CATCH2_MAIN,
+        },
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    assert outcome.text.count("'Catch2' was not found: tests that need it are skipped") == 1
+    demo.make()
+    assert registered(demo).keys() == {"one", "two_again", "own"}
+    ran = demo.test()
+    assert ran.code == 0, ran.text
+    assert skipped(demo) == ["demo one: Catch2 was not found", "demo two_again: Catch2 was not found"]
+
+
+FAKE_CATCH2_MAIN = """
+#include <cstdio>
+int main(int, char ** argv) {
+std::FILE * f = std::fopen(argv[4], "w");
+std::fputs("<testsuites><testsuite failures=\\"0\\" tests=\\"0\\"/></testsuites>", f); std::fclose(f); }
+"""
+CATCH2_3 = """
+add_library(Catch2::Catch2 INTERFACE IMPORTED)
+set_property(TARGET Catch2::Catch2 PROPERTY INTERFACE_INCLUDE_DIRECTORIES "${CMAKE_CURRENT_LIST_DIR}")
+add_library(catch2_main STATIC "${CMAKE_CURRENT_LIST_DIR}/main.cpp")
+add_library(Catch2::Catch2WithMain ALIAS catch2_main)
+"""
+
+
+@pytest.mark.needs("g++")
+def test_the_main_of_version_3_of_catch2_is_linked(ament: Ament) -> None:
+    demo = ament(
+        f"set(Catch2_DIR ${{CMAKE_CURRENT_SOURCE_DIR}}/installed)\n{CATCH2}ament_add_catch2(one one.cpp)\n"
+        "ament_add_catch2(two two.cpp SKIP_LINKING_MAIN_LIBRARIES)",
+        files={
+            "one.cpp": "#include <catch2/catch_test_macros.hpp>\n",
+            "two.cpp": f"#include <catch2/catch_test_macros.hpp>\n{FAKE_CATCH2_MAIN}",
+            "installed/Catch2Config.cmake": CATCH2_3,
+            "installed/catch2/catch_test_macros.hpp": "",
+            "installed/main.cpp": FAKE_CATCH2_MAIN,
+        },
+    )
+    outcome = demo.configure()
+    assert outcome.code == 0, outcome.text
+    demo.make()
+    ran = demo.test()
+    assert ran.code == 0, ran.text
     assert registered(demo).keys() == {"one", "two"}
 
 
@@ -287,12 +410,17 @@ def test_an_explicit_linter_is_a_skipped_test(ament: Ament, tools: Path) -> None
         "find_package(ament_cmake_cppcheck REQUIRED)\nfind_package(ament_cmake_pep257 REQUIRED)\n"
         "ament_cppcheck(LANGUAGE c++ INCLUDE_DIRS a b)\n"
         "set_tests_properties(cppcheck PROPERTIES TIMEOUT 400)\n"
-        "ament_pep257(TESTNAME docs EXCLUDE x)\nament_package()"
+        "ament_pep257(TESTNAME docs EXCLUDE x)\nament_copyright(TESTNAME license)\nament_package()"
     )
     demo = replace(demo, variables={"PATH": str(tools)})
     assert demo.configure().code == 0
     assert registered(demo)["cppcheck"]["TIMEOUT"] == 400.0
-    assert demo.test().text.count("***Skipped") == 2
+    assert demo.test().text.count("***Skipped") == 3
+    assert skipped(demo) == [
+        "demo cppcheck: cppcheck is not installed",
+        "demo docs: pydocstyle is not installed",
+        "demo license: ament_copyright is not installed",
+    ]
 
 
 @pytest.fixture

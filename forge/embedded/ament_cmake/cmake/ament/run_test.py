@@ -1,7 +1,8 @@
 """Run the command of a test, and make sure that a result file exists.
 
     run_test.py RESULT_FILE [--package-name P] [--output-file F] [--env K=V ...] [--append-env K=V ...]
-                [--skip-test] [--skip-return-code N] [--generate-result-on-success] --command WORD ...
+                [--skip-test] [--skip-reason TEXT] [--skip-return-code N]
+                [--generate-result-on-success] --command WORD ...
 
 A failing result is written first, because a command that crashes leaves none, or an old one. If the command
 does not replace it, this program does. Exits with the code of the command, or with 1 if the result file
@@ -42,8 +43,8 @@ def main(words: list[str]) -> int:
     result.parent.mkdir(parents=True, exist_ok=True)
     result.unlink(missing_ok=True)
     if options.skip_test:
-        _write(result, options.package_name, name, skipped="The test is not run here.")
-        _say(f"-- {name}: skipped")
+        _write(result, options.package_name, name, skipped=options.skip_reason)
+        _say(f"-- {name}: skipped: {options.skip_reason}")
         return 0
     _write(result, options.package_name, name, failure=NOT_RUN)
     pristine = result.read_bytes()
@@ -67,6 +68,7 @@ def _parse(words: list[str]) -> argparse.Namespace:
     parser.add_argument("--env", nargs="+", default=[])
     parser.add_argument("--append-env", nargs="+", default=[])
     parser.add_argument("--skip-test", action="store_true")
+    parser.add_argument("--skip-reason", default="The test is not run here.")
     parser.add_argument("--skip-return-code", type=int)
     parser.add_argument("--generate-result-on-success", action="store_true")
     own, command = words, []

@@ -19,10 +19,10 @@ endfunction()
 # ament_add_test(<name> COMMAND <word>... [OUTPUT_FILE <file>] [RESULT_FILE <file>] [RUNNER <script>]
 #                [TIMEOUT <seconds>] [WORKING_DIRECTORY <folder>] [SKIP_RETURN_CODE <code>]
 #                [ENV <key>=<value>...] [APPEND_ENV <key>=<value>...] [APPEND_LIBRARY_DIRS <folder>...]
-#                [SKIP_TEST] [GENERATE_RESULT_FOR_RETURN_CODE_ZERO])
+#                [SKIP_TEST] [SKIP_REASON <text>] [GENERATE_RESULT_FOR_RETURN_CODE_ZERO])
 function(ament_add_test name)
   cmake_parse_arguments(ARG "SKIP_TEST;GENERATE_RESULT_FOR_RETURN_CODE_ZERO"
-    "OUTPUT_FILE;RESULT_FILE;RUNNER;SKIP_RETURN_CODE;TIMEOUT;WORKING_DIRECTORY"
+    "OUTPUT_FILE;RESULT_FILE;RUNNER;SKIP_REASON;SKIP_RETURN_CODE;TIMEOUT;WORKING_DIRECTORY"
     "APPEND_ENV;APPEND_LIBRARY_DIRS;COMMAND;ENV" ${ARGN})
   _ament_refuse_unknown(ament_add_test ${ARG_UNPARSED_ARGUMENTS})
   if("${ARG_COMMAND}" STREQUAL "")  # not "if(NOT ...)": the program may be called false
@@ -51,6 +51,9 @@ function(ament_add_test name)
   endif()
   if(ARG_SKIP_TEST)
     list(APPEND words --skip-test)
+    if(ARG_SKIP_REASON)
+      list(APPEND words --skip-reason "${ARG_SKIP_REASON}")
+    endif()
     set(ARG_SKIP_RETURN_CODE 0)  # CTest reports it as skipped as well
   elseif(DEFINED ARG_SKIP_RETURN_CODE)
     list(APPEND words --skip-return-code "${ARG_SKIP_RETURN_CODE}")
@@ -95,7 +98,8 @@ endfunction()
 # ament_add_pytest_test(<name> <path> [PYTHON_EXECUTABLE <python>] [WERROR ON|OFF] [NOCAPTURE]
 #                       [options of ament_add_test]...)
 function(ament_add_pytest_test name path)
-  cmake_parse_arguments(ARG "NOCAPTURE;SKIP_TEST" "PYTHON_EXECUTABLE;RUNNER;TIMEOUT;WERROR;WORKING_DIRECTORY"
+  cmake_parse_arguments(ARG "NOCAPTURE;SKIP_TEST"
+    "PYTHON_EXECUTABLE;RUNNER;SKIP_REASON;TIMEOUT;WERROR;WORKING_DIRECTORY"
     "APPEND_ENV;APPEND_LIBRARY_DIRS;ENV" ${ARGN})
   _ament_refuse_unknown(ament_add_pytest_test ${ARG_UNPARSED_ARGUMENTS})
   get_filename_component(file "${path}" ABSOLUTE BASE_DIR "${CMAKE_CURRENT_SOURCE_DIR}")
@@ -196,9 +200,50 @@ macro(_ament_collect_test_options variable)
       list(APPEND ${variable} ${_ament_option})
     endif()
   endforeach()
-  foreach(_ament_option IN ITEMS RUNNER TIMEOUT WORKING_DIRECTORY ENV APPEND_ENV APPEND_LIBRARY_DIRS)
+  foreach(_ament_option IN ITEMS SKIP_REASON RUNNER TIMEOUT WORKING_DIRECTORY ENV APPEND_ENV APPEND_LIBRARY_DIRS)
     if(NOT "${ARG_${_ament_option}}" STREQUAL "")
       list(APPEND ${variable} ${_ament_option} ${ARG_${_ament_option}})
     endif()
   endforeach()
 endmacro()
+
+# _ament_parse_program(<argument>...): the options of tests that are programs, as ARG_ variables.
+macro(_ament_parse_program)
+  cmake_parse_arguments(ARG "SKIP_LINKING_MAIN_LIBRARIES;SKIP_TEST;RUN_PARALLEL"
+    "RUNNER;TIMEOUT;WORKING_DIRECTORY;TEST_NAME;SKIP_REASON" "APPEND_ENV;APPEND_LIBRARY_DIRS;ENV" ${ARGN})
+endmacro()
+
+# _ament_add_program_without(<library> <target> <source>...): a target that is not built, because it needs a
+# library that was not found. Its tests are skipped.
+function(_ament_add_program_without library target)
+  _ament_tell_missing(${library})
+  add_executable(${target} EXCLUDE_FROM_ALL ${ARGN})
+  set_property(TARGET ${target} PROPERTY AMENT_MISSING_LIBRARY "${library}")
+endfunction()
+
+# _ament_add_program_test(<target> <test> <label> <result> <argument of the program>...)
+#
+# A test that runs a target, with the options from _ament_parse_program().
+function(_ament_add_program_test target name label result)
+  get_target_property(missing ${target} AMENT_MISSING_LIBRARY)
+  if(missing)
+    set(ARG_SKIP_TEST TRUE)
+    set(ARG_SKIP_REASON "${missing} was not found")
+  endif()
+  _ament_collect_test_options(options)
+  ament_add_test(${name} COMMAND "$<TARGET_FILE:${target}>" ${ARGN}
+    RESULT_FILE "${result}" OUTPUT_FILE "${CMAKE_BINARY_DIR}/ament_cmake_${label}/${name}.txt" ${options})
+  set_tests_properties(${name} PROPERTIES LABELS ${label})
+  if(NOT missing)
+    set_tests_properties(${name} PROPERTIES REQUIRED_FILES "$<TARGET_FILE:${target}>")
+  endif()
+endfunction()
+
+# _ament_tell_missing(<name>): report skipped tests, once per project.
+function(_ament_tell_missing name)
+  get_property(told GLOBAL PROPERTY ament_told_missing_${name})
+  if(NOT told)
+    message(STATUS "'${name}' was not found: tests that need it are skipped")
+    set_property(GLOBAL PROPERTY ament_told_missing_${name} TRUE)
+  endif()
+endfunction()

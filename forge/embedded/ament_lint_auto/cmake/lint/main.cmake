@@ -121,17 +121,12 @@ function(_ament_lint tool)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
-  _ament_lint_program(program ${tool})
-  set(skip "")
-  if(NOT program)
-    set(program "ament_${tool}")
-    set(skip SKIP_TEST)
-  endif()
   set(paths ${ARG_UNPARSED_ARGUMENTS})
   if(paths)
     list(INSERT paths 0 --)  # options may have any number of values
   endif()
   set(result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${ARG_TESTNAME}.xunit.xml")
+  _ament_lint_program(program ${tool})
   set(command ${program} --xunit-file "${result}")
   foreach(keyword IN ITEMS
       LANGUAGE MAX_LINE_LENGTH ROOT CONFIG_FILE LNT_FILE EXCLUDE FILTERS INCLUDE_DIRS LIBRARIES COMPILE_DEFS)
@@ -141,6 +136,12 @@ function(_ament_lint tool)
     endif()
   endforeach()
   list(APPEND command ${ARG_ARGS} ${paths})
+  set(skip "")
+  if(NOT program)
+    # Not SKIP_TEST, which has no reason.
+    _ament_lint_missing(command ${tool} "${ARG_TESTNAME}" "${result}")
+    set(skip SKIP_RETURN_CODE 77)
+  endif()
   file(MAKE_DIRECTORY "${CMAKE_BINARY_DIR}/ament_${tool}")
   ament_add_test("${ARG_TESTNAME}" COMMAND ${command} RESULT_FILE "${result}" ${skip} TIMEOUT ${ARG_TIMEOUT}
     OUTPUT_FILE "${CMAKE_BINARY_DIR}/ament_${tool}/${ARG_TESTNAME}.txt"
@@ -190,6 +191,17 @@ function(_ament_lint_program variable tool)
   endif()
   get_property(words GLOBAL PROPERTY ament_lint_program_of_${tool})
   set(${variable} "${words}" PARENT_SCOPE)
+endfunction()
+
+# _ament_lint_missing(<variable> <tool> <test> <result>): the command that reports the test as skipped.
+function(_ament_lint_missing variable tool test result)
+  get_property(name GLOBAL PROPERTY ament_lint_name_of_${tool})
+  get_property(folder GLOBAL PROPERTY ament_lint_folder)
+  if(NOT name)
+    set(name "ament_${tool}")
+  endif()
+  set(${variable} "${Python3_EXECUTABLE}" -S "${folder}/skip_linter.py"
+    "${name}" "${PROJECT_NAME}" "${test}" "${result}" PARENT_SCOPE)
 endfunction()
 
 # _ament_lint_hook(<tool>): run a linter for ament_lint_auto, unless it or its files are missing.
