@@ -1,4 +1,4 @@
-"""Parses result files: JUnit as written by pytest, gtest and ament, and CTest's Test.xml."""
+"""Parses result files: JUnit as written by pytest, gtest, Catch2 and ament, and CTest's Test.xml."""
 
 from __future__ import annotations
 
@@ -84,7 +84,8 @@ class Outcome:
     @property
     def test(self) -> str:
         """The name of the CTest test that a JUnit file of ament belongs to."""
-        return self.path.rpartition("/")[2].removesuffix(".xml").removesuffix(".gtest").removesuffix(".xunit")
+        name = self.path.rpartition("/")[2].removesuffix(".xml")
+        return name.removesuffix(".catch2").removesuffix(".gtest").removesuffix(".xunit")
 
 
 class NotAResultError(ValueError):

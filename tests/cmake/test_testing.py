@@ -283,6 +283,7 @@ def test_catch2_runs_and_leaves_results(ament: Ament) -> None:
     told = results_of(demo)
     assert "two.catch2.xml: 2 tests, 0 errors, 1 failure, 0 skipped" in told
     assert "the environment" in told
+    assert "Summary: 7 tests, 0 errors, 1 failure, 1 skipped" in told, "each test once"
 
 
 @pytest.mark.needs("g++")

@@ -112,7 +112,7 @@ RUNS = st.dictionaries(
 )
 
 
-@given(RUNS, st.sampled_from([".xml", ".gtest.xml", ".xunit.xml"]))
+@given(RUNS, st.sampled_from([".xml", ".catch2.xml", ".gtest.xml", ".xunit.xml"]))
 def test_counting_once_loses_no_failure_and_no_test(
     run: dict[str, tuple[Counts, list[Counts] | None]], extension: str
 ) -> None:
@@ -168,3 +168,8 @@ def test_the_first_lines_are_those_of_the_message_else_of_the_story() -> None:
     )
     assert first_lines(silent.cases) == (" why",)
     assert last_lines("a\n\nb\n") == ("a", "b")
+
+
+@pytest.mark.parametrize("ending", [".xml", ".gtest.xml", ".xunit.xml", ".catch2.xml"])
+def test_a_result_file_of_ament_is_named_after_its_test(ending: str) -> None:
+    assert Outcome(f"build/p/test_results/p/one{ending}", "build/p", Counts(1)).test == "one"
