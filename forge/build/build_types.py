@@ -17,7 +17,7 @@ from forge.base.errors import ForgeError, Location, Problem, Several
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.base.names import did_you_mean
-from forge.build.recipes import cargo, cmake, python
+from forge.build.recipes import cmake, python
 from forge.build.recipes.context import common_options
 
 if TYPE_CHECKING:
@@ -53,11 +53,30 @@ class _Own:
     tests: Callable[[Package, TestContext], Recipe]
 
 
+class _Rust:
+    """The build types of Rust packages; their recipes are only imported if there are such packages."""
+
+    def options(self, package: Package, context: BuildContext) -> tuple[str, ...]:
+        from forge.build.recipes import cargo  # noqa: PLC0415  (as above)
+
+        return cargo.options(package, context)
+
+    def recipe(self, package: Package, context: BuildContext) -> Recipe:
+        from forge.build.recipes import cargo  # noqa: PLC0415  (as above)
+
+        return cargo.recipe(package, context)
+
+    def tests(self, package: Package, context: TestContext) -> Recipe:
+        from forge.build.recipes import cargo  # noqa: PLC0415  (as above)
+
+        return cargo.tests(package, context)
+
+
 OWN: Mapping[str, BuildType] = {
     "ament_cmake": _Own(cmake.ament_options, cmake.ament_recipe, cmake.tests),
     "ament_python": _Own(common_options, python.recipe, python.tests),
-    "ament_cargo": _Own(cargo.options, cargo.recipe, cargo.tests),
-    "cargo": _Own(cargo.options, cargo.recipe, cargo.tests),
+    "ament_cargo": _Rust(),
+    "cargo": _Rust(),
     "cmake": _Own(cmake.plain_options, cmake.plain_recipe, cmake.tests),
     "python": _Own(common_options, python.plain_recipe, python.tests),
 }

@@ -234,7 +234,7 @@ def test_a_package_that_another_one_needs_is_not_skipped(forge: Forge, tree: Tre
     assert forge("build", "--dry-run", "--packages-skip", "b", cwd=root).code == 0
 
 
-def test_a_build_without_plugins_does_not_look_for_any(tree: Tree) -> None:
+def test_a_build_imports_nothing_for_plugins_and_rust_without_such_packages(tree: Tree) -> None:
     root = tree(
         {
             "src/b/package.xml": manifest_text("b", build_type="ament_python"),
@@ -244,7 +244,8 @@ def test_a_build_without_plugins_does_not_look_for_any(tree: Tree) -> None:
     )
     script = (
         "import sys\nfrom forge.cli.main import main\ncode = main(['build', '--dry-run'])\n"
-        "print(code, sorted({'importlib.metadata', 'forge.base.extensions'} & sys.modules.keys()))"
+        "unused = {'importlib.metadata', 'forge.base.extensions', 'forge.build.recipes.cargo'}\n"
+        "print(code, sorted(unused & sys.modules.keys()))"
     )
     ran = subprocess.run(
         [sys.executable, "-c", script],
