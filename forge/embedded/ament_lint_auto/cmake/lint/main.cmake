@@ -138,7 +138,7 @@ function(_ament_lint tool)
   list(APPEND command ${ARG_ARGS} ${paths})
   set(skip "")
   if(NOT program)
-    # Not SKIP_TEST, which has no reason.
+    # Not SKIP_REASON, which only forge's ament_add_test() has: this package may be used with ROS's own ament.
     _ament_lint_missing(command ${tool} "${ARG_TESTNAME}" "${result}")
     set(skip SKIP_RETURN_CODE 77)
   endif()
