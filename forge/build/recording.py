@@ -9,6 +9,7 @@ import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from forge.base.layout import TOOLCHAIN_DIR
 from forge.build import build_notes
 from forge.build.build_dir import BuildDirInputs, FileChecks, prepare_build_dir
 from forge.build.file_conflicts import record_contents
@@ -91,7 +92,8 @@ class PackageRecorder:
         build = task.build_dir
         files, folders = installed_files(task.package, self._layout)
         stats = set_file_times(task, files, self._layout, self._table)
-        declared = (self._state.source(task), build, *map(self._layout.prefix, (task.name, *task.needs)))
+        prefixes = map(self._layout.prefix, (task.name, *task.needs))
+        declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
         searched = (self._layout.install,)
         found = external_inputs(build, self._state.source(task), declared, searched)
         if self._layout.merged:

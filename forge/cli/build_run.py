@@ -126,6 +126,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             **without_job_variables(build.variables),
             **launcher_stats.variables,
             **worker_variables,
+            **({} if audit else _precompiled_headers(plan, build)),
         }
         environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
@@ -162,6 +163,16 @@ def _worker(plan: BuildPlan, build: PreparedBuild) -> AbstractContextManager[dic
 
     cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
     return rosidl_worker(context.python, cache, without_secrets(variables))
+
+
+def _precompiled_headers(plan: BuildPlan, build: PreparedBuild) -> dict[str, str]:
+    """Return the variable for the compilers of interface packages; empty if a launcher runs them."""
+    context = build.context
+    if context.launcher or not any(is_accelerated(task.package, context) for task in plan.tasks.values()):
+        return {}
+    from forge.toolchain.precompiled_headers import prepare_precompiled_headers  # noqa: PLC0415  (as above)
+
+    return prepare_precompiled_headers(context.layout.build, context.tools)
 
 
 def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:

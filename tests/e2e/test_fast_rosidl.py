@@ -78,6 +78,29 @@ def test_it_is_what_rosidl_would_have_built(tree: Tree, tmp_path_factory: pytest
     units = [list((root / "build/fast_msgs").rglob("unity_*.o")) for root in (fast, slow)]
     assert units[0]
     assert not units[1]
+    assert precompiled(fast)
+    assert not precompiled(slow)
+
+
+def precompiled(root: Path) -> list[Path]:
+    """Return the headers that were precompiled for a workspace."""
+    return list(root.glob("build/forge_toolchain/headers/*/*.gch/*"))
+
+
+@pytest.mark.needs("ccache")
+def test_a_compiler_launcher_gets_no_precompiled_headers(tree: Tree) -> None:
+    """What is compiled with them would not be cached."""
+    root = tree(interface_package("fast_msgs", FILES))
+    assert build(root, "--compiler-launcher", "ccache").returncode == 0
+    assert not precompiled(root)
+
+
+def test_precompiled_headers_are_no_input_of_the_package(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES))
+    assert build(root).returncode == 0
+    for path in precompiled(root):
+        path.unlink()
+    assert "1 package unchanged" in build(root).stdout
 
 
 def test_a_changed_definition_is_generated_and_compiled(tree: Tree) -> None:

@@ -48,7 +48,7 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
     """Return the files that CMake and its rules use, to be written into that folder."""
     from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
 
-    marker, script = _marker(folder), folder / "compile_unit.sh"
+    marker, script = _marker(folder), folder / "compile_generated.sh"
     include = render(
         "cmake/fast_rosidl.cmake.j2",
         marker=quoted(str(marker)),
@@ -58,7 +58,7 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
         launcher_program=quoted(context.generator_launcher[0]),
         generator_launcher=quoted(shlex.join(context.generator_launcher)),
     )
-    return (_include(folder), include), (script, render("cmake/compile_unit.sh.j2"))
+    return (_include(folder), include), (script, render("cmake/compile_generated.sh.j2"))
 
 
 def build_argv(folder: Path, argv: tuple[str, ...]) -> tuple[str, ...]:

@@ -51,6 +51,7 @@ class Generators:
         self._path = list(sys.path)
         self._modules: dict[str, ModuleType] = {}
         self._accelerated = False
+        self._describes = False
         self._arguments_file = ""
         self._contents: dict[str, tuple[tuple[int, int], Any]] = {}
 
@@ -61,7 +62,10 @@ class Generators:
         """
         with contextlib.suppress(Exception), self._search_path(environment):
             if argv[1:] == SETUP:
-                self._import("setuptools")
+                # The fork of the first package imports it: a single package does without 10 MB more here.
+                if self._describes:
+                    self._import("setuptools")
+                self._describes = True
                 return
             if not self._accelerated:
                 self._import(*_LIBRARIES)

@@ -61,7 +61,7 @@ def test_cmake_gets_the_files_and_paths_are_quoted() -> None:
     assert f'set(CMAKE_PROJECT_INCLUDE "{include}" CACHE' in files["initial_cache.cmake"]
     assert "RULE_LAUNCH_CUSTOM \"'/my python' client.py --generator\"" in files["fast_rosidl.cmake"]
     assert (
-        "'/w s/build/i/.forge/compile_unit.sh' '/w s/build/i/.forge_units_failed'"
+        "'/w s/build/i/.forge/compile_generated.sh' '/w s/build/i/.forge_units_failed'"
         in files["fast_rosidl.cmake"]
     )
     build = next(step for step in recipe.steps if step.kind is StepKind.BUILD)

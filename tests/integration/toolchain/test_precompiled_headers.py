@@ -1,0 +1,178 @@
+"""Generated C++ sources share precompiled headers, and nobody can tell but by the time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.templating import render
+from forge.toolchain.precompiled_headers import VARIABLE, prepare_precompiled_headers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    Compile = Callable[..., subprocess.Popen[str]]
+
+pytestmark = pytest.mark.needs("g++")
+
+TOOLS = (("c++", "1"),)
+SOURCE = "#include <vector>\nstd::vector<int> f() { return {1}; }\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return the folder of precompiled headers in a workspace whose path has a space."""
+    return prepared(tmp_path)
+
+
+@pytest.fixture
+def compile_source(tmp_path: Path, folder: Path) -> Compile:
+    """Return a function that starts to compile a source by the script, with some options."""
+    (tmp_path / "compile.sh").write_text(render("cmake/compile_generated.sh.j2"))
+    (tmp_path / "x.cpp").write_text(SOURCE)
+
+    def start(*options: str, compiler: str = "g++") -> subprocess.Popen[str]:
+        script = ("sh", "compile.sh", "marker", "--standard-headers")
+        # -H names the headers, and a precompiled one after "!".
+        argv = (*script, compiler, *options, "-H", "-MD", "-MF", "x.d", "-o", "x.o", "-c", "x.cpp")
+        return subprocess.Popen(
+            argv,
+            cwd=tmp_path,
+            env={**os.environ, VARIABLE: str(folder)},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    return start
+
+
+def prepared(workspace: Path, *tools: tuple[str, str]) -> Path:
+    """Prepare the folder in a workspace as a build does."""
+    (name, value), *others = prepare_precompiled_headers(workspace / "w s/build", tools or TOOLS).items()
+    assert (name, others) == (VARIABLE, [])
+    return type(workspace)(value)
+
+
+def precompiled(folder: Path) -> list[Path]:
+    """Return the precompiled headers."""
+    return sorted((folder / "standard_headers.hpp.gch").iterdir())
+
+
+def said(process: subprocess.Popen[str]) -> str:
+    """Return what a compiler that succeeded has said."""
+    _, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return errors
+
+
+def test_the_first_source_precompiles_and_all_use_it(compile_source: Compile, folder: Path) -> None:
+    for _ in range(2):
+        assert f"! {folder}/standard_headers.hpp.gch/" in said(compile_source("-std=c++17"))
+        assert len(precompiled(folder)) == 1
+
+
+def test_processes_that_start_together_precompile_once(compile_source: Compile, folder: Path) -> None:
+    for process in [compile_source() for _ in range(4)]:
+        assert f"! {folder}/" in said(process)
+    assert len(precompiled(folder)) == 1
+
+
+def test_the_dependencies_of_an_object_are_complete(compile_source: Compile, tmp_path: Path) -> None:
+    said(compile_source())
+    found = (tmp_path / "x.d").read_text()
+    subprocess.run(["g++", "-MD", "-MF", "plain.d", "-c", "x.cpp"], cwd=tmp_path, check=True)
+    usual = (tmp_path / "plain.d").read_text()
+    assert {*usual.split()} - {"x.o:", "\\"} <= {*found.split()}
+
+
+@pytest.mark.parametrize(
+    "others", [("-O2",), ("-std=c++20",), ("-fPIC",), ("-D_GLIBCXX_DEBUG",), ("-Wpedantic",)]
+)
+def test_options_that_matter_have_their_own(
+    others: tuple[str, ...], compile_source: Compile, folder: Path
+) -> None:
+    for options in ((), others, ()):
+        assert f"! {folder}/" in said(compile_source(*options))
+    assert len(precompiled(folder)) == 2
+
+
+def test_other_options_share_one(compile_source: Compile, folder: Path) -> None:
+    first = ("-Wall", "-DPACKAGE=1", "-I/x")
+    second = ("-DBUILDING", "-D", "OTHER", "-isystem", "/y", "-I", "z", "-Wextra")
+    for options in (first, second):
+        assert f"! {folder}/" in said(compile_source(*options))
+    assert len(precompiled(folder)) == 1
+
+
+def test_g_plus_plus_refuses_what_does_not_fit(compile_source: Compile, folder: Path) -> None:
+    """A macro of the library in two words is not recognized, but it changes the headers."""
+    assert f"! {folder}/" in said(compile_source())
+    assert "! " not in said(compile_source("-D", "_GLIBCXX_ASSERTIONS"))
+
+
+def test_a_compiler_that_cannot_precompile_compiles(
+    compile_source: Compile, folder: Path, tmp_path: Path
+) -> None:
+    program = tmp_path / "other g++"
+    program.write_text('#!/bin/sh\ncase "$*" in *c++-header*) exit 1 ;; esac\nexec g++ "$@"\n')
+    program.chmod(0o755)
+    for _ in range(2):
+        assert "! " not in said(compile_source(compiler=str(program)))
+    assert precompiled(folder) == []
+
+
+def test_an_error_leaves_the_marker(compile_source: Compile, tmp_path: Path) -> None:
+    (tmp_path / "x.cpp").write_text("int f() { return missing; }\n")
+    process = compile_source()
+    _, errors = process.communicate()
+    assert process.returncode == 1
+    assert errors.count("was not declared") == 1
+    assert (tmp_path / "marker").exists()
+
+
+def test_the_next_build_keeps_it(compile_source: Compile, folder: Path, tmp_path: Path) -> None:
+    said(compile_source())
+    before = precompiled(folder)
+    assert prepared(tmp_path) == folder
+    assert precompiled(folder) == before != []
+
+
+def test_a_changed_header_is_precompiled_again(
+    compile_source: Compile, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Even if its modification time is older, as that of a file from a package is."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own/array").write_text("#include_next <array>\n")
+    monkeypatch.setenv("CPLUS_INCLUDE_PATH", str(tmp_path / "own"))
+    said(compile_source())
+    (old,) = precompiled(folder)
+    assert prepared(tmp_path) == folder
+    assert old.exists()
+    (tmp_path / "own/array").write_text("#include_next <array>\n#define NEW 1\n")
+    os.utime(tmp_path / "own/array", (0, 0))
+    assert prepared(tmp_path) == folder
+    assert not old.exists()
+    (tmp_path / "x.cpp").write_text("#include <array>\nint x = NEW;\n")
+    assert f"! {folder}/" in said(compile_source())
+
+
+def test_other_tools_have_another_folder(compile_source: Compile, folder: Path, tmp_path: Path) -> None:
+    said(compile_source())
+    other = prepared(tmp_path, ("c++", "2"))
+    assert other != folder
+    assert not folder.exists()
+    assert precompiled(other) == []
+
+
+def test_what_an_interrupted_build_left_is_removed(
+    compile_source: Compile, folder: Path, tmp_path: Path
+) -> None:
+    said(compile_source())
+    (result,) = precompiled(folder)
+    result.unlink()  # as if it had been killed before the end
+    assert prepared(tmp_path) == folder
+    assert f"! {folder}/" in said(compile_source())
