@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.build import installation, rollback
 from forge.build.up_to_date import FOR_COMPILERS
+from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
 from forge.execution.runner import ProcessRunner, TaskLifecycle, unwrapped
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
@@ -55,6 +56,7 @@ class TaskSetup:
         default_factory=lambda: functools.cache(package_edits)
     )
     """Returns an installed package's changes of the environment; cached, as only dependents request it."""
+    _configs: dict[str, Pairs] = field(default_factory=dict)
 
     def runner(self, job_pool: JobPool, toolchain: Toolchain | None) -> ProcessRunner:
         """Return a runner that starts programs on this machine."""
@@ -83,20 +85,36 @@ class TaskSetup:
         found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
         found["FORGE_COMMAND"] = shlex.join(own_command())
         found["CMAKE_PREFIX_PATH"] = _cmake_prefix_path(found, self.variables)
+        found = {**self._config_variables(task), **found}
         return {name: value for name, value in found.items() if value or name in self.variables}
+
+    def _config_variables(self, task: Task) -> dict[str, str]:
+        """Return the variables that save CMake the search in the prefixes of all dependencies."""
+        # With a toolchain file, CMake may look for the same path below a sysroot.
+        if self.layout.merged or self.layout.target or task.package.build_type not in CMAKE_TYPES:
+            return {}
+        return config_variables(map(self._config_folders, task.needs))
+
+    def _config_folders(self, need: str) -> Pairs:
+        """Return the config files of an installed package; remembered for all packages that need it."""
+        if need not in self._configs:
+            record = self.state.journal.records.get(need)
+            self._configs[need] = config_folders(record.files) if record else ()
+        return self._configs[need]
 
     def _begin(self, task: Task, environment: Mapping[str, str]) -> None:
         self._back_up(task)
         self.recorder.prepare(
-            task, self._set_by_needs(environment), from_empty=task.from_empty or self.audit is not None
+            task, self._set_by_needs(task, environment), from_empty=task.from_empty or self.audit is not None
         )
 
-    def _set_by_needs(self, environment: Mapping[str, str]) -> Pairs:
+    def _set_by_needs(self, task: Task, environment: Mapping[str, str]) -> Pairs:
         """Return the variables that hooks of dependencies set, without path lists."""
+        usual = _FROM_NEEDS | self._config_variables(task).keys()
         return tuple(
             (name, value)
             for name, value in sorted(environment.items())
-            if self.variables.get(name) != value and name not in _FROM_NEEDS
+            if self.variables.get(name) != value and name not in usual
         )
 
     def _back_up(self, task: Task) -> None:
