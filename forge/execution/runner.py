@@ -21,6 +21,8 @@ from forge.base.layout import LAST_COMMAND
 from forge.build.events import Aborted, Finished, Output, StepFinished, StepStarted
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
+from forge.execution.worker_client import ROSIDL_WORKER_VARIABLE, WORKER_VARIABLE
+from forge.toolchain.precompiled_headers import HEADERS_VARIABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -66,6 +68,10 @@ class RunSteps(Protocol):
         """Run them until one fails or the build is stopped; return Finished or Aborted in these cases."""
 
 
+_OF_THIS_BUILD = frozenset({WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE, HEADERS_VARIABLE})
+"""Variables for processes and files that this build has started or checked; others do without."""
+
+
 @frozen
 class TaskLifecycle:
     """The callbacks before and after the steps of a task, locally or on a cluster.
@@ -90,7 +96,11 @@ class TaskLifecycle:
         task.build_dir.mkdir(parents=True, exist_ok=True)
         for path, text in task.files:
             write_if_changed(path, text)
-        exports = [f"export {name}={shlex.quote(value)}" for name, value in changed_variables(environment)]
+        exports = [
+            f"export {name}={shlex.quote(value)}"
+            for name, value in changed_variables(environment)
+            if name not in _OF_THIS_BUILD
+        ]
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from forge.base.frozen import Pairs
 
-VARIABLE = "FORGE_PRECOMPILED_HEADERS"
+HEADERS_VARIABLE = "FORGE_PRECOMPILED_HEADERS"
 """The folder, in the environment of builds."""
 
 _HEADER = "standard_headers.hpp"
@@ -58,7 +58,7 @@ def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
             if not _is_current(result, draft / f"{_HEADER}.d"):
                 result.unlink(missing_ok=True)
                 shutil.rmtree(draft, ignore_errors=True)
-    return {VARIABLE: str(folder)}
+    return {HEADERS_VARIABLE: str(folder)}
 
 
 def _is_current(result: Path, depfile: Path) -> bool:

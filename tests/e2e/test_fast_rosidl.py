@@ -103,6 +103,14 @@ def test_precompiled_headers_are_no_input_of_the_package(tree: Tree) -> None:
     assert "1 package unchanged" in build(root).stdout
 
 
+def test_a_repeated_step_does_without_what_only_the_build_has(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", FILES))
+    assert build(root).returncode == 0
+    environment = (root / "build/fast_msgs/.forge/environment.sh").read_text(encoding="utf-8")
+    assert "FORGE_PRECOMPILED_HEADERS" not in environment
+    assert "FORGE_ROSIDL_WORKER" not in environment
+
+
 def test_a_changed_definition_is_generated_and_compiled(tree: Tree) -> None:
     root = tree(interface_package("fast_msgs", FILES))
     assert build(root).returncode == 0

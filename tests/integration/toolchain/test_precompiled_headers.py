@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.templating import render
-from forge.toolchain.precompiled_headers import VARIABLE, prepare_precompiled_headers
+from forge.toolchain.precompiled_headers import HEADERS_VARIABLE, prepare_precompiled_headers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +42,7 @@ def compile_source(tmp_path: Path, folder: Path) -> Compile:
         return subprocess.Popen(
             argv,
             cwd=tmp_path,
-            env={**os.environ, VARIABLE: str(folder)},
+            env={**os.environ, HEADERS_VARIABLE: str(folder)},
             stderr=subprocess.PIPE,
             text=True,
         )
@@ -53,7 +53,7 @@ def compile_source(tmp_path: Path, folder: Path) -> Compile:
 def prepared(workspace: Path, *tools: tuple[str, str]) -> Path:
     """Prepare the folder in a workspace as a build does."""
     (name, value), *others = prepare_precompiled_headers(workspace / "w s/build", tools or TOOLS).items()
-    assert (name, others) == (VARIABLE, [])
+    assert (name, others) == (HEADERS_VARIABLE, [])
     return type(workspace)(value)
 
 
