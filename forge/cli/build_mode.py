@@ -6,13 +6,25 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 from forge.base.errors import WarningReporter
+from forge.toolchain.programs import PYTHON_TYPES
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from contextlib import AbstractContextManager
 
     from forge.build.tasks import BuildPlan
     from forge.output.console import ConsoleReporter
+    from forge.workspace.model import Package
+
+
+_MANY = 4
+"""Starting the worker takes as long as three Python packages save by it."""
+
+
+def has_many_wheels(packages: Iterable[Package]) -> bool:
+    """Tell whether there are enough Python packages for a worker that installs them."""
+    return sum(package.build_type in PYTHON_TYPES for package in packages) >= _MANY
 
 
 class BuildMode:
@@ -27,13 +39,19 @@ class BuildMode:
         """Start without warnings."""
         self.warn = WarningReporter()
 
-    def worker(self, plan: BuildPlan) -> AbstractContextManager[dict[str, str]]:
-        """Return a context that yields the environment variables for the worker of interface packages."""
-        if not any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
-            return nullcontext({})
-        from forge.cli.worker import worker  # noqa: PLC0415  (only for interface packages)
+    def worker(self, plan: BuildPlan, *, has_rosidl: bool) -> AbstractContextManager[dict[str, str]]:
+        """Return a context that yields the environment variables for the worker of short commands.
 
-        return worker()
+        With `has_rosidl`, ROS's own generators compile the interfaces.
+        """
+        packages = [task.package for task in plan.tasks.values()]
+        compiles = not has_rosidl and any(INTERFACE_GROUP in each.manifest.groups for each in packages)
+        installs = has_many_wheels(packages)
+        if not (compiles or installs):
+            return nullcontext({})
+        from forge.cli.worker import INTERFACE_MODULES, WHEEL_MODULES, worker  # noqa: PLC0415  (only for some)
+
+        return worker(*INTERFACE_MODULES * compiles, *WHEEL_MODULES * installs)
 
     def conclude(self, _plan: BuildPlan, report: ConsoleReporter, seconds: float) -> None:
         """Print the summary of a build."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, compiled_templates, own_cache, without_secrets
@@ -114,8 +114,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
     launcher_stats = _launcher_stats(plan, build)
     with (
         _connection(build) as connection,
-        # Reads of a worker belong to no step: under an audit each generator is a separate process.
-        nullcontext({}) if audit else _worker(plan, build) as worker_variables,
+        _workers(plan, build) as worker_variables,
         closing(_job_pool(plan, build, launcher_stats)) as job_pool,
         _session(plan, build, state) as session,
         sample_usage(wanted=options.timings) as sampler,
@@ -154,15 +153,24 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
         yield _Opened(session, runner, _scheduler(plan, build, state, slots), launcher_stats, sampler, cache)
 
 
-def _worker(plan: BuildPlan, build: PreparedBuild) -> AbstractContextManager[dict[str, str]]:
-    """Return a context that yields the variables for the worker of interface packages."""
+@contextmanager
+def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
+    """Yield the variables for the workers that run short commands of packages."""
+    if build.audit:
+        # Reads of a worker would belong to no step.
+        yield {}
+        return
     context, variables = build.context, build.variables
-    if not any(is_accelerated(task.package, context) for task in plan.tasks.values()):
-        return build.mode.worker(plan)
-    from forge.execution.rosidl.start import rosidl_worker  # noqa: PLC0415  (only for interface packages)
+    has_rosidl = any(is_accelerated(task.package, context) for task in plan.tasks.values())
+    with ExitStack() as stack:
+        found = dict(stack.enter_context(build.mode.worker(plan, has_rosidl=has_rosidl)))
+        if has_rosidl:
+            from forge.execution.rosidl.start import rosidl_worker  # noqa: PLC0415  (only for interface packages)
 
-    cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
-    return rosidl_worker(context.python, cache, without_secrets(variables))
+            cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
+            started = rosidl_worker(context.python, cache, without_secrets(variables))
+            found |= stack.enter_context(started)
+        yield found
 
 
 def _precompiled_headers(plan: BuildPlan, build: PreparedBuild) -> dict[str, str]:

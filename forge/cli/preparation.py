@@ -31,6 +31,7 @@ from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import RUST, relevant_environment
+from forge.cli.build_mode import has_many_wheels
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays
 from forge.environment.underlay_python import lacks_modules
@@ -228,8 +229,8 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
     through_worker = (sys.executable, "-S", "-E", str(PACKAGE / "execution/worker_client.py"))
-    # Only the worker of a watch has loaded the modules that build Python packages.
-    warm = through_worker if options.is_rebuild else own_command()
+    # Without a worker, its client would only start forge in a second step.
+    warm = through_worker if options.is_rebuild or has_many_wheels(packages) else own_command()
     context = BuildContext(
         root=loaded.workspace.root,
         layout=layout,

@@ -2,8 +2,9 @@
 
 Its command line is `forge.cli.worker DESCRIPTOR [MODULE ...]`.
 
-Each interface package runs `forge interface generate`, which spends most of its time starting an interpreter
-and importing modules. The worker imports everything once and forks for each request.
+Interface packages run `forge interface generate`, and Python packages install their wheels. Both spend much
+of their time starting an interpreter and importing modules. The worker imports them once and forks for each
+request.
 """
 
 from __future__ import annotations
@@ -23,20 +24,21 @@ if TYPE_CHECKING:
 
     from forge.execution.fork_server import Call
 
-_WARM = (
+INTERFACE_MODULES = (
     "forge.cli.commands.interface",
     "forge.interfaces.rendering",
     "forge.interfaces.read.parsing",
     "jinja2",
     "lark",
 )
+WHEEL_MODULES = ("forge.cli.install_wheel",)
 
 
 @contextlib.contextmanager
 def worker(*modules: str) -> Iterator[dict[str, str]]:
     """Start a worker and yield the variables that let clients connect; stop it at the end of the block.
 
-    `modules` are imported in addition to those of the interface compiler.
+    `modules` are imported before the first request.
     """
 
     def command(descriptor: int) -> tuple[str, ...]:
@@ -50,7 +52,7 @@ def main(descriptor: str, *modules: str) -> int:
     """Serve requests from a listening socket until stdin is closed."""
 
     def load() -> None:
-        for module in (*_WARM, *modules):
+        for module in modules:
             importlib.import_module(module)
 
     return serve(int(descriptor), _run, load)

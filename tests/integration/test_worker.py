@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import forge
-from forge.cli.worker import worker
+from forge.cli.worker import INTERFACE_MODULES, worker
 from forge.execution import worker_client
 from forge.execution.fork_server import started_server
 
@@ -49,7 +49,7 @@ def test_through_the_worker_and_without_it_all_is_the_same(package: Path) -> Non
     alone = [generate(package, name) for name in ("good", "bad")]
     written = (package / "out/python/good/msg/_a.py").read_text()
     shutil.rmtree(package / "out")
-    with worker() as variables:
+    with worker(*INTERFACE_MODULES) as variables:
         asked = [generate(package, name, **variables) for name in ("good", "bad")]
     assert [done.returncode for done in asked] == [0, 2]
     assert (package / "out/python/good/msg/_a.py").read_text() == written
@@ -123,7 +123,7 @@ def test_the_processor_time_of_commands_counts_for_the_worker(tmp_path: Path) ->
 
 
 def test_many_callers_at_once(package: Path) -> None:
-    with worker() as variables:
+    with worker(*INTERFACE_MODULES) as variables:
         environment = {**os.environ, **variables}
         words = [sys.executable, "-S", "-E", str(CLIENT), "interface", "hash", "std_msgs/msg/String"]
         calls = [
@@ -140,5 +140,5 @@ def test_a_worker_that_has_gone_is_no_obstacle(package: Path) -> None:
 
 
 def test_the_end_of_argparse_is_an_exit_code_too(package: Path) -> None:
-    with worker() as variables:
+    with worker(*INTERFACE_MODULES) as variables:
         assert ask(package, "interface", "generate", "--nonsense", **variables).returncode == 2
