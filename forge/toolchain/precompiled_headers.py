@@ -1,9 +1,9 @@
-"""Lets generated C++ sources share precompiled headers of the C++ library, in one folder per workspace.
+"""Lets generated sources share precompiled headers of the C++ library and Python, once per workspace.
 
-Reading these headers takes half of the time that an interface package's C++ takes to compile, and most of
-the compiler's memory. The script that compiles generated sources precompiles them when it first needs them;
-g++ itself ignores a precompiled header that does not fit its version, its options or the defined macros.
-What g++ does not check is whether the headers have changed since: that is done here, once per build.
+Reading these headers takes half of the time in which an interface package compiles, and most of the
+compilers' memory. The script that compiles generated sources precompiles them when it first needs them;
+GCC itself ignores a precompiled header that does not fit its version, its options or the defined macros.
+What GCC does not check is whether the headers have changed since: that is done here, once per build.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 HEADERS_VARIABLE = "FORGE_PRECOMPILED_HEADERS"
 """The folder, in the environment of builds."""
 
-_HEADER = "standard_headers.hpp"
-_TEXT = """\
+CXX_HEADERS = "standard_headers.hpp"
+PYTHON_HEADERS = "python_headers.h"
+_TEXTS = {
+    CXX_HEADERS: """\
 // Headers of the C++ library that generated sources include; precompiled for each set of options.
 #include <array>
 #include <istream>
@@ -34,7 +36,14 @@ _TEXT = """\
 #include <memory>
 #include <string>
 #include <vector>
-"""
+""",
+    PYTHON_HEADERS: """\
+// Headers that generated Python extensions include; precompiled for each set of options.
+#include <Python.h>
+#include <stdbool.h>
+#include <stdint.h>
+""",
+}
 _PATH = re.compile(r"(?:\\.|[^\s\\])+")
 
 
@@ -49,16 +58,23 @@ def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
     for other in above.glob("*"):
         if other != folder:
             shutil.rmtree(other, ignore_errors=True)
-    results = folder / f"{_HEADER}.gch"
-    results.mkdir(parents=True, exist_ok=True)
-    write_if_changed(folder / _HEADER, _TEXT)
+    for header, text in _TEXTS.items():
+        (folder / f"{header}.gch").mkdir(parents=True, exist_ok=True)
+        write_if_changed(folder / header, text)
     for draft in folder.iterdir():
-        if draft.is_dir() and draft != results:
-            result = results / draft.name
-            if not _is_current(result, draft / f"{_HEADER}.d"):
-                result.unlink(missing_ok=True)
-                shutil.rmtree(draft, ignore_errors=True)
+        if draft.is_dir() and draft.suffix != ".gch":
+            _remove_outdated(draft)
     return {HEADERS_VARIABLE: str(folder)}
+
+
+def _remove_outdated(draft: Path) -> None:
+    """Remove what was precompiled by way of a folder, unless it is complete and current."""
+    for header in _TEXTS:
+        result = draft.parent / f"{header}.gch" / draft.name
+        if _is_current(result, draft / f"{header}.d"):
+            return
+        result.unlink(missing_ok=True)
+    shutil.rmtree(draft, ignore_errors=True)
 
 
 def _is_current(result: Path, depfile: Path) -> bool:

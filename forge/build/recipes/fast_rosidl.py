@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import quoted
 from forge.base.layout import UNITS_FAILED_FILE
+from forge.toolchain.precompiled_headers import CXX_HEADERS, PYTHON_HEADERS
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
@@ -17,11 +18,12 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 _C_MESSAGES = 64
-_CXX_MESSAGES = 24
-"""Messages per compiled unit. One more message costs a unit about 1 MB, the headers in C++ 70 MB: without -O.
+_CXX_MESSAGES = 32
+"""Messages per compiled unit. One more message costs a unit about 1 MB, the headers in C++ 30 MB: without -O.
 
-So a unit needs about 100 MB, not much more than one source, and compilers together no more than without
-units. A package has eight targets or so, so even a small one has enough units for eight processors.
+So a unit needs about 60 MB, as one source does without precompiled headers, and compilers together no more
+than without units. A package has eight targets or so, so even a small one has enough units for eight
+processors.
 """
 
 _BUILD = r"""[ -e "$0" ] && exec "$@"
@@ -54,6 +56,8 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
         marker=quoted(str(marker)),
         c_messages=_C_MESSAGES,
         cxx_messages=_CXX_MESSAGES,
+        cxx_headers=CXX_HEADERS,
+        python_headers=PYTHON_HEADERS,
         compile_launcher=quoted(shlex.join(("sh", str(script), str(marker)))),
         launcher_program=quoted(context.generator_launcher[0]),
         generator_launcher=quoted(shlex.join(context.generator_launcher)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sysconfig
 from typing import TYPE_CHECKING
 
 import pytest
@@ -35,10 +36,15 @@ def compile_source(tmp_path: Path, folder: Path) -> Compile:
     (tmp_path / "compile.sh").write_text(render("cmake/compile_generated.sh.j2"))
     (tmp_path / "x.cpp").write_text(SOURCE)
 
-    def start(*options: str, compiler: str = "g++") -> subprocess.Popen[str]:
-        script = ("sh", "compile.sh", "marker", "--standard-headers")
+    def start(
+        *options: str,
+        compiler: str = "g++",
+        header: str = "standard_headers.hpp",
+        source: str = "x.cpp",
+    ) -> subprocess.Popen[str]:
+        script = ("sh", "compile.sh", "marker", "--precompiled", header)
         # -H names the headers, and a precompiled one after "!".
-        argv = (*script, compiler, *options, "-H", "-MD", "-MF", "x.d", "-o", "x.o", "-c", "x.cpp")
+        argv = (*script, compiler, *options, "-H", "-MD", "-MF", "x.d", "-o", "x.o", "-c", source)
         return subprocess.Popen(
             argv,
             cwd=tmp_path,
@@ -102,7 +108,18 @@ def test_options_that_matter_have_their_own(
 
 def test_other_options_share_one(compile_source: Compile, folder: Path) -> None:
     first = ("-Wall", "-DPACKAGE=1", "-I/x")
-    second = ("-DBUILDING", "-D", "OTHER", "-isystem", "/y", "-I", "z", "-Wextra")
+    second = (
+        "-DBUILDING",
+        "-D",
+        "OTHER",
+        "--param",
+        "ggc-min-expand=30",
+        "-isystem",
+        "/y",
+        "-I",
+        "z",
+        "-Wextra",
+    )
     for options in (first, second):
         assert f"! {folder}/" in said(compile_source(*options))
     assert len(precompiled(folder)) == 1
@@ -176,3 +193,18 @@ def test_what_an_interrupted_build_left_is_removed(
     result.unlink()  # as if it had been killed before the end
     assert prepared(tmp_path) == folder
     assert f"! {folder}/" in said(compile_source())
+    (result,) = precompiled(folder)
+    for path in (folder / result.name).iterdir():  # as if at the very beginning
+        path.unlink()
+    result.unlink()
+    assert prepared(tmp_path) == folder
+    assert f"! {folder}/" in said(compile_source())
+
+
+@pytest.mark.needs("gcc", f"{sysconfig.get_paths()['include']}/Python.h")
+def test_extensions_of_python_share_its_header(compile_source: Compile, folder: Path, tmp_path: Path) -> None:
+    include = sysconfig.get_paths()["include"]
+    (tmp_path / "x.c").write_text("#include <Python.h>\nPyObject *f(void) { Py_RETURN_NONE; }\n")
+    for options in (("-I", include), ("-DPACKAGE=1", "-isystem", include), (f"-I{include}",)):
+        done = compile_source(*options, header="python_headers.h", compiler="gcc", source="x.c")
+        assert f"! {folder}/python_headers.h.gch/" in said(done)
