@@ -32,6 +32,7 @@ from forge.toolchain.cmake_warnings import defined
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
 from forge.toolchain.languages import any_enables_cxx
+from forge.toolchain.precompiled_headers import LIBRARY_PATH_BELOW, prepare_precompiled_headers
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
 from forge.workspace.missing import missing_dependencies
 
@@ -125,7 +126,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             **without_job_variables(build.variables),
             **launcher_stats.variables,
             **worker_variables,
-            **({} if audit else _precompiled_headers(plan, build)),
+            **({} if audit else _for_generated_sources(plan, build)),
         }
         environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
@@ -173,14 +174,13 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
         yield found
 
 
-def _precompiled_headers(plan: BuildPlan, build: PreparedBuild) -> dict[str, str]:
-    """Return the variable for the compilers of interface packages; empty if a launcher runs them."""
+def _for_generated_sources(plan: BuildPlan, build: PreparedBuild) -> dict[str, str]:
+    """Return the variables for the compilers of interface packages; empty if a launcher runs them."""
     context = build.context
     if context.launcher or not any(is_accelerated(task.package, context) for task in plan.tasks.values()):
         return {}
-    from forge.toolchain.precompiled_headers import prepare_precompiled_headers  # noqa: PLC0415  (as above)
-
-    return prepare_precompiled_headers(context.layout.build, context.tools)
+    found = prepare_precompiled_headers(context.layout.build, context.tools)
+    return {**found, LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", "")}
 
 
 def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:

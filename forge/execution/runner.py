@@ -22,7 +22,7 @@ from forge.build.events import Aborted, Finished, Output, StepFinished, StepStar
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.worker_client import ROSIDL_WORKER_VARIABLE, WORKER_VARIABLE
-from forge.toolchain.precompiled_headers import HEADERS_VARIABLE
+from forge.toolchain.precompiled_headers import HEADERS_VARIABLE, LIBRARY_PATH_BELOW
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -68,7 +68,7 @@ class RunSteps(Protocol):
         """Run them until one fails or the build is stopped; return Finished or Aborted in these cases."""
 
 
-_OF_THIS_BUILD = frozenset({WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE, HEADERS_VARIABLE})
+_OF_THIS_BUILD = frozenset({WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE, HEADERS_VARIABLE, LIBRARY_PATH_BELOW})
 """Variables for processes and files that this build has started or checked; others do without."""
 
 

@@ -10,7 +10,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.templating import render
-from forge.toolchain.precompiled_headers import HEADERS_VARIABLE, prepare_precompiled_headers
+from forge.toolchain.precompiled_headers import (
+    HEADERS_VARIABLE,
+    LIBRARY_PATH_BELOW,
+    prepare_precompiled_headers,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -140,6 +144,20 @@ def test_a_compiler_that_cannot_precompile_compiles(
     for _ in range(2):
         assert "! " not in said(compile_source(compiler=str(program)))
     assert precompiled(folder) == []
+
+
+def test_compilers_do_without_the_libraries_of_the_workspace(
+    compile_source: Compile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that the user's environment names are searched."""
+    program = tmp_path / "own g++"
+    program.write_text('#!/bin/sh\nprintf "in %s" "$LD_LIBRARY_PATH" >&2\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/w/install/a/lib:/of the user")
+    assert said(compile_source(compiler=str(program))) == "in /w/install/a/lib:/of the user"
+    for below in ("/of the user", ""):
+        monkeypatch.setenv(LIBRARY_PATH_BELOW, below)
+        assert said(compile_source(compiler=str(program))) == f"in {below}"
 
 
 def test_an_error_leaves_the_marker(compile_source: Compile, tmp_path: Path) -> None:
