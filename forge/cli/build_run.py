@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
+    from forge.base.frozen import Pairs
     from forge.build.audit.tracing import Audit
     from forge.build.recipes.context import BuildContext
     from forge.build.state import BuildState
@@ -179,7 +180,7 @@ def _for_generated_sources(plan: BuildPlan, build: PreparedBuild) -> dict[str, s
     context = build.context
     if context.launcher or not any(is_accelerated(task.package, context) for task in plan.tasks.values()):
         return {}
-    found = prepare_precompiled_headers(context.layout.build, context.tools)
+    found = prepare_precompiled_headers(context.layout.build, _compilers(build))
     return {**found, LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", "")}
 
 
@@ -283,17 +284,23 @@ def _toolchain(plan: BuildPlan, build: PreparedBuild) -> Toolchain | None:
     None with --no-toolchain-cache, without CMake, and if ament packages get extra arguments, which may select
     another compiler.
     """
-    context, variables = build.context, build.variables
+    context = build.context
     if build.options.cmake.no_toolchain_cache or context.cmake is None or context.ament_cmake_args:
         return None
     python = context.python if _looks_for_python(plan, build.loaded.resolution) else None
-    named = named_by(context.cmake_args, variables)
-    contents = tuple((word, "") for word in named.options)
-    identity = (*context.tools, *named.tools, *contents, *relevant_environment(variables))
     packages = (task.package for task in plan.tasks.values() if not task.package.embedded)
     languages = "C CXX" if any_enables_cxx(packages) else "C"
     arguments = common_arguments(context)
-    return Toolchain(context.layout.build, context.cmake, arguments, identity, python, languages=languages)
+    return Toolchain(
+        context.layout.build, context.cmake, arguments, _compilers(build), python, languages=languages
+    )
+
+
+def _compilers(build: PreparedBuild) -> Pairs:
+    """Return what compilers depend on: programs by their identities, options and variables."""
+    named = named_by(build.context.cmake_args, build.variables)
+    contents = tuple((word, "") for word in named.options)
+    return (*build.context.tools, *named.tools, *contents, *relevant_environment(build.variables))
 
 
 def _looks_for_python(plan: BuildPlan, resolution: DependencyResolution) -> bool:

@@ -2,8 +2,8 @@
 
 Reading these headers takes half of the time in which an interface package compiles, and most of the
 compilers' memory. The script that compiles generated sources precompiles them when it first needs them;
-GCC itself ignores a precompiled header that does not fit its version, its options or the defined macros.
-What GCC does not check is whether the headers have changed since: that is done here, once per build.
+There is one for each set of options, and GCC itself ignores one that does not fit its version or the defined
+macros. What GCC does not check is whether the headers have changed since: that is done here, once per build.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ _PATH = re.compile(r"(?:\\.|[^\s\\])+")
 def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
     """Prepare the folder in a workspace's build folder; return the variable that names it.
 
-    Removes what was precompiled by other `tools`, from headers that have changed since, or only in part.
+    `tools` are the programs and variables that compilers depend on. Removes what was precompiled by others,
+    from headers that have changed since, or not to the end.
     """
     above = build / TOOLCHAIN_DIR / "headers"
     key = "\0".join(f"{name}={identity}" for name, identity in tools)
@@ -60,34 +61,26 @@ def prepare_precompiled_headers(build: Path, tools: Pairs) -> dict[str, str]:
     for other in above.glob("*"):
         if other != folder:
             shutil.rmtree(other, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for header, text in _TEXTS.items():
-        (folder / f"{header}.gch").mkdir(parents=True, exist_ok=True)
         write_if_changed(folder / header, text)
-    for draft in folder.iterdir():
-        if draft.is_dir() and draft.suffix != ".gch":
-            _remove_outdated(draft)
+    for one in folder.iterdir():
+        if one.is_dir() and not any(_is_current(one, header, text) for header, text in _TEXTS.items()):
+            shutil.rmtree(one, ignore_errors=True)
     return {HEADERS_VARIABLE: str(folder)}
 
 
-def _remove_outdated(draft: Path) -> None:
-    """Remove what was precompiled by way of a folder, unless it is complete and current."""
-    for header in _TEXTS:
-        result = draft.parent / f"{header}.gch" / draft.name
-        if _is_current(result, draft / f"{header}.d"):
-            return
-        result.unlink(missing_ok=True)
-    shutil.rmtree(draft, ignore_errors=True)
+def _is_current(folder: Path, header: str, text: str) -> bool:
+    """Tell whether a folder has a precompiled header, and nothing that it includes has changed since.
 
-
-def _is_current(result: Path, depfile: Path) -> bool:
-    """Tell whether none of the headers in a depfile has changed since the result was made.
-
-    By their change times: an installed package keeps the modification times of its files.
+    By the change times: an installed package keeps the modification times of its files.
     """
-    _, found, paths = text_or_nothing(depfile).replace("\\\n", " ").partition(":")
+    _, found, paths = text_or_nothing(folder / f"{header}.d").replace("\\\n", " ").partition(":")
     try:
-        made = result.stat().st_mtime_ns
+        (folder / f"{header}.gch").stat()
+        made = (folder / "ready").stat().st_mtime_ns
         headers = (re.sub(r"\\(.)", r"\1", path) for path in _PATH.findall(paths))
-        return bool(found) and all((result.parent / path).stat().st_ctime_ns < made for path in headers)
+        unchanged = all((folder / path).stat().st_ctime_ns < made for path in headers)
+        return bool(found) and unchanged and text_or_nothing(folder / header) == text
     except OSError:
         return False

@@ -84,7 +84,7 @@ def test_it_is_what_rosidl_would_have_built(tree: Tree, tmp_path_factory: pytest
 
 def precompiled(root: Path) -> list[Path]:
     """Return the headers that were precompiled for a workspace."""
-    return list(root.glob("build/forge_toolchain/headers/*/*.gch/*"))
+    return list(root.glob("build/forge_toolchain/headers/*/*/*.gch"))
 
 
 @pytest.mark.needs("ccache")

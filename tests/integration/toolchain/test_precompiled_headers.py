@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sysconfig
 from typing import TYPE_CHECKING
@@ -69,7 +70,7 @@ def prepared(workspace: Path, *tools: tuple[str, str]) -> Path:
 
 def precompiled(folder: Path) -> list[Path]:
     """Return the precompiled headers."""
-    return sorted((folder / "standard_headers.hpp.gch").iterdir())
+    return sorted(folder.glob("*/*.gch"))
 
 
 def said(process: subprocess.Popen[str]) -> str:
@@ -81,7 +82,7 @@ def said(process: subprocess.Popen[str]) -> str:
 
 def test_the_first_source_precompiles_and_all_use_it(compile_source: Compile, folder: Path) -> None:
     for _ in range(2):
-        assert f"! {folder}/standard_headers.hpp.gch/" in said(compile_source("-std=c++17"))
+        assert f"! {folder}/" in said(compile_source("-std=c++17"))
         assert len(precompiled(folder)) == 1
 
 
@@ -100,7 +101,11 @@ def test_the_dependencies_of_an_object_are_complete(compile_source: Compile, tmp
 
 
 @pytest.mark.parametrize(
-    "others", [("-O2",), ("-std=c++20",), ("-fPIC",), ("-D_GLIBCXX_DEBUG",), ("-Wpedantic",)]
+    "others",
+    [
+        *(("-O2",), ("-std=c++20",), ("-fPIC",), ("-D_GLIBCXX_DEBUG",), ("-Wpedantic",)),
+        ("-fvisibility=hidden",),
+    ],
 )
 def test_options_that_matter_have_their_own(
     others: tuple[str, ...], compile_source: Compile, folder: Path
@@ -108,6 +113,28 @@ def test_options_that_matter_have_their_own(
     for options in ((), others, ()):
         assert f"! {folder}/" in said(compile_source(*options))
     assert len(precompiled(folder)) == 2
+
+
+def test_another_c_plus_plus_library_has_its_own(
+    compile_source: Compile, folder: Path, tmp_path: Path
+) -> None:
+    said(compile_source())
+    own = tmp_path / "own library"
+    own.mkdir()
+    (own / "vector").write_text("#include_next <vector>\n#define OWN 1\n")
+    (tmp_path / "x.cpp").write_text("#include <vector>\nint x = OWN;\n")
+    for options in (("-isystem", str(own)), (f"-I{own}",), ("-I", str(own))):
+        assert f"! {folder}/" in said(compile_source(*options))
+
+
+def test_headers_of_another_environment_are_its_own(
+    compile_source: Compile, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said(compile_source())
+    (tmp_path / "array").write_text("#include_next <array>\n#define OWN 1\n")
+    (tmp_path / "x.cpp").write_text("#include <array>\nint x = OWN;\n")
+    monkeypatch.setenv("CPLUS_INCLUDE_PATH", str(tmp_path))
+    assert f"! {folder}/" in said(compile_source())
 
 
 def test_other_options_share_one(compile_source: Compile, folder: Path) -> None:
@@ -144,6 +171,11 @@ def test_a_compiler_that_cannot_precompile_compiles(
     for _ in range(2):
         assert "! " not in said(compile_source(compiler=str(program)))
     assert precompiled(folder) == []
+
+
+def test_without_its_folder_a_source_compiles(compile_source: Compile, folder: Path) -> None:
+    shutil.rmtree(folder)
+    assert "! " not in said(compile_source())
 
 
 def test_compilers_do_without_the_libraries_of_the_workspace(
@@ -208,15 +240,10 @@ def test_what_an_interrupted_build_left_is_removed(
 ) -> None:
     said(compile_source())
     (result,) = precompiled(folder)
-    result.unlink()  # as if it had been killed before the end
-    assert prepared(tmp_path) == folder
-    assert f"! {folder}/" in said(compile_source())
-    (result,) = precompiled(folder)
-    for path in (folder / result.name).iterdir():  # as if at the very beginning
-        path.unlink()
-    result.unlink()
-    assert prepared(tmp_path) == folder
-    assert f"! {folder}/" in said(compile_source())
+    for name in ("ready", "standard_headers.hpp.gch", "standard_headers.hpp.d", "standard_headers.hpp"):
+        (result.parent / name).unlink()  # as if it had been killed before the end, or at the very beginning
+        assert prepared(tmp_path) == folder
+        assert f"! {folder}/" in said(compile_source())
 
 
 @pytest.mark.needs("gcc", f"{sysconfig.get_paths()['include']}/Python.h")
@@ -225,4 +252,4 @@ def test_extensions_of_python_share_its_header(compile_source: Compile, folder: 
     (tmp_path / "x.c").write_text("#include <Python.h>\nPyObject *f(void) { Py_RETURN_NONE; }\n")
     for options in (("-I", include), ("-DPACKAGE=1", "-isystem", include), (f"-I{include}",)):
         done = compile_source(*options, header="python_headers.h", compiler="gcc", source="x.c")
-        assert f"! {folder}/python_headers.h.gch/" in said(done)
+        assert f"! {folder}/" in said(done)
