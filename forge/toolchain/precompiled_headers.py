@@ -1,9 +1,9 @@
 """Lets generated sources share precompiled headers of the C++ library and Python, once per workspace.
 
 Reading these headers takes half of the time in which an interface package compiles, and most of the
-compilers' memory. The script that compiles generated sources precompiles them when it first needs them;
-There is one for each set of options, and GCC itself ignores one that does not fit its version or the defined
-macros. What GCC does not check is whether the headers have changed since: that is done here, once per build.
+compilers' memory. The script that compiles generated sources precompiles them when it first needs them, for
+each set of options. GCC ignores a precompiled header that does not fit its version or the defined macros, but
+it does not check whether the headers have changed since: that is done here, once per build.
 """
 
 from __future__ import annotations
