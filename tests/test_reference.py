@@ -34,6 +34,7 @@ LONGEST_HELP = 200
 ENTAILED = {
     *(
         "AMENT_PREFIX_PATH",
+        "LD_LIBRARY_PATH",
         "PYTHONPATH",
         "PATH",
         "HOME",
