@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes import fast_rosidl
+from forge.build.recipes import component_nodes, fast_rosidl
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS
@@ -41,23 +41,34 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     links = ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0")
     arguments = (*context.cmake_args, *context.ament_cmake_args)
     entries = (links, *_test_results(context), *_distribution(package, context))
-    if not fast_rosidl.is_accelerated(package, context):
-        return _recipe(package, context, arguments, entries)
     folder = scratch_folder(context.layout.build_dir(package.name))
-    recipe = _recipe(package, context, arguments, (*entries, *fast_rosidl.cache_entries(folder)))
+    files: tuple[tuple[Path, str], ...] = ()
+    if component_nodes.is_accelerated(package, context):
+        entries += component_nodes.cache_entries(folder)
+        files += component_nodes.files(folder)
+    if fast_rosidl.is_accelerated(package, context):
+        entries += fast_rosidl.cache_entries(folder)
+        files += fast_rosidl.files(folder, context)
+    recipe = _recipe(package, context, arguments, entries)
     steps = (
-        replace(step, argv=fast_rosidl.build_argv(folder, step.argv)) if step.kind is StepKind.BUILD else step
+        replace(step, argv=fast_rosidl.build_argv(folder, step.argv))
+        if step.kind is StepKind.BUILD and fast_rosidl.is_accelerated(package, context)
+        else step
         for step in recipe.steps
     )
-    return Recipe(tuple(steps), (*recipe.files, *fast_rosidl.files(folder, context)))
+    return Recipe(tuple(steps), (*recipe.files, *files))
 
 
 def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
-    fast = (FAST_ROSIDL,) if fast_rosidl.is_accelerated(package, context) else ()
+    fast = (FAST_ROSIDL,) if _is_accelerated(package, context) else ()
     distribution = (f"--rosdistro={value}" for _, value in _distribution(package, context))
     return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args, *fast)
+
+
+def _is_accelerated(package: Package, context: BuildContext) -> bool:
+    return any(part.is_accelerated(package, context) for part in (fast_rosidl, component_nodes))
 
 
 def tests(package: Package, context: TestContext) -> Recipe:

@@ -1,0 +1,40 @@
+"""A file by which packages that register component nodes compile the generated programs faster; pure.
+
+rclcpp_components generates a main program for each node. All of them include the headers of rclcpp and little
+else: three seconds each, one with a precompiled header.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.build.recipes.context import BuildContext
+    from forge.workspace.model import Package
+
+
+def is_accelerated(package: Package, context: BuildContext) -> bool:
+    """Tell whether a package may register nodes, and the user did not opt out."""
+    return bool(context.generator_launcher) and any(
+        dependency.name == "rclcpp_components" for dependency in package.manifest.dependencies
+    )
+
+
+def cache_entries(folder: Path) -> Pairs:
+    """Return the CMake variables that include the file in forge's folder of a build folder."""
+    # Before project(), since the other variable has the file for interfaces; most of it runs at the very end.
+    return (("CMAKE_PROJECT_INCLUDE_BEFORE", str(_include(folder))),)
+
+
+def files(folder: Path) -> tuple[tuple[Path, str], ...]:
+    """Return the file, to be written into that folder."""
+    from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
+
+    return ((_include(folder), render("cmake/component_nodes.cmake.j2")),)
+
+
+def _include(folder: Path) -> Path:
+    return folder / "component_nodes.cmake"

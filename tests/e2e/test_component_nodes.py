@@ -1,0 +1,140 @@
+"""Packages that register component nodes: the generated programs share a precompiled header."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.rosidl import DEBIAN, underlay
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+pytestmark = pytest.mark.needs(str(DEBIAN), "g++")
+
+ENOUGH = 3 * (os.cpu_count() or 1) + 1
+COMPONENTS_CMAKE = """cmake_minimum_required(VERSION 3.16)
+project(rclcpp_components NONE)
+install(FILES rclcpp_componentsConfig.cmake node_main.cpp.in DESTINATION share/rclcpp_components/cmake)
+install(DIRECTORY include/ DESTINATION include)
+"""
+REGISTER_NODE = """set(_template "${CMAKE_CURRENT_LIST_DIR}/node_main.cpp.in")
+set(rclcpp_components_INCLUDE_DIRS "${CMAKE_CURRENT_LIST_DIR}/../../../include")
+macro(register_node executable)
+  set(node ${executable})
+  set(generated "${PROJECT_BINARY_DIR}/rclcpp_components/node_main")
+  configure_file("${_template}" "${generated}_configured_${node}.cpp.in")
+  file(GENERATE OUTPUT "${generated}_${node}.cpp" INPUT "${generated}_configured_${node}.cpp.in")
+  add_executable(${node} "${generated}_${node}.cpp")
+  target_include_directories(${node} PRIVATE ${rclcpp_components_INCLUDE_DIRS})
+  install(TARGETS ${node} DESTINATION lib/${PROJECT_NAME})
+endmacro()
+"""
+MAIN = """// A program in the form of rclcpp_components.
+
+#include <iostream>
+#include "greeting/greeting.hpp"
+
+#define NODE "@node@"
+
+int main()
+{
+  std::cout << GREETING << " from " << NODE << PUNCTUATION << "\\n";
+}
+"""
+NODES_CMAKE = f"""cmake_minimum_required(VERSION 3.16)
+project(nodes CXX)
+find_package(ament_cmake REQUIRED)
+find_package(rclcpp_components REQUIRED)
+add_compile_definitions("PUNCTUATION=\\"!\\"")
+foreach(index RANGE 1 {ENOUGH})
+  register_node(node_${{index}})
+endforeach()
+register_node(asking)
+target_compile_options(asking PRIVATE -UPUNCTUATION "-DPUNCTUATION=\\"?\\"")
+ament_package()
+"""
+FILES = {
+    "src/rclcpp_components/package.xml": manifest_text("rclcpp_components", build_type="cmake"),
+    "src/rclcpp_components/CMakeLists.txt": COMPONENTS_CMAKE,
+    "src/rclcpp_components/rclcpp_componentsConfig.cmake": REGISTER_NODE,
+    "src/rclcpp_components/node_main.cpp.in": MAIN,
+    "src/rclcpp_components/include/greeting/greeting.hpp": '#pragma once\n#define GREETING "Hello"\n',
+    "src/nodes/package.xml": manifest_text(
+        "nodes",
+        "<buildtool_depend>ament_cmake</buildtool_depend>",
+        "<depend>rclcpp_components</depend>",
+    ),
+    "src/nodes/CMakeLists.txt": NODES_CMAKE,
+}
+
+
+def build(root: Path, *options: str) -> str:
+    """Build with Debian's ament as the underlay and return the output."""
+    environment = {**os.environ, **underlay()}
+    argv = [sys.executable, "-m", "forge", "build", "--python", sys.executable, *options]
+    done = subprocess.run(argv, cwd=root, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+def said(root: Path, node: str) -> str:
+    """Return what an installed node prints."""
+    program = root / "install/nodes/lib/nodes" / node
+    return subprocess.run([program], capture_output=True, text=True, check=True).stdout
+
+
+def precompiled(root: Path) -> list[Path]:
+    """Return the precompiled headers of the package."""
+    return list((root / "build/nodes").rglob("*.gch"))
+
+
+def test_they_share_one_and_others_are_left_alone(tree: Tree) -> None:
+    root = tree(FILES)
+    assert "warning" not in build(root)
+    assert len(precompiled(root)) == 1
+    assert [said(root, f"node_{index}") for index in (1, ENOUGH)] == [
+        "Hello from node_1!\n",
+        f"Hello from node_{ENOUGH}!\n",
+    ]
+    assert said(root, "asking") == "Hello from asking?\n"
+
+
+def test_a_changed_header_is_compiled(tree: Tree) -> None:
+    root = tree(FILES)
+    build(root)
+    tree({"src/rclcpp_components/include/greeting/greeting.hpp": '#pragma once\n#define GREETING "Bye"\n'})
+    build(root)
+    assert said(root, "node_1") == "Bye from node_1!\n"
+    assert "2 packages unchanged" in build(root)
+
+
+def test_few_are_not_worth_it(tree: Tree) -> None:
+    root = tree(FILES | {"src/nodes/CMakeLists.txt": NODES_CMAKE.replace(f"1 {ENOUGH}", "1 3")})
+    build(root)
+    assert not precompiled(root)
+    assert said(root, "node_3") == "Hello from node_3!\n"
+
+
+def test_the_option_turns_it_off(tree: Tree) -> None:
+    root = tree(FILES)
+    build(root)
+    assert "--no-fast-rosidl" in build(root, "--no-fast-rosidl", "--explain")
+    programs = (root / "build/nodes/build.ninja").read_text(encoding="utf-8")
+    assert "cmake_pch" not in programs
+    assert said(root, "node_1") == "Hello from node_1!\n"
+
+
+@pytest.mark.needs("ccache")
+def test_a_compiler_launcher_gets_none(tree: Tree) -> None:
+    """What is compiled with it would not be cached."""
+    root = tree(FILES)
+    build(root, "--compiler-launcher", "ccache")
+    assert not precompiled(root)
