@@ -123,6 +123,21 @@ def test_few_are_not_worth_it(tree: Tree) -> None:
     assert said(root, "node_3") == "Hello from node_3!\n"
 
 
+def test_headers_after_anything_else_are_not_shared(tree: Tree) -> None:
+    """They may depend on it."""
+    greeting = "#pragma once\n#ifdef LOUD\n#define GREETING \"HELLO\"\n#endif\n"
+    root = tree(
+        FILES
+        | {
+            "src/rclcpp_components/node_main.cpp.in": f"#define LOUD\n{MAIN}",
+            "src/rclcpp_components/include/greeting/greeting.hpp": greeting,
+        }
+    )
+    build(root)
+    assert not precompiled(root)
+    assert said(root, "node_1") == "HELLO from node_1!\n"
+
+
 def test_the_option_turns_it_off(tree: Tree) -> None:
     root = tree(FILES)
     build(root)
