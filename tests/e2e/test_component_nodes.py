@@ -125,7 +125,7 @@ def test_few_are_not_worth_it(tree: Tree) -> None:
 
 def test_headers_after_anything_else_are_not_shared(tree: Tree) -> None:
     """They may depend on it."""
-    greeting = "#pragma once\n#ifdef LOUD\n#define GREETING \"HELLO\"\n#endif\n"
+    greeting = '#pragma once\n#ifdef LOUD\n#define GREETING "HELLO"\n#endif\n'
     root = tree(
         FILES
         | {

@@ -1,4 +1,4 @@
-"""When and how interface packages of a distribution's rosidl are built faster."""
+"""When and how interface packages, and those with component nodes, are built faster."""
 
 from __future__ import annotations
 
@@ -47,6 +47,15 @@ def test_the_choice_is_an_input_and_configures_again() -> None:
     assert AMENT.options(INTERFACES, CONTEXT) != AMENT.options(INTERFACES, PLAIN)
     records = [AMENT.recipe(INTERFACES, context).steps[0].record for context in (CONTEXT, PLAIN)]
     assert records[0] != records[1]
+
+
+def test_packages_that_register_nodes_get_a_file_of_their_own() -> None:
+    nodes = package("p", "rclcpp_components")
+    files = {path.name: text for path, text in AMENT.recipe(nodes, CONTEXT).files}
+    include = "/w s/build/p/.forge/component_nodes.cmake"
+    assert f'set(CMAKE_PROJECT_INCLUDE_BEFORE "{include}" CACHE' in files["initial_cache.cmake"]
+    assert "target_precompile_headers" in files["component_nodes.cmake"]
+    assert AMENT.options(nodes, CONTEXT) != AMENT.options(nodes, PLAIN)
 
 
 def test_another_place_of_forge_changes_no_input() -> None:
