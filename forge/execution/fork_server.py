@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import gc
-import json
 import os
 import select
 import signal
@@ -107,9 +106,13 @@ def _reap(_number: int, _frame: object) -> None:
 
 
 def _receive(connection: socket.socket) -> tuple[Call, list[int]]:
+    """Return what a client asks for: folder, number of arguments, arguments, variables; separated by NUL."""
     size, descriptors, _, _ = socket.recv_fds(connection, 4, 2)
-    call = json.loads(receive_exactly(connection, int.from_bytes(size, "big")))
-    return Call(call["argv"], call["cwd"], call["environment"]), descriptors
+    request = receive_exactly(connection, int.from_bytes(size, "big"))
+    cwd, count, *words = map(os.fsdecode, request.split(b"\0"))
+    argv, variables = words[: int(count)], words[int(count) :]
+    environment = dict(variable.split("=", 1) for variable in variables)
+    return Call(argv, cwd, environment), descriptors
 
 
 def _answer(connection: socket.socket, call: Call, descriptors: list[int], run: Callable[[Call], int]) -> int:
