@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,8 +15,6 @@ from tests.packages import manifest_text
 from tests.rosidl import DEBIAN, underlay
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs(str(DEBIAN), "g++")
@@ -59,6 +59,8 @@ foreach(index RANGE 1 {ENOUGH})
 endforeach()
 register_node(asking)
 target_compile_options(asking PRIVATE -UPUNCTUATION "-DPUNCTUATION=\\"?\\"")
+register_node(hidden)
+set_target_properties(hidden PROPERTIES CXX_VISIBILITY_PRESET hidden)
 ament_package()
 """
 FILES = {
@@ -105,6 +107,9 @@ def test_they_share_one_and_others_are_left_alone(tree: Tree) -> None:
         f"Hello from node_{ENOUGH}!\n",
     ]
     assert said(root, "asking") == "Hello from asking?\n"
+    commands = json.loads((root / "build/nodes/compile_commands.json").read_text(encoding="utf-8"))
+    apart = [Path(entry["file"]).stem for entry in commands if "cmake_pch" not in entry["command"]]
+    assert sorted(apart) == ["node_main_asking", "node_main_hidden"]
 
 
 def test_a_changed_header_is_compiled(tree: Tree) -> None:
