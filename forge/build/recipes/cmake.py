@@ -43,16 +43,17 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     entries = (links, *_test_results(context), *_distribution(package, context))
     folder = scratch_folder(context.layout.build_dir(package.name))
     files: tuple[tuple[Path, str], ...] = ()
+    has_interfaces = fast_rosidl.is_accelerated(package, context)
     if component_nodes.is_accelerated(package, context):
         entries += component_nodes.cache_entries(folder)
         files += component_nodes.files(folder)
-    if fast_rosidl.is_accelerated(package, context):
+    if has_interfaces:
         entries += fast_rosidl.cache_entries(folder)
         files += fast_rosidl.files(folder, context)
     recipe = _recipe(package, context, arguments, entries)
     steps = (
         replace(step, argv=fast_rosidl.build_argv(folder, step.argv))
-        if step.kind is StepKind.BUILD and fast_rosidl.is_accelerated(package, context)
+        if has_interfaces and step.kind is StepKind.BUILD
         else step
         for step in recipe.steps
     )
