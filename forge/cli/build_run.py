@@ -31,9 +31,11 @@ from forge.output.charts.sampling import sample_usage
 from forge.toolchain.cmake_warnings import defined
 from forge.toolchain.compiler_launchers.launcher_stats import LauncherStats, open_launcher_stats
 from forge.toolchain.compiler_probe import Toolchain
+from forge.toolchain.gcc_heap import gcc_heap
 from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.precompiled_headers import LIBRARY_PATH_BELOW, prepare_precompiled_headers
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
+from forge.toolchain.resources import memory
 from forge.workspace.missing import missing_dependencies
 
 if TYPE_CHECKING:
@@ -127,7 +129,7 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             **without_job_variables(build.variables),
             **launcher_stats.variables,
             **worker_variables,
-            **({} if audit else _for_generated_sources(plan, build)),
+            **({} if audit else _for_compilers(plan, build, 0 if connection else job_pool.local)),
         }
         environment |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
         recorder = PackageRecorder(state)
@@ -175,13 +177,20 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
         yield found
 
 
-def _for_generated_sources(plan: BuildPlan, build: PreparedBuild) -> dict[str, str]:
-    """Return the variables for the compilers of interface packages; empty if a launcher runs them."""
+def _for_compilers(plan: BuildPlan, build: PreparedBuild, jobs: int) -> dict[str, str]:
+    """Return the variables by which compilers run faster; empty if a compiler launcher runs them.
+
+    `jobs` is the number of compilers that share the memory of this machine, 0 if they run on others.
+    """
     context = build.context
-    if context.launcher or not any(is_accelerated(task.package, context) for task in plan.tasks.values()):
+    if context.launcher:
         return {}
-    found = prepare_precompiled_headers(context.layout.build, _compilers(build))
-    return {**found, LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", "")}
+    found = {LIBRARY_PATH_BELOW: build.variables.get("LD_LIBRARY_PATH", "")}
+    if jobs and _compiles(plan):
+        found |= gcc_heap(memory(), jobs)
+    if any(is_accelerated(task.package, context) for task in plan.tasks.values()):
+        found |= prepare_precompiled_headers(context.layout.build, _compilers(build))
+    return found
 
 
 def _connection(build: PreparedBuild) -> AbstractContextManager[Connection | None]:

@@ -22,6 +22,7 @@ from forge.build.events import Aborted, Finished, Output, StepFinished, StepStar
 from forge.build.tasks import TEST_FAILURES, StepCondition, StepKind, environment_file, step_line
 from forge.execution.jobserver import without_jobserver_notices
 from forge.execution.worker_client import ROSIDL_WORKER_VARIABLE, WORKER_VARIABLE
+from forge.toolchain.gcc_heap import CXX_LAUNCHER, HEAP_VARIABLE
 from forge.toolchain.precompiled_headers import HEADERS_VARIABLE, LIBRARY_PATH_BELOW
 
 if TYPE_CHECKING:
@@ -68,7 +69,12 @@ class RunSteps(Protocol):
         """Run them until one fails or the build is stopped; return Finished or Aborted in these cases."""
 
 
-_OF_THIS_BUILD = frozenset({WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE, HEADERS_VARIABLE, LIBRARY_PATH_BELOW})
+_OF_THIS_BUILD = frozenset(
+    {
+        *(WORKER_VARIABLE, ROSIDL_WORKER_VARIABLE),
+        *(HEADERS_VARIABLE, LIBRARY_PATH_BELOW, CXX_LAUNCHER, HEAP_VARIABLE),
+    }
+)
 """Variables for processes and files that this build has started or checked; others do without."""
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes import component_nodes, fast_rosidl
+from forge.build.recipes import component_nodes, fast_rosidl, project_include
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS
@@ -42,22 +42,20 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     arguments = (*context.cmake_args, *context.ament_cmake_args)
     entries = (links, *_test_results(context), *_distribution(package, context))
     folder = scratch_folder(context.layout.build_dir(package.name))
-    files: tuple[tuple[Path, str], ...] = ()
-    has_interfaces = fast_rosidl.is_accelerated(package, context)
+    parts: tuple[tuple[Path, str], ...] = ()
     if component_nodes.is_accelerated(package, context):
-        entries += component_nodes.cache_entries(folder)
-        files += component_nodes.files(folder)
+        parts += component_nodes.files(folder)
+    has_interfaces = fast_rosidl.is_accelerated(package, context)
     if has_interfaces:
-        entries += fast_rosidl.cache_entries(folder)
-        files += fast_rosidl.files(folder, context)
-    recipe = _recipe(package, context, arguments, entries)
+        parts += fast_rosidl.files(folder, context)
+    recipe = _recipe(package, context, arguments, entries, parts)
     steps = (
         replace(step, argv=fast_rosidl.build_argv(folder, step.argv))
         if has_interfaces and step.kind is StepKind.BUILD
         else step
         for step in recipe.steps
     )
-    return Recipe(tuple(steps), (*recipe.files, *files))
+    return replace(recipe, steps=tuple(steps))
 
 
 def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
@@ -91,17 +89,26 @@ def scratch_folder(build_dir: Path) -> Path:
     return build_dir / SCRATCH_DIR
 
 
-def _recipe(package: Package, context: BuildContext, arguments: tuple[str, ...], ament: Pairs = ()) -> Recipe:
+def _recipe(
+    package: Package,
+    context: BuildContext,
+    arguments: tuple[str, ...],
+    ament: Pairs = (),
+    parts: tuple[tuple[Path, str], ...] = (),
+) -> Recipe:
+    """Return the steps; `ament` are CMake variables, and `parts` files of which CMake includes some."""
     build = context.layout.build_dir(package.name)
     from forge.build.recipes import initial_cache  # noqa: PLC0415  (an up-to-date package needs no templates)
 
     folder = scratch_folder(build)
     manifest = folder / "manifest.cmake"
+    entries = (*ament, *project_include.cache_entries(folder))
     files = (
-        (folder / "initial_cache.cmake", initial_cache.initial_cache(context, manifest, ament)),
+        (folder / "initial_cache.cmake", initial_cache.initial_cache(context, manifest, entries)),
         (manifest, initial_cache.manifest_variables(package.manifest)),
+        *project_include.files(folder, parts),
     )
-    configure = _configure(package, context, arguments, files[0][1])
+    configure = _configure(package, context, arguments, (files[0][1], *(text for _, text in parts)))
     cmake = str(context.cmake)
     first = ("--clean-first",) if context.clean_first else ()
     build_step = Step(StepKind.BUILD, (cmake, "--build", str(build), *first, *_jobs(context)), build)
@@ -127,8 +134,10 @@ exec "$@"
 """Builds one target if ninja's or make's list of targets contains it."""
 
 
-def _configure(package: Package, context: BuildContext, arguments: tuple[str, ...], cache_text: str) -> Step:
-    """Return the configure step, which is skipped if the last configure run had the same arguments."""
+def _configure(
+    package: Package, context: BuildContext, arguments: tuple[str, ...], texts: tuple[str, ...]
+) -> Step:
+    """Return the configure step, skipped if the last configure run had the same arguments and these texts."""
     build = context.layout.build_dir(package.name)
     arguments, env = _with_path_maps(arguments, context)
     argv = (
@@ -141,7 +150,7 @@ def _configure(package: Package, context: BuildContext, arguments: tuple[str, ..
         *arguments,
         f"-DCMAKE_INSTALL_PREFIX={context.layout.prefix(package.name)}",
     )
-    parts = (*argv, *(flags for _, flags in env), cache_text)
+    parts = (*argv, *(flags for _, flags in env), *texts)
     digest = hashlib.sha256("\0".join(parts).encode(errors="surrogateescape")).hexdigest()
     return Step(
         StepKind.CONFIGURE, argv, build, env, record=(scratch_folder(build) / CONFIGURED_FILE, digest)

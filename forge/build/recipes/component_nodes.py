@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from forge.base.frozen import Pairs
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package
 
@@ -23,18 +22,8 @@ def is_accelerated(package: Package, context: BuildContext) -> bool:
     )
 
 
-def cache_entries(folder: Path) -> Pairs:
-    """Return the CMake variables that include the file in forge's folder of a build folder."""
-    # Before project(), since the other variable has the file for interfaces; most of it runs at the very end.
-    return (("CMAKE_PROJECT_INCLUDE_BEFORE", str(_include(folder))),)
-
-
 def files(folder: Path) -> tuple[tuple[Path, str], ...]:
-    """Return the file, to be written into that folder."""
+    """Return the file, to be written into forge's folder of a build folder."""
     from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
 
-    return ((_include(folder), render("cmake/component_nodes.cmake.j2")),)
-
-
-def _include(folder: Path) -> Path:
-    return folder / "component_nodes.cmake"
+    return ((folder / "component_nodes.cmake", render("cmake/component_nodes.cmake.j2")),)

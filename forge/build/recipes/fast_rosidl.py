@@ -13,7 +13,6 @@ from forge.workspace.resolve import INTERFACE_GROUP
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from forge.base.frozen import Pairs
     from forge.build.recipes.context import BuildContext
     from forge.workspace.model import Package
 
@@ -41,13 +40,8 @@ def is_accelerated(package: Package, context: BuildContext) -> bool:
     return bool(context.generator_launcher) and INTERFACE_GROUP in package.manifest.groups
 
 
-def cache_entries(folder: Path) -> Pairs:
-    """Return the CMake variables that include the file in forge's folder of a build folder."""
-    return (("CMAKE_PROJECT_INCLUDE", str(_include(folder))),)
-
-
 def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
-    """Return the files that CMake and its rules use, to be written into that folder."""
+    """Return the files that CMake and its rules use, to be written into forge's folder of a build folder."""
     from forge.base.templating import render  # noqa: PLC0415  (an up-to-date package needs no templates)
 
     marker, script = _marker(folder), folder / "compile_generated.sh"
@@ -62,16 +56,12 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
         launcher_program=quoted(context.generator_launcher[0]),
         generator_launcher=quoted(shlex.join(context.generator_launcher)),
     )
-    return (_include(folder), include), (script, render("cmake/compile_generated.sh.j2"))
+    return (folder / "fast_rosidl.cmake", include), (script, render("cmake/compile_generated.sh.j2"))
 
 
 def build_argv(folder: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
     """Return the command line of the build step for `argv`, which is `cmake --build FOLDER ...`."""
     return ("sh", "-c", _BUILD, str(_marker(folder)), *argv)
-
-
-def _include(folder: Path) -> Path:
-    return folder / "fast_rosidl.cmake"
 
 
 def _marker(folder: Path) -> Path:

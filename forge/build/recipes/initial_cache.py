@@ -50,12 +50,12 @@ class _Variable:
     arguments: str
 
 
-def initial_cache(context: BuildContext, manifest: Path, ament: Pairs = ()) -> str:
+def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) -> str:
     """Return the cache entries for CMake's -C option; `manifest` is the file with manifest_variables().
 
-    All packages may use them, whether they know forge or not. `ament` are further entries for that build
-    type; as -D arguments, CMake would warn about unused variables in a package that does not find ament. The
-    text depends on nothing else, so it changes exactly when a package must be configured again.
+    All packages may use them, whether they know forge or not. `further` are variables of some packages;
+    as -D arguments, CMake would warn of those that a package does not use. The text depends on nothing else,
+    so it changes exactly when a package must be configured again.
     """
     python = quoted(str(context.python))
     version = _PYTHON_VERSION.search(context.site_packages)
@@ -73,7 +73,7 @@ def initial_cache(context: BuildContext, manifest: Path, ament: Pairs = ()) -> s
         ("FORGE_COMMAND", quoted(*context.generator), "STRING", "The command that runs forge"),
         ("FORGE_VERSION", quoted(__version__), "STRING", "A new version regenerates interfaces"),
         ("FORGE_MANIFEST", quoted(str(manifest)), "FILEPATH", "This package's package.xml as variables"),
-        *((name, quoted(value), "STRING", "An ament option") for name, value in ament),
+        *((name, quoted(value), "STRING", "Set by forge") for name, value in further),
         *((name, quoted(value), "STRING", "The compiler launcher") for name, value in launchers if value),
     )
     return render(

@@ -52,8 +52,7 @@ def test_the_choice_is_an_input_and_configures_again() -> None:
 def test_packages_that_register_nodes_get_a_file_of_their_own() -> None:
     nodes = package("p", "rclcpp_components")
     files = {path.name: text for path, text in AMENT.recipe(nodes, CONTEXT).files}
-    include = "/w s/build/p/.forge/component_nodes.cmake"
-    assert f'set(CMAKE_PROJECT_INCLUDE_BEFORE "{include}" CACHE' in files["initial_cache.cmake"]
+    assert 'include("${CMAKE_CURRENT_LIST_DIR}/component_nodes.cmake")' in files["project.cmake"]
     assert "target_precompile_headers" in files["component_nodes.cmake"]
     assert AMENT.options(nodes, CONTEXT) != AMENT.options(nodes, PLAIN)
 
@@ -66,8 +65,9 @@ def test_another_place_of_forge_changes_no_input() -> None:
 def test_cmake_gets_the_files_and_paths_are_quoted() -> None:
     recipe = AMENT.recipe(INTERFACES, CONTEXT)
     files = {path.name: text for path, text in recipe.files}
-    include = "/w s/build/i/.forge/fast_rosidl.cmake"
+    include = "/w s/build/i/.forge/project.cmake"
     assert f'set(CMAKE_PROJECT_INCLUDE "{include}" CACHE' in files["initial_cache.cmake"]
+    assert 'include("${CMAKE_CURRENT_LIST_DIR}/fast_rosidl.cmake")' in files["project.cmake"]
     assert "RULE_LAUNCH_CUSTOM \"'/my python' client.py --generator\"" in files["fast_rosidl.cmake"]
     assert (
         "'/w s/build/i/.forge/compile_generated.sh' '/w s/build/i/.forge_units_failed'"
