@@ -81,7 +81,7 @@ class CMakeOptions:
         "ignore packages without the target of --cmake-target", default=False
     )
     no_fast_rosidl: bool = option(
-        "let ROS's own rosidl start each generator anew, and compile each generated source on its own",
+        "let ROS start each generator and script anew, and compile each generated source on its own",
         default=False,
     )
     catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), takes_options=True, metavar="ARG")

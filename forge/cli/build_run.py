@@ -14,6 +14,7 @@ from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR, TEMPLATES_DIR
 from forge.build.cleaning import stale_package_warnings
 from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.referenced_inputs import named_by
+from forge.build.recipes.ament_scripts import are_worth_a_worker
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.fast_rosidl import is_accelerated
 from forge.build.recording import PackageRecorder
@@ -168,8 +169,9 @@ def _workers(plan: BuildPlan, build: PreparedBuild) -> Iterator[dict[str, str]]:
     has_rosidl = any(is_accelerated(task.package, context) for task in plan.tasks.values())
     with ExitStack() as stack:
         found = dict(stack.enter_context(build.mode.worker(plan, has_rosidl=has_rosidl)))
-        if has_rosidl:
-            from forge.execution.rosidl.start import rosidl_worker  # noqa: PLC0415  (only for interface packages)
+        packages = (task.package for task in plan.tasks.values())
+        if has_rosidl or are_worth_a_worker(packages, context):
+            from forge.execution.rosidl.start import rosidl_worker  # noqa: PLC0415  (only for some)
 
             cache = compiled_templates(variables, context.layout.build / TEMPLATES_DIR)[0]
             started = rosidl_worker(context.python, cache, without_secrets(variables))

@@ -1,8 +1,8 @@
 """Run forge, or with '-m' one of its modules, in the worker named by FORGE_WORKER, else in this process.
 
 After '--generator', run the command line of any program: in the worker named by FORGE_ROSIDL_WORKER if it is
-one of rosidl's generators, else in this process. This file is a program started without site-packages; it
-imports as little as possible.
+one of rosidl's generators or one of the scripts below, else in this process. This file is a program started
+without site-packages; it imports as little as possible.
 """
 
 import _socket  # socket itself, which imports selectors and enum, would double the start-up time
@@ -11,6 +11,13 @@ import sys
 
 WORKER_VARIABLE = "FORGE_WORKER"
 ROSIDL_WORKER_VARIABLE = "FORGE_ROSIDL_WORKER"
+
+SETUP = ["setup.py", "egg_info"]
+"""The program by which ament_cmake_python describes a package."""
+ADAPTER = ["-m", "rosidl_adapter"]
+"""The program that converts .msg, .srv and .action files to .idl."""
+SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
+"""Scripts of ament_cmake_core that CMake runs while it configures a package, and what they import."""
 
 DECLINED = 255
 """The exit code of a command that the worker leaves to its client."""
@@ -46,9 +53,14 @@ def receive_exactly(connection: _socket.socket, size: int) -> bytes:
 
 
 def _generate(argv: "list[str]") -> int:
-    """Run a generator in its worker if possible, and any other program in this process."""
+    """Run a generator or script in its worker if possible, and any other program in this process."""
     address = os.environ.get(ROSIDL_WORKER_VARIABLE)
-    if address and ("--generator-arguments-file" in argv[:-1] or argv[1:] == ["setup.py", "egg_info"]):
+    if address and (
+        "--generator-arguments-file" in argv[:-1]
+        or argv[1:] == SETUP
+        or argv[1:3] == ADAPTER
+        or "".join(argv[1:2]).rpartition("/")[2] in SCRIPTS
+    ):
         try:
             code = _ask(address, argv)
         except OSError:

@@ -50,7 +50,7 @@ ONE_LINE = {"cmake": 2, "ninja": 1, "cc1plus": 1, "c++": 3}
 """Programs for a changed line: build and install; one object, its library, the program that links that."""
 
 ALL_PROGRAMS = 17
-"""With what those start: `as`, `ld` and its wrapper, shells of ninja, `compile_cxx.sh` of the object, and forge."""
+"""With what those start: `as`, `ld` and its wrapper, shells of ninja and of `compile_cxx.sh`, and forge."""
 
 
 class Counts:

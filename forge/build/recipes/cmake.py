@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes import component_nodes, fast_rosidl, project_include
+from forge.build.recipes import ament_scripts, component_nodes, fast_rosidl, project_include
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS
@@ -42,7 +42,7 @@ def ament_recipe(package: Package, context: BuildContext) -> Recipe:
     arguments = (*context.cmake_args, *context.ament_cmake_args)
     entries = (links, *_test_results(context), *_distribution(package, context))
     folder = scratch_folder(context.layout.build_dir(package.name))
-    parts: tuple[tuple[Path, str], ...] = ()
+    parts = ament_scripts.files(folder, context)
     if component_nodes.is_accelerated(package, context):
         parts += component_nodes.files(folder)
     has_interfaces = fast_rosidl.is_accelerated(package, context)

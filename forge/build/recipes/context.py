@@ -54,6 +54,8 @@ class BuildContext:
     """The compiler launcher, for example ccache."""
     generator_launcher: tuple[str, ...] = ()
     """The argv prefix for the generators of a distribution's rosidl; empty to run them as they are."""
+    script_launcher: tuple[str, ...] = ()
+    """The argv prefix for the scripts that a distribution's ament runs at configure time, likewise."""
     test_results: Path | None = None
     """The folder for the results of ament tests, instead of the build folders."""
     force_configure: bool = False

@@ -1,4 +1,4 @@
-"""Run a distribution's interface generators in a warm process, which imports and parses once for all of them.
+"""Run a distribution's generators and scripts in a warm process, which imports and parses only once.
 
 Runs in the workspace's interpreter. What all generators share is loaded before the fork: EmPy, rosidl_parser
 and the parsed .idl files of the package. Each generator runs in a fork, so that none sees what another did.
@@ -17,6 +17,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from forge.execution.worker_client import ADAPTER, SCRIPTS, SETUP
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
@@ -25,9 +27,6 @@ if TYPE_CHECKING:
 
 ARGUMENTS_OPTION = "--generator-arguments-file"
 """What every generator of rosidl is called with, followed by a JSON file."""
-
-SETUP = ["setup.py", "egg_info"]
-"""The program by which ament_cmake_python describes a package."""
 
 _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")
@@ -51,7 +50,7 @@ class Generators:
         self._path = list(sys.path)
         self._modules: dict[str, ModuleType] = {}
         self._accelerated = False
-        self._describes = False
+        self._called: set[str] = set()
         self._arguments_file = ""
         self._contents: dict[str, tuple[tuple[int, int], Any]] = {}
 
@@ -61,11 +60,11 @@ class Generators:
         Whatever fails here is left to the fork, where it fails again.
         """
         with contextlib.suppress(Exception), self._search_path(environment):
-            if argv[1:] == SETUP:
+            if library := _library_of_script(argv):
                 # The fork of the first package imports it: a single package does without 10 MB more here.
-                if self._describes:
-                    self._import("setuptools")
-                self._describes = True
+                if library in self._called:
+                    self._import(library)
+                self._called.add(library)
                 return
             if not self._accelerated:
                 self._import(*_LIBRARIES)
@@ -73,6 +72,8 @@ class Generators:
                 self._import(_HELPERS[0])
                 if _HELPERS[0] not in self._modules:
                     self._import(_HELPERS[1])
+            if argv[1:3] == ADAPTER:
+                return
             arguments_file = argv[argv.index(ARGUMENTS_OPTION) + 1]
             if Path(arguments_file).parent != Path(self._arguments_file).parent:
                 self._contents.clear()
@@ -82,11 +83,16 @@ class Generators:
     def run(self, argv: list[str], environment: dict[str, str]) -> None:
         """In the fork: run `python PROGRAM ...`; raises DeclinedError unless it succeeds."""
         program = argv[1]
-        sys.path[:] = [str(Path(program).resolve().parent), *self._entries(environment), *self._path]
-        self._check_origins()
+        first = Path.cwd() if program == "-m" else Path(program).resolve().parent
+        sys.path[:] = [str(first), *self._entries(environment), *self._path]
+        self._check_origins(_library_of_script(argv))
         sys.argv[:] = argv[1:]
         try:
-            runpy.run_path(program, run_name="__main__")
+            if program == "-m":
+                sys.argv.pop(0)
+                runpy.run_module(argv[2], run_name="__main__", alter_sys=True)
+            else:
+                runpy.run_path(program, run_name="__main__")
         except SystemExit as leaving:
             if leaving.code:
                 raise DeclinedError(f"it ended with {leaving.code}") from None
@@ -124,9 +130,14 @@ class Generators:
     def _entries(environment: dict[str, str]) -> list[str]:
         return [entry for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]
 
-    def _check_origins(self) -> None:
-        """Raise DeclinedError if the package would import one of the shared modules from elsewhere."""
+    def _check_origins(self, library: str | None) -> None:
+        """Raise DeclinedError if the package would import a shared module from elsewhere.
+
+        `library` is the one that a script imports, None if it may be any.
+        """
         for name, module in self._modules.items():
+            if library and name != library:
+                continue
             top, _, _ = name.partition(".")
             found = importlib.machinery.PathFinder.find_spec(top)
             if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]
@@ -178,6 +189,13 @@ class Generators:
                 known.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
                 known.write_text("same" if same else "different", encoding="utf-8")
         return same
+
+
+def _library_of_script(argv: list[str]) -> str | None:
+    """Return the module for which a script spends its time, None for generators."""
+    if argv[1:] == SETUP:
+        return "setuptools"
+    return SCRIPTS.get(Path(argv[1]).name)
 
 
 def _agrees(trees: IdlTrees, parser: Any, text: str) -> bool:

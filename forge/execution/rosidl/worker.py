@@ -1,4 +1,4 @@
-"""A warm process for rosidl's generators: `python worker.py DESCRIPTOR GRAMMAR [CACHE]`.
+"""A warm process for rosidl's generators and scripts of ament: `python worker.py DESCRIPTOR GRAMMAR [CACHE]`.
 
 The workspace's interpreter runs this file, which may not have forge. A command that does not succeed here is
 left to the client, which runs it as it stands in a process of its own.
@@ -50,7 +50,7 @@ def main(descriptor: str, grammar: str, cache: str = "") -> int:
                 raise DeclinedError("it has an interpreter or a locale of its own")  # noqa: TRY301
             _run_quietly(generators, call)
         except DeclinedError as reason:
-            name = Path(call.argv[1]).name
+            name = call.argv[2] if call.argv[1] == "-m" else Path(call.argv[1]).name
             sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
             return DECLINED
         return 0

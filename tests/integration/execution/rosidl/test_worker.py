@@ -1,4 +1,4 @@
-"""The worker for rosidl's generators and its client: what runs where, and that callers see no difference."""
+"""The worker for generators of rosidl and scripts of ament, and its client: callers see no difference."""
 
 from __future__ import annotations
 
@@ -61,6 +61,44 @@ def test_a_generator_runs_in_the_worker_with_its_own_surroundings(
     assert done.stdout.split(maxsplit=1)[1] == (
         f"['--generator-arguments-file', 'arguments.json'] {tmp_path} other\n"
     )
+
+
+@pytest.mark.parametrize("script", sorted(worker_client.SCRIPTS))
+def test_scripts_of_ament_run_in_the_worker(tmp_path: Path, variables: dict[str, str], script: str) -> None:
+    (tmp_path / script).write_text(REPORT)
+    for _ in range(3):  # from the second on, the worker has imported what they need
+        done = ask(tmp_path, variables, script, "package.xml")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert in_worker(done)
+        assert done.stdout.split(maxsplit=1)[1] == f"['package.xml'] {tmp_path} hello\n"
+    module = worker_client.SCRIPTS[script].replace(".", "/")
+    other = tmp_path / "other" / f"{module}.py"
+    other.parent.mkdir(parents=True)
+    (other.parent / "__init__.py").touch()
+    other.touch()
+    path = {"PYTHONPATH": f"{tmp_path}/other:{variables['PYTHONPATH']}"}
+    done = ask(tmp_path, {**variables, **path}, script, "package.xml")
+    assert not in_worker(done)
+    assert done.stderr.startswith(f"forge: runs {script} in a process of its own: it imports another ")
+
+
+def test_the_adapter_runs_in_the_worker(tmp_path: Path, variables: dict[str, str]) -> None:
+    (tmp_path / "rosidl_adapter").mkdir()
+    (tmp_path / "rosidl_adapter/__init__.py").touch()
+    program = tmp_path / "rosidl_adapter/__main__.py"
+    program.write_text(f"{REPORT}print(sys.argv[0], sys.path[0], __name__)\n")
+    argv = ("-m", "rosidl_adapter", "--package-name", "p")
+    done = ask(tmp_path, variables, *argv)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert in_worker(done)
+    plain = subprocess.run(
+        (sys.executable, *argv), cwd=tmp_path, env=variables, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split(maxsplit=1)[1] == plain.stdout.split(maxsplit=1)[1]
+    program.write_text("raise SystemExit(3)\n")
+    done = ask(tmp_path, variables, *argv)
+    assert done.returncode == 3
+    assert done.stderr == "forge: runs rosidl_adapter in a process of its own: it ended with 3\n"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,87 @@
+"""Scripts that a real ament runs at configure time: in forge's worker, with the same result."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.rosidl import DEBIAN, interface_package, underlay
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+pytestmark = pytest.mark.needs(str(DEBIAN), "g++", "strace")
+
+CMAKE = """cmake_minimum_required(VERSION 3.10)
+project({0} NONE)
+set(_cmd "a" "b/package_xml_2_cmake.py" "c")
+set(cmd other -m rosidl_adapter)
+find_package(ament_cmake REQUIRED)
+ament_package()
+file(WRITE "${{CMAKE_BINARY_DIR}}/seen" "${{PROJECT_NAME}} ${{{0}_VERSION}} ${{{0}_MAINTAINER}} ${{cmd}}")
+"""
+FILES = {
+    **{f"src/{name}/CMakeLists.txt": CMAKE.format(name) for name in ("one", "two")},
+    **{
+        f"src/{name}/package.xml": manifest_text(
+            name, "<depend>x</depend><depend>y; z</depend>", build_type="ament_cmake"
+        ).replace("<depend>y; z</depend>", '<author>A; "B" $C \\D</author>')
+        for name in ("one", "two")
+    },
+    **interface_package("three", {"msg/A.msg": "int32 a\n"}),
+}
+SCRIPT = re.compile(
+    r'\["[^"]*python[^"]*", ("-m", "rosidl_adapter"|"[^"]*/(?:package_xml|templates)_2_cmake\.py")'
+)
+RESULTS = ("seen", "ament_cmake_core/package.cmake", "ament_cmake_package_templates/templates.cmake")
+
+
+def started_scripts(root: Path, *options: str) -> Counter[str]:
+    """Build; return how many processes of their own the scripts had."""
+    forge = (sys.executable, "-m", "forge", "build", "--python", sys.executable, *options)
+    trace = root / "trace"
+    argv = ("strace", "-f", "-qq", "-s", "4096", "-o", str(trace), "-e", "trace=execve", *forge)
+    variables = {**os.environ, **underlay()}
+    done = subprocess.run(argv, cwd=root, env=variables, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done
+    text = trace.read_text(encoding="utf-8", errors="replace")
+    return Counter(re.sub(r'.*/|"', "", script) for script in SCRIPT.findall(text))
+
+
+def test_they_run_in_the_worker_with_the_same_result(
+    tree: Tree, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    slow = tree(FILES).rename(tmp_path_factory.mktemp("slow") / "ws")
+    fast = tree(FILES)
+    assert started_scripts(slow, "--no-fast-rosidl") == {
+        "package_xml_2_cmake.py": 3,
+        "templates_2_cmake.py": 3,
+        "-m, rosidl_adapter": 1,
+    }
+    assert not started_scripts(fast)
+    for name in ("one", "two", "three"):
+        for result in RESULTS[name == "three" :]:
+            both = [(root / "build" / name / result).read_text(encoding="utf-8") for root in (fast, slow)]
+            assert both[0] == both[1]
+    adapted = [(root / "build/three/rosidl_adapter/three/msg/A.idl").read_bytes() for root in (fast, slow)]
+    assert adapted[0] == adapted[1]
+
+
+def test_without_forge_they_run_as_they_are(tree: Tree) -> None:
+    root = tree(FILES)
+    assert not started_scripts(root)
+    package = root / "build/one/ament_cmake_core/package.cmake"
+    before = package.read_text(encoding="utf-8")
+    package.unlink()
+    variables = {**os.environ, **underlay()}
+    subprocess.run(("cmake", root / "build/one"), env=variables, check=True, capture_output=True)
+    assert package.read_text(encoding="utf-8") == before

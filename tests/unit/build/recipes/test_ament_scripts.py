@@ -1,0 +1,45 @@
+"""When the scripts of a distribution's ament run in a warm process."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from forge.base.layout import Layout
+from forge.build.build_types import OWN
+from forge.build.recipes.ament_scripts import are_worth_a_worker
+from forge.build.recipes.context import BuildContext
+from tests.packages import package
+
+CONTEXT = BuildContext(
+    root=Path("/w s"),
+    layout=Layout(Path("/w s/build"), Path("/w s/install"), None),
+    python=Path("/usr/bin/python3"),
+    site_packages="lib/python3.11/site-packages",
+    wheels=("forge-install-wheel",),
+    generator=("forge",),
+    cmake=Path("/usr/bin/cmake"),
+    script_launcher=("/my python", "client.py", "--generator"),
+)
+PLAIN = replace(CONTEXT, script_launcher=())
+
+
+def test_cmake_gets_a_file_and_the_result_is_the_same() -> None:
+    ament = OWN["ament_cmake"]
+    files = {path.name: text for path, text in ament.recipe(package("p"), CONTEXT).files}
+    assert 'include("${CMAKE_CURRENT_LIST_DIR}/ament_scripts.cmake")' in files["project.cmake"]
+    assert '"/my python" "client.py" "--generator" "${value}"' in files["ament_scripts.cmake"]
+    assert "ament_scripts.cmake" not in {path.name for path, _ in ament.recipe(package("p"), PLAIN).files}
+    assert ament.options(package("p"), CONTEXT) == ament.options(package("p"), PLAIN)
+
+
+def test_one_package_is_not_worth_a_worker(tmp_path: Path) -> None:
+    context = replace(CONTEXT, layout=Layout(tmp_path / "build", tmp_path / "install", None))
+    packages = [package("a"), package("b"), package("c")]
+    assert are_worth_a_worker(packages, context)
+    assert not are_worth_a_worker(packages, replace(context, script_launcher=()))
+    assert not are_worth_a_worker(packages[:1], context)
+    for name in ("a", "b"):
+        (tmp_path / "build" / name).mkdir(parents=True)
+        (tmp_path / "build" / name / "CMakeCache.txt").touch()
+    assert not are_worth_a_worker(packages, context)
