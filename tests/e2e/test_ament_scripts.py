@@ -23,14 +23,21 @@ pytestmark = pytest.mark.needs(str(DEBIAN), "g++", "strace")
 
 CMAKE = """cmake_minimum_required(VERSION 3.10)
 project({0} NONE)
-set(_cmd "a" "b/package_xml_2_cmake.py" "c")
-set(cmd other -m rosidl_adapter)
+set(cmd [[sed s/\\./$x/]])
+set(_cmd "${{cmd}}")
 find_package(ament_cmake REQUIRED)
+set(before "${{_python_interpreter}}")
+{1}
+find_package(ament_cmake_python REQUIRED)
 ament_package()
-file(WRITE "${{CMAKE_BINARY_DIR}}/seen" "${{PROJECT_NAME}} ${{{0}_VERSION}} ${{{0}_MAINTAINER}} ${{cmd}}")
+set(own "${{_python_interpreter}} ${{before}} ${{cmd}}")
+file(WRITE "${{CMAKE_BINARY_DIR}}/seen" "${{PROJECT_NAME}} ${{{0}_VERSION}} ${{{0}_MAINTAINER}} ${{own}}")
 """
 FILES = {
-    **{f"src/{name}/CMakeLists.txt": CMAKE.format(name) for name in ("one", "two")},
+    **{
+        f"src/{name}/CMakeLists.txt": CMAKE.format(name, call)
+        for name, call in (("one", ""), ("two", "ament_package_xml()"))
+    },
     **{
         f"src/{name}/package.xml": manifest_text(
             name, "<depend>x</depend><depend>y; z</depend>", build_type="ament_cmake"

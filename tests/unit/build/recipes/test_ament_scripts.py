@@ -28,7 +28,9 @@ def test_cmake_gets_a_file_and_the_result_is_the_same() -> None:
     ament = OWN["ament_cmake"]
     files = {path.name: text for path, text in ament.recipe(package("p"), CONTEXT).files}
     assert 'include("${CMAKE_CURRENT_LIST_DIR}/ament_scripts.cmake")' in files["project.cmake"]
-    assert '"/my python" "client.py" "--generator" "${value}"' in files["ament_scripts.cmake"]
+    assert (
+        'list(INSERT _forge_command 0 "/my python" "client.py" "--generator")' in files["ament_scripts.cmake"]
+    )
     assert "ament_scripts.cmake" not in {path.name for path, _ in ament.recipe(package("p"), PLAIN).files}
     assert ament.options(package("p"), CONTEXT) == ament.options(package("p"), PLAIN)
 
