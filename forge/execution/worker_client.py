@@ -14,8 +14,6 @@ ROSIDL_WORKER_VARIABLE = "FORGE_ROSIDL_WORKER"
 
 SETUP = ["setup.py", "egg_info"]
 """The program by which ament_cmake_python describes a package."""
-ADAPTER = ["-m", "rosidl_adapter"]
-"""The program that converts .msg, .srv and .action files to .idl."""
 SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
 """Scripts of ament_cmake_core that CMake runs while it configures a package, and what they import."""
 
@@ -58,7 +56,6 @@ def _generate(argv: "list[str]") -> int:
     if address and (
         "--generator-arguments-file" in argv[:-1]
         or argv[1:] == SETUP
-        or argv[1:3] == ADAPTER
         or "".join(argv[1:2]).rpartition("/")[2] in SCRIPTS
     ):
         try:

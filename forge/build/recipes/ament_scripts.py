@@ -1,7 +1,7 @@
 """The file by which CMake runs the scripts of a distribution's ament in a warm process; pure.
 
 ament_cmake starts Python twice while it configures a package: to read package.xml, and to find the templates
-of ament_package. rosidl_adapter starts it a third time. Most of their time is spent on imports.
+of ament_package. Most of their time is spent on imports.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.execution.worker_client import ADAPTER, SCRIPTS, SETUP
+from forge.execution.worker_client import SCRIPTS, SETUP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,8 +72,6 @@ class Generators:
                 self._import(_HELPERS[0])
                 if _HELPERS[0] not in self._modules:
                     self._import(_HELPERS[1])
-            if argv[1:3] == ADAPTER:
-                return
             arguments_file = argv[argv.index(ARGUMENTS_OPTION) + 1]
             if Path(arguments_file).parent != Path(self._arguments_file).parent:
                 self._contents.clear()
@@ -83,16 +81,11 @@ class Generators:
     def run(self, argv: list[str], environment: dict[str, str]) -> None:
         """In the fork: run `python PROGRAM ...`; raises DeclinedError unless it succeeds."""
         program = argv[1]
-        first = Path.cwd() if program == "-m" else Path(program).resolve().parent
-        sys.path[:] = [str(first), *self._entries(environment), *self._path]
+        sys.path[:] = [str(Path(program).resolve().parent), *self._entries(environment), *self._path]
         self._check_origins(_library_of_script(argv))
         sys.argv[:] = argv[1:]
         try:
-            if program == "-m":
-                sys.argv.pop(0)
-                runpy.run_module(argv[2], run_name="__main__", alter_sys=True)
-            else:
-                runpy.run_path(program, run_name="__main__")
+            runpy.run_path(program, run_name="__main__")
         except SystemExit as leaving:
             if leaving.code:
                 raise DeclinedError(f"it ended with {leaving.code}") from None

@@ -50,7 +50,7 @@ def main(descriptor: str, grammar: str, cache: str = "") -> int:
                 raise DeclinedError("it has an interpreter or a locale of its own")  # noqa: TRY301
             _run_quietly(generators, call)
         except DeclinedError as reason:
-            name = call.argv[2] if call.argv[1] == "-m" else Path(call.argv[1]).name
+            name = Path(call.argv[1]).name
             sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
             return DECLINED
         return 0

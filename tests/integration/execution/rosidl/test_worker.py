@@ -82,25 +82,6 @@ def test_scripts_of_ament_run_in_the_worker(tmp_path: Path, variables: dict[str,
     assert done.stderr.startswith(f"forge: runs {script} in a process of its own: it imports another ")
 
 
-def test_the_adapter_runs_in_the_worker(tmp_path: Path, variables: dict[str, str]) -> None:
-    (tmp_path / "rosidl_adapter").mkdir()
-    (tmp_path / "rosidl_adapter/__init__.py").touch()
-    program = tmp_path / "rosidl_adapter/__main__.py"
-    program.write_text(f"{REPORT}print(sys.argv[0], sys.path[0], __name__)\n")
-    argv = ("-m", "rosidl_adapter", "--package-name", "p")
-    done = ask(tmp_path, variables, *argv)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert in_worker(done)
-    plain = subprocess.run(
-        (sys.executable, *argv), cwd=tmp_path, env=variables, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split(maxsplit=1)[1] == plain.stdout.split(maxsplit=1)[1]
-    program.write_text("raise SystemExit(3)\n")
-    done = ask(tmp_path, variables, *argv)
-    assert done.returncode == 3
-    assert done.stderr == "forge: runs rosidl_adapter in a process of its own: it ended with 3\n"
-
-
 @pytest.mark.parametrize(
     "argv",
     [
