@@ -128,9 +128,8 @@ class Generators:
 
         `library` is the one that a script imports, None if it may be any.
         """
-        for name, module in self._modules.items():
-            if library and name != library:
-                continue
+        modules = {name: module for name, module in self._modules.items() if library in {None, name}}
+        for name, module in modules.items():
             top, _, _ = name.partition(".")
             found = importlib.machinery.PathFinder.find_spec(top)
             if found is None or found.origin != sys.modules[top].__spec__.origin:  # type: ignore[union-attr]

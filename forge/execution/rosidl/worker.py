@@ -27,7 +27,7 @@ if __name__ == "__main__":
 
 from forge.execution.fork_server import Call, serve
 from forge.execution.rosidl.generators import DeclinedError, Generators
-from forge.execution.worker_client import DECLINED, DECLINED_PREFIX
+from forge.execution.worker_client import DECLINED, DECLINED_PREFIX, SCRIPTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,7 +51,8 @@ def main(descriptor: str, grammar: str, cache: str = "") -> int:
             _run_quietly(generators, call)
         except DeclinedError as reason:
             name = Path(call.argv[1]).name
-            sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
+            if name not in SCRIPTS:  # CMake starts these two in every package, and little time is lost
+                sys.stderr.write(f"{DECLINED_PREFIX}{name} in a process of its own: {reason}\n")
             return DECLINED
         return 0
 
