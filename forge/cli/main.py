@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout closed the pipe, as `head` does: end without an error.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return 0
     except OSError as error:
         return _refused(error)
@@ -280,7 +280,14 @@ def _refused(error: OSError) -> int:
     if problem is None:
         return _our_bug()
     print_problem(problem)
+    if not error.filename:
+        _discard_output()
     return EXIT_USER
+
+
+def _discard_output() -> None:
+    """Discard what stdout still contains: Python would fail to write it at the end, and exit with 120."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _no_memory() -> int:

@@ -263,8 +263,12 @@ def test_closed_streams_are_no_error(root: Path, words: str, closed: str) -> Non
 
 
 @pytest.mark.needs("/dev/full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [("list",), ("build",), ("graph",)])
-def test_an_output_that_cannot_be_written_is_named(root: Path, words: tuple[str, ...]) -> None:
+def test_an_output_that_cannot_be_written_is_named(
+    root: Path, words: tuple[str, ...], unbuffered: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     code, said = run(root, *words, line='"$@" 2>&1 >/dev/full')
     assert code == 2
     assert said == "error: cannot write to the standard output: no space left on device\n"
