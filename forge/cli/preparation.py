@@ -250,7 +250,7 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         ament_cmake_args=cmake.ament_cmake_args,
         launcher=tools.launcher if tools else None,
         generator_launcher=generator if _is_original("rosidl_default_generators", loaded) else (),
-        script_launcher=generator if _is_original("ament_cmake_core", loaded) else (),
+        script_launcher=generator if _is_original("ament_cmake", loaded) else (),
         test_results=Path(options.test_result_base).absolute() if options.test_result_base else None,
         force_configure=cmake.cmake_force_configure,
         clean_cache=cmake.cmake_clean_cache,

@@ -12,6 +12,8 @@ import sys
 WORKER_VARIABLE = "FORGE_WORKER"
 ROSIDL_WORKER_VARIABLE = "FORGE_ROSIDL_WORKER"
 
+ARGUMENTS_OPTION = "--generator-arguments-file"
+"""What every generator of rosidl is called with, followed by a JSON file."""
 SETUP = ["setup.py", "egg_info"]
 """The program by which ament_cmake_python describes a package."""
 SCRIPTS = {"package_xml_2_cmake.py": "catkin_pkg.package", "templates_2_cmake.py": "ament_package.templates"}
@@ -54,9 +56,7 @@ def _generate(argv: "list[str]") -> int:
     """Run a generator or script in its worker if possible, and any other program in this process."""
     address = os.environ.get(ROSIDL_WORKER_VARIABLE)
     if address and (
-        "--generator-arguments-file" in argv[:-1]
-        or argv[1:] == SETUP
-        or "".join(argv[1:2]).rpartition("/")[2] in SCRIPTS
+        ARGUMENTS_OPTION in argv[:-1] or argv[1:] == SETUP or "".join(argv[1:2]).rpartition("/")[2] in SCRIPTS
     ):
         try:
             code = _ask(address, argv)

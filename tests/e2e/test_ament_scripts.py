@@ -42,8 +42,8 @@ FILES = {
     },
     **{
         f"src/{name}/package.xml": manifest_text(
-            name, "<depend>x</depend><depend>y; z</depend>", build_type="ament_cmake"
-        ).replace("<depend>y; z</depend>", '<author>A; "B" $C \\D</author>')
+            name, '<author>A; "B" $C \\D</author>', "<buildtool_depend>ament_cmake</buildtool_depend>"
+        )
         for name in ("one", "two")
     },
     **interface_package("three", {"msg/A.msg": "int32 a\n"}),
@@ -78,6 +78,14 @@ def test_they_run_in_the_worker_with_the_same_result(
         for result in RESULTS[name == "three" :]:
             both = [(root / "build" / name / result).read_text(encoding="utf-8") for root in (fast, slow)]
             assert both[0] == both[1]
+
+
+def test_the_embedded_ament_has_no_such_scripts(tree: Tree) -> None:
+    root = tree({path: text for path, text in FILES.items() if path.startswith("src/one/")})
+    argv = (sys.executable, "-m", "forge", "build", "--python", sys.executable)
+    subprocess.run(argv, cwd=root, check=True, capture_output=True)
+    assert (root / "build/one/.forge/project.cmake").exists()
+    assert not (root / "build/one/.forge/ament_scripts.cmake").exists()
 
 
 def test_without_forge_they_run_as_they_are(tree: Tree) -> None:

@@ -6,6 +6,7 @@ of ament_package. Most of their time is spent on imports.
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from forge.base.cmake_syntax import quoted
@@ -34,10 +35,12 @@ def files(folder: Path, context: BuildContext) -> tuple[tuple[Path, str], ...]:
 
 def are_worth_a_worker(packages: Iterable[Package], context: BuildContext) -> bool:
     """Tell whether several packages are going to be configured: starting a worker costs as much as one."""
+    if not context.script_launcher:
+        return False
     new = (
         package
         for package in packages
         if package.build_type == "ament_cmake"
         and not (context.layout.build_dir(package.name) / "CMakeCache.txt").exists()
     )
-    return bool(context.script_launcher) and next(new, None) is not None and next(new, None) is not None
+    return len(list(islice(new, 2))) > 1

@@ -17,16 +17,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.execution.worker_client import SCRIPTS, SETUP
+from forge.execution.worker_client import ARGUMENTS_OPTION, SCRIPTS, SETUP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
     from forge.execution.rosidl.idl_trees import IdlTrees
-
-ARGUMENTS_OPTION = "--generator-arguments-file"
-"""What every generator of rosidl is called with, followed by a JSON file."""
 
 _LIBRARIES = ("em", "lark", "rosidl_parser.definition", "rosidl_parser.parser")
 _HELPERS = ("rosidl_pycommon", "rosidl_cmake")

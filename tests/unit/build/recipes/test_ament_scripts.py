@@ -5,22 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from forge.base.layout import Layout
 from forge.build.build_types import OWN
 from forge.build.recipes.ament_scripts import are_worth_a_worker
-from forge.build.recipes.context import BuildContext
-from tests.packages import package
+from tests.packages import build_context, package
 
-CONTEXT = BuildContext(
-    root=Path("/w s"),
-    layout=Layout(Path("/w s/build"), Path("/w s/install"), None),
-    python=Path("/usr/bin/python3"),
-    site_packages="lib/python3.11/site-packages",
-    wheels=("forge-install-wheel",),
-    generator=("forge",),
-    cmake=Path("/usr/bin/cmake"),
-    script_launcher=("/my python", "client.py", "--generator"),
-)
+CONTEXT = replace(build_context(Path("/w s")), script_launcher=("/my python", "client.py", "--generator"))
 PLAIN = replace(CONTEXT, script_launcher=())
 
 
@@ -36,7 +25,7 @@ def test_cmake_gets_a_file_and_the_result_is_the_same() -> None:
 
 
 def test_one_package_is_not_worth_a_worker(tmp_path: Path) -> None:
-    context = replace(CONTEXT, layout=Layout(tmp_path / "build", tmp_path / "install", None))
+    context = replace(build_context(tmp_path), script_launcher=CONTEXT.script_launcher)
     packages = [package("a"), package("b"), package("c")]
     assert are_worth_a_worker(packages, context)
     assert not are_worth_a_worker(packages, replace(context, script_launcher=()))

@@ -5,22 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from forge.base.layout import Layout
 from forge.build.build_types import OWN
-from forge.build.recipes.context import BuildContext
 from forge.workspace.discovery import discover_embedded
-from tests.packages import package
+from tests.packages import build_context, package
 
 AMENT = OWN["ament_cmake"]
-HUMBLE = BuildContext(
-    root=Path("/ws"),
-    layout=Layout(Path("/ws/build"), Path("/ws/install"), None),
-    python=Path("/usr/bin/python3"),
-    site_packages="lib/python3.11/site-packages",
-    wheels=("forge-install-wheel",),
-    generator=("forge",),
-    cmake=Path("/usr/bin/cmake"),
-)
+HUMBLE = build_context(Path("/ws"))
 JAZZY = replace(HUMBLE, rosdistro="jazzy")
 
 

@@ -5,26 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from forge.base.layout import Layout
 from forge.build.build_types import OWN
-from forge.build.recipes.context import BuildContext
 from forge.build.tasks import StepKind
 from forge.workspace.discovery import ROS_DEFAULTS
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
-from tests.packages import manifest_text, package
+from tests.packages import build_context, manifest_text, package
 
 AMENT = OWN["ament_cmake"]
-CONTEXT = BuildContext(
-    root=Path("/w s"),
-    layout=Layout(Path("/w s/build"), Path("/w s/install"), None),
-    python=Path("/usr/bin/python3"),
-    site_packages="lib/python3.11/site-packages",
-    wheels=("forge-install-wheel",),
-    generator=("forge",),
-    cmake=Path("/usr/bin/cmake"),
-    generator_launcher=("/my python", "client.py", "--generator"),
-)
+CONTEXT = replace(build_context(Path("/w s")), generator_launcher=("/my python", "client.py", "--generator"))
 PLAIN = replace(CONTEXT, generator_launcher=())
 INTERFACES = Package(
     Path("src/i"),
