@@ -191,7 +191,11 @@ def _entry_script(underlay: Path, shell: str) -> Path:
 
 
 def _joined_chain(recorded: tuple[Path, ...], sourced: tuple[Path, ...]) -> tuple[Path, ...]:
-    """Return the sourced underlays on top of the recorded ones, lowest first."""
-    if set(recorded) <= set(sourced):
+    """Return the sourced underlays on top of the recorded ones, lowest first, each of them once."""
+    real = {path.resolve() for path in sourced}
+    if {path.resolve() for path in recorded} <= real:
         return sourced
-    return (*recorded, *(path for path in sourced if path not in recorded))
+    joined: dict[Path, Path] = {}
+    for path in (*recorded, *sourced):
+        joined.setdefault(path.resolve(), path)
+    return tuple(joined.values())

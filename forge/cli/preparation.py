@@ -33,9 +33,9 @@ from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import RUST, relevant_environment
 from forge.cli.build_mode import has_many_wheels
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
-from forge.environment.prefixes import find_underlays
+from forge.environment.prefixes import find_underlays, spellings
 from forge.environment.underlay_python import lacks_modules
-from forge.environment.underlays import lost_underlays
+from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers.choice import selected_launcher
@@ -69,11 +69,12 @@ def build_variables(
     shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
     that of the environment, else that of an underlay, else that of an earlier build.
     """
-    own = without_own(surroundings, layout.of_host.install)
+    own = without_own(surroundings, layout)
     sourced, recorded = find_underlays(own, layout.install).chain, recorded_underlays(layout.install)
     known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
     variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}
-    forgotten = [root for root in recorded if root not in sourced and root.is_dir()]
+    real = {root.resolve() for root in sourced}
+    forgotten = [root for root in recorded if root.resolve() not in real and root.is_dir()]
     incomplete = [root for root in sourced if lacks_modules(root, variables)]
     if not (forgotten or incomplete):
         return variables
@@ -83,19 +84,33 @@ def build_variables(
     return {**sourced_variables, VARIABLE: rosdistro} if rosdistro else sourced_variables
 
 
-def warn_of_lost_underlays(layout: Layout, surroundings: Mapping[str, str], warn: WarningReporter) -> None:
-    """Warn about underlays that an earlier build or the environment names but that no longer exist."""
-    warn(lost_underlays(layout.install, without_own(surroundings, layout.of_host.install)))
+def warn_of_underlays(
+    layout: Layout, surroundings: Mapping[str, str], variables: Mapping[str, str], warn: WarningReporter
+) -> None:
+    """Warn about underlays that do not exist, cannot be used, or do not fit; `variables` are the build's."""
+    warn(
+        (
+            *lost_underlays(layout.install, without_own(surroundings, layout)),
+            *unusable_overlays(layout.install, find_underlays(surroundings, layout.install).overlays),
+            *other_distributions(find_underlays(variables, layout.install).chain, variables[VARIABLE]),
+        )
+    )
 
 
-def without_own(variables: Mapping[str, str], install: Path) -> dict[str, str]:
-    """Return the variables without path entries below `install`; variables that become empty are removed."""
-    own = str(install)
+def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
+    """Return the variables without path entries below the install folder or an overlay of this workspace.
+
+    Variables that become empty are removed.
+    """
+    install = layout.of_host.install
+    overlays = find_underlays(variables, install).overlays
+    roots = [path for root in (install, *overlays) for path in spellings(root, variables)]
+    below = tuple(f"{path}/" for path in roots)
     cleaned = dict(variables)
     for name, value in variables.items():
-        if own in value:
+        if any(path in value for path in roots):
             entries = value.split(os.pathsep)
-            kept = [entry for entry in entries if entry != own and not entry.startswith(own + os.sep)]
+            kept = [entry for entry in entries if not f"{entry}/".startswith(below)]
             if kept:
                 cleaned[name] = os.pathsep.join(kept)
             else:

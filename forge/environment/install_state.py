@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+from contextlib import suppress
 from pathlib import Path
 
 from forge.base.errors import Location, Problem, WorkspaceError
-from forge.base.files import read_file
+from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.layout import INSTALL_STATE_FILE
+from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
+
+_SOURCED_BY_COLCON = re.compile(r'^COLCON_CURRENT_PREFIX="(/[^"]+)"$', re.MULTILINE)
+"""The lines of a setup.sh written by colcon that name its underlays, lowest first."""
 
 
 @frozen
@@ -21,8 +27,41 @@ class _State:
 
 
 def recorded_underlays(root: Path) -> tuple[Path, ...]:
-    """Return the recorded underlays of an install tree, lowest first."""
-    return _recorded(root).underlays
+    """Return the recorded underlays of an install tree, lowest first, without its own overlays."""
+    return tuple(path for path in _recorded(root).underlays if not is_built_on(path, root))
+
+
+def recorded_overlays(root: Path) -> tuple[Path, ...]:
+    """Return the recorded underlays of an install tree that were built on it: each would source the other."""
+    return tuple(path for path in _recorded(root).underlays if is_built_on(path, root))
+
+
+def is_built_on(overlay: Path, root: Path) -> bool:
+    """Tell whether an install tree is `root`, or has it among its underlays, directly or indirectly."""
+    own = os.path.realpath(root)
+    waiting, seen = [os.path.realpath(overlay)], set[str]()
+    while waiting:
+        path = waiting.pop()
+        if path == own:
+            return True
+        if path not in seen:
+            seen.add(path)
+            waiting += map(os.path.realpath, underlays_of(Path(path)))
+    return False
+
+
+def underlays_of(root: Path) -> tuple[Path, ...]:
+    """Return the underlays of any install tree as recorded by forge, else as sourced by colcon's script.
+
+    None if the record is invalid, which commands report that need it.
+    """
+    if (root / INSTALL_STATE_FILE).is_file():
+        with suppress(WorkspaceError):
+            return _recorded(root).underlays
+        return ()
+    # Other tools write a setup.sh, too; only colcon's prefixes have this marker.
+    text = text_or_nothing(root / "setup.sh") if (root / LAYOUT_MARKER).is_file() else ""
+    return tuple(map(Path, _SOURCED_BY_COLCON.findall(text)))
 
 
 def forget_underlays(root: Path) -> None:

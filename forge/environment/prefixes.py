@@ -11,6 +11,7 @@ from forge.base.ament_index import INDEX
 from forge.base.frozen import frozen
 from forge.base.layout import LAYOUT_MARKER
 from forge.base.names import is_word
+from forge.environment.install_state import is_built_on
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -21,10 +22,14 @@ SYSTEM = (Path("/usr/local"), Path("/usr"))
 
 @frozen
 class Underlays:
-    """The sourced underlays: `chain` contains roots, lowest first; `prefixes` of packages, highest first."""
+    """The sourced underlays: `chain` contains roots, lowest first; `prefixes` of packages, highest first.
+
+    `overlays` are the sourced workspaces that were built on this one, which are no underlays.
+    """
 
     chain: tuple[Path, ...] = ()
     prefixes: tuple[Path, ...] = ()
+    overlays: tuple[Path, ...] = ()
 
 
 @frozen
@@ -37,22 +42,42 @@ class InstalledPackage:
 
 
 def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
-    """Return the sourced workspaces except this one.
+    """Return the sourced workspaces except this one and those that were built on it.
 
-    A root contains setup scripts; the prefix of a package in an isolated layout stands for its root.
+    A root contains setup scripts; the prefix of a package in an isolated layout stands for its root. A root
+    that is named by several paths counts once.
     """
-    own = install.resolve()
-    prefixes = [
-        path
-        for path in _folders(variables, "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
-        if not _inside(path.resolve(), own)
-    ]
     roots = _folders(variables, "COLCON_PREFIX_PATH")
     roots += filter(None, map(_root_of, _folders(variables, "AMENT_PREFIX_PATH")))
     roots += filter(_is_distribution, _folders(variables, "CMAKE_PREFIX_PATH"))
-    chain = [root for root in dict.fromkeys(roots) if not _inside(root.resolve(), own)]
-    populated = [prefix for root in chain for prefix in _populated_prefixes(root)]
-    return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys([*prefixes, *populated])))
+    own = install.resolve()
+    by_path: dict[Path, Path] = {}
+    for root in roots:
+        by_path.setdefault(root.resolve(), root)
+    others = {path: root for path, root in by_path.items() if not _inside(path, own)}
+    overlays = {path: root for path, root in others.items() if is_built_on(path, own)}
+    chain = [root for path, root in others.items() if path not in overlays]
+    excluded = (own, *overlays)
+    prefixes = [
+        path
+        for path in _folders(variables, "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+        if not any(_inside(real, root) for real in (path.resolve(),) for root in excluded)
+    ]
+    prefixes += (prefix for root in chain for prefix in _populated_prefixes(root))
+    return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys(prefixes)), tuple(overlays.values()))
+
+
+def spellings(root: Path, variables: Mapping[str, str]) -> frozenset[str]:
+    """Return the paths by which `variables` name an install tree: through links, '..' or repeated slashes."""
+    real = os.path.realpath(root)
+    found = {str(root)}
+    for name in ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"):
+        for entry in variables.get(name, "").split(os.pathsep):
+            path = os.path.realpath(entry)
+            if entry and f"{path}/".startswith(f"{real}/") and entry.rstrip("/").endswith(path[len(real) :]):
+                stripped = entry.rstrip("/")
+                found.add(stripped.removesuffix(path[len(real) :]))
+    return frozenset(found)
 
 
 def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -> Path | None:

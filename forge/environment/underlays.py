@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem
+from forge.base.distributions import VARIABLE
+from forge.base.errors import Problem, WorkspaceError
+from forge.base.files import text_or_nothing
 from forge.base.text import listed
-from forge.environment.install_state import recorded_underlays
+from forge.environment.install_state import recorded_overlays, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import find_underlays, installed_packages
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
-
+_SETS_ROSDISTRO = re.compile(rf"^(?:set;{VARIABLE};|export {VARIABLE}=)(\w+)$", re.MULTILINE)
 _VARIABLES = ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH")
 
 
@@ -37,6 +41,39 @@ def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem
             hint = "if it was removed after sourcing, continue in a new terminal"
             problems.append(Problem(message, hint=hint))
     return tuple(problems)
+
+
+def unusable_overlays(install: Path, sourced: Collection[Path]) -> Iterator[Problem]:
+    """Yield a warning for each sourced or recorded workspace that was built on this one."""
+    for root in dict.fromkeys((*sourced, *recorded_overlays(install))):
+        if root.resolve() == install.resolve():
+            continue
+        message = f"'{root}' was built on this workspace and is not used as its underlay"
+        hint = (
+            "source it in other terminals, and build this workspace without it" if root in sourced else None
+        )
+        yield Problem(message, hint=hint)
+
+
+def other_distributions(chain: Sequence[Path], rosdistro: str) -> Iterator[Problem]:
+    """Yield a warning for each underlay that is, or was built for, another ROS distribution."""
+    for root in chain:
+        with suppress(WorkspaceError):  # an invalid record, which commands that need it report
+            other = recorded_rosdistro(root) or _provided_rosdistro(root)
+            if rosdistro and other and other != rosdistro:
+                message = f"the underlay '{root}' is for ROS '{other}', but this build is for '{rosdistro}'"
+                hint = "in a new terminal, source only underlays of one distribution"
+                yield Problem(message, hint=f"{hint}, or pass '--rosdistro {other}'")
+
+
+def _provided_rosdistro(root: Path) -> str | None:
+    """Return the distribution that sourcing an install tree sets: the package 'ros_environment' does that."""
+    hook = "share/ros_environment/environment/1.ros_distro"
+    files = (
+        f"{prefix}/{hook}{end}" for prefix in (root, root / "ros_environment") for end in (".dsv", ".sh")
+    )
+    found = (match[1] for file in files if (match := _SETS_ROSDISTRO.search(text_or_nothing(file))))
+    return next(found, None)
 
 
 def overridden(names: Collection[str], install: Path, variables: Mapping[str, str]) -> Iterator[Problem]:

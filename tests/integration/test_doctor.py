@@ -278,10 +278,14 @@ def test_underlays_are_looked_at(forge: Forge, tree: Tree) -> None:
     (high / ".forge.json").write_text(json.dumps({"python": sys.executable, "underlays": [str(low)]}))
     env = {"COLCON_PREFIX_PATH": f"{low}:{high}"}
     found = findings(forge, root, "--base-paths", "src", env=env)
-    assert [finding["message"] for finding in of_topic(found, "underlays")] == [
-        f"'y' in '{high}' needs 'lost_driver', which no sourced underlay contains",
-        f"'{high}' was built on '{low}', but is sourced before it",
-    ]
+    lacks = f"'y' in '{high}' needs 'lost_driver', which no sourced underlay contains"
+    assert [(finding["severity"], finding["message"]) for finding in of_topic(found, "underlays")] == [
+        ("warning", f"'{high}' was built on '{low}', but is sourced before it"),
+        ("note", lacks),
+    ], "with all its underlays, 'high' was built without it"
+    alone = findings(forge, root, "--base-paths", "src", env={"COLCON_PREFIX_PATH": str(high)})
+    (lost,) = of_topic(alone, "underlays")
+    assert (lost["severity"], lost["message"]) == ("warning", lacks), "one of its underlays is not sourced"
     (refusal,) = of_topic(found, "python")
     assert refusal["severity"] == "error"
     assert refusal["message"].startswith(f"the underlay '{low}' is for python 3.{OTHER[-1]}, but the active ")

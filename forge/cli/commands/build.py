@@ -28,7 +28,7 @@ from forge.cli.preparation import (
     packages_to_build,
     prepare,
     report_left_out,
-    warn_of_lost_underlays,
+    warn_of_underlays,
 )
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir
@@ -78,7 +78,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     if options.reset_underlays and not options.dry_run:
         forget_underlays(layout.install)
     variables = build_variables(layout, os.environ, options.rosdistro)
-    warn_of_lost_underlays(layout, os.environ, mode.warn)
+    warn_of_underlays(layout, os.environ, variables, mode.warn)
     loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     mode.warn(loaded.warnings)
     selected = packages_to_build(loaded, options, mode.warn)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,13 +76,15 @@ def run(options: argparse.Namespace) -> int:
 
 def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[CheckResult, CheckContext]:
     """Return the result for the workspace as a whole, and the subject of the other checks."""
-    outside = without_own(os.environ, layout.install)
+    outside = without_own(os.environ, layout)
     try:
         variables: Mapping[str, str] = build_variables(layout, os.environ)
     except ForgeError:
         variables = outside  # the state of an earlier build is unreadable, which another check reports
     python = options.python or configured_python(root, os.environ)
-    bare = CheckContext(root, layout, variables, outside, python, find_underlays(variables, layout.install))
+    overlays = find_underlays(os.environ, layout.install).overlays
+    underlays = replace(find_underlays(variables, layout.install), overlays=overlays)
+    bare = CheckContext(root, layout, variables, outside, python, underlays)
     if root in {Path.home(), Path(root.anchor)} and "base_paths" not in options.given and not options.paths:
         return CheckResult(
             "workspace", "none: not searching for packages in a whole home folder or file system"

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.distributions import VARIABLE
 from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.build.markers import foreign_build, other_layout
 from forge.doctor.checks.model import CheckResult
-from forge.environment.install_state import recorded_underlays
+from forge.environment.install_state import recorded_underlays, underlays_of
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
-from forge.environment.underlays import lost_underlays
+from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name, resembles_ros_name
 
@@ -34,13 +36,26 @@ _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 def underlays(subject: CheckContext) -> CheckResult:
     """Check that each sourced workspace exists, is complete, and in order."""
     chain = subject.underlays.chain
-    warnings = list(lost_underlays(subject.layout.install, subject.variables))
+    warnings = [
+        *lost_underlays(subject.layout.install, subject.variables),
+        *_unusable(subject),
+        *other_distributions(chain, subject.variables.get(VARIABLE, "")),
+    ]
+    notes: list[Problem] = []
+    sourced = {root.resolve() for root in chain}
     for root in chain:
         warnings += _without_scripts(root)
-        warnings += _without_needs(root, subject)
+        # Built without a package although all its underlays are sourced: that build did not need it.
+        is_complete = all(below.resolve() in sourced for below in underlays_of(root))
+        (notes if is_complete else warnings).extend(_without_needs(root, subject))
     warnings += _out_of_order(chain)
     said = ", ".join(f"{root} ({_maker(root)})" for root in chain) or "none sourced"
-    return CheckResult("underlays", said, warnings=tuple(warnings))
+    return CheckResult("underlays", said, warnings=tuple(warnings), notes=tuple(notes))
+
+
+def _unusable(subject: CheckContext) -> Iterator[Problem]:
+    with suppress(WorkspaceError):  # an invalid record, which `results` reports
+        yield from unusable_overlays(subject.layout.install, subject.underlays.overlays)
 
 
 def environment(subject: CheckContext) -> CheckResult:
