@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.graph import closure, reverse
 from forge.base.layout import BUILD_RESULT, TEST_RESULT
 from forge.base.text import listed
+from forge.workspace.git_changes import GitError, Repositories, repository_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -16,10 +16,6 @@ if TYPE_CHECKING:
 
     from forge.workspace.model import Package
     from forge.workspace.selection import FilterResult, Graph, PackageFilters
-
-
-_RUN_NOTHING = ("-c", "core.fsmonitor=false")
-"""Ignore a program for detecting changes that a repository's configuration may name."""
 
 
 def apply_filters(
@@ -32,11 +28,7 @@ def apply_filters(
     warnings: tuple[Problem, ...] = ()
     limits = list(_by_results(filters, root / filters.build_base, packages))
     if filters.select_changed or filters.above_changed:
-        changed, outside = changed_packages(root, packages, filters.since)
-        if outside:
-            verb = "is" if len(outside) == 1 else "are"
-            message = f"{listed(outside)} {verb} in no git repository and always counted as changed"
-            warnings = (Problem(message),)
+        changed, warnings = changed_packages(root, packages, filters.since)
         if filters.above_changed:
             changed = closure(reverse(needs), changed)
         limits.append((f"not changed since {filters.since}", changed))
@@ -45,30 +37,63 @@ def apply_filters(
 
 def changed_packages(
     root: Path, packages: Mapping[str, Package], revision: str
-) -> tuple[frozenset[str], tuple[str, ...]]:
-    """Return the names of packages with files that differ from a revision of their git repository.
+) -> tuple[frozenset[str], tuple[Problem, ...]]:
+    """Return the names of packages with files that differ from a git revision, and warnings.
 
-    Untracked files count unless ignored. A package outside of any repository counts as changed; these are
-    also returned separately. Raises SelectionError for an unknown revision, and if there is no repository.
+    Untracked files count unless ignored. A package that no repository knows counts as changed. Raises
+    SelectionError for an unknown revision, and if there is no repository.
     """
-    folders = {name: (root / package.path).resolve() for name, package in packages.items()}
-    changes: dict[Path, list[Path]] = {}
+    repositories = Repositories(revision)
+    used: set[Path] = set()
     found: set[str] = set()
-    outside = []
-    for name, folder in folders.items():
-        repository = next((at for at in (folder, *folder.parents) if (at / ".git").exists()), None)
-        if repository is None:
+    outside: list[str] = []
+    problems: list[Problem] = []
+    for name, package in packages.items():
+        folder = (root / package.path).resolve()
+        top = repository_of(folder)
+        if top is None:
             outside.append(name)
             continue
-        if repository not in changes:
-            changes[repository] = list(_changes(repository, revision))
-        if any(path.is_relative_to(folder) for path in changes[repository]):
-            found.add(name)
+        try:
+            used.add(top)
+            if folder not in repositories[top].files:
+                outside.append(name)
+            elif folder in repositories[top].changes or _is_moved(root, package.path, repositories):
+                found.add(name)
+        except GitError as error:
+            problems += error.problems
+    raise_if_any(dict.fromkeys(problems), SelectionError)
     if outside and len(outside) == len(packages):
         hint = "select packages by name, for example with '--packages-select', or run 'git init'"
         message = "cannot determine changed packages: none of them is in a git repository"
         raise SelectionError(Problem(message, hint=hint))
-    return frozenset(found).union(outside), tuple(outside)
+    return frozenset(found).union(outside), tuple(_doubts(repositories, used, revision, outside))
+
+
+def _is_moved(root: Path, path: Path, repositories: Repositories) -> bool:
+    """Tell whether the path of a package contains a symbolic link that changed."""
+    for at in (root / path, *(root / path).parents):
+        if at == root:
+            break
+        link = at.parent.resolve() / at.name
+        if at.is_symlink() and (top := repository_of(link.parent)) and link in repositories[top].changes:
+            return True
+    return False
+
+
+def _doubts(
+    repositories: Repositories, used: Iterable[Path], revision: str, outside: list[str]
+) -> Iterator[Problem]:
+    """Yield warnings about packages that may count as changed although they are not, or for other reasons."""
+    if outside:
+        verb = "is" if len(outside) == 1 else "are"
+        yield Problem(f"{listed(outside)} {verb} in no git repository and always counted as changed")
+    yield from (problem for _, other in sorted(repositories.items()) if (problem := other.incomplete))
+    independent = [str(top) for top in sorted(used) if repositories[top].superproject is None]
+    if len(independent) > 1 and revision != "HEAD":
+        yield Problem(
+            f"'{revision}' is resolved separately in {len(independent)} repositories: {listed(independent)}"
+        )
 
 
 def _by_results(filters: PackageFilters, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:
@@ -99,27 +124,3 @@ def _result(path: Path) -> str | None:
         return path.read_text(encoding="utf-8").strip()
     except OSError:
         return None
-
-
-def _changes(repository: Path, revision: str) -> Iterator[Path]:
-    """Yield the paths that differ from the revision: modified, deleted, staged or untracked."""
-    import subprocess  # noqa: PLC0415  (rarely needed)
-
-    diff = ("diff", "--name-only", "--no-renames", "-z", revision, "--")
-    new = ("ls-files", "--others", "--exclude-standard", "-z")
-    for words in (diff, new):
-        try:
-            done = subprocess.run(
-                ("git", "-C", str(repository), *_RUN_NOTHING, *words),
-                capture_output=True,
-                check=True,
-                stdin=subprocess.DEVNULL,
-            )
-        except FileNotFoundError:
-            raise SelectionError(Problem("cannot determine changed files: git is not installed")) from None
-        except subprocess.CalledProcessError as error:
-            reason = os.fsdecode(error.stderr).strip().partition("\n")[0]
-            hint = "use '--since REV' with a revision that exists in all repositories of the workspace"
-            message = f"git cannot determine changes since '{revision}': {reason}"
-            raise SelectionError(Problem(message, Location(repository), hint)) from None
-        yield from (repository / os.fsdecode(name) for name in done.stdout.split(b"\0") if name)

@@ -59,6 +59,10 @@ _LOOKING = (
     "list --json",
     "list -h",
     "list --packages-select-changed",
+    "list --packages-above-changed --since HEAD~1",
+    "graph --packages-select-changed --since main...",
+    "list --packages-select-changed --since missing",
+    "list --packages-select-changed --since --upload-pack=x",
     "graph",
     "graph --dot",
     "graph --json",
@@ -138,13 +142,84 @@ def traps(sprung: Path) -> dict[str, str]:
     return files
 
 
+def git(root: Path, *argv: str, config: bool = False) -> str:
+    """Run git without the configuration of the repository, except if it is asked to change it."""
+    who = ("-c", "user.name=t", "-c", "user.email=t@e.com", "-c", "init.defaultBranch=main")
+    allow = () if config else ("-c", "protocol.file.allow=always")
+    words = ("git", "-C", str(root), *who, *allow, *argv)
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def configured_repository(root: Path, sprung: Path) -> None:
+    """Make `root` a repository with a submodule, with changed files and programs in their configuration."""
+    submodule = root.with_name("submodule")
+    submodule.mkdir()
+    (submodule / "package.xml").write_text(manifest_text("sub"))
+    for top in (submodule, root):
+        git(top, "init", "-q")
+        git(top, "add", ".")
+        git(top, "commit", "-qm", "one")
+    git(root, "submodule", "--quiet", "add", str(submodule), "src/sub")
+    git(root, "commit", "-qm", "two")
+    trap = f"touch '{sprung}'; false"
+    settings = {
+        **dict.fromkeys(("filter.x.clean", "filter.x.smudge", "filter.x.process", "filter.a=b.clean"), trap),
+        **dict.fromkeys(("diff.x.textconv", "diff.x.command", "diff.external", "merge.x.driver"), trap),
+        **dict.fromkeys(("core.pager", "pager.ls-tree", "core.editor", "core.sshCommand"), trap),
+        **dict.fromkeys(("core.askPass", "credential.helper", "core.alternateRefsCommand"), trap),
+        **dict.fromkeys((f"alias.{name}" for name in ("ls-tree", "ls-files", "rev-parse")), f"!{trap}"),
+        "core.fsmonitor": trap,
+        "core.untrackedCache": "true",
+        "filter.x.required": "true",
+        "submodule.src/sub.update": f"!{trap}",
+        "protocol.allow": "always",
+        "protocol.ext.allow": "always",
+        "remote.origin.url": f"ext::sh -c touch% {sprung}",
+        "remote.origin.promisor": "true",
+        "remote.origin.uploadpack": trap,
+        "remote.local.url": str(root),
+        "remote.local.promisor": "true",
+        "remote.local.uploadpack": trap,
+        "remote.helper.vcs": "trap",
+        "remote.helper.url": "x",
+        "core.repositoryFormatVersion": "1",
+        "extensions.partialClone": "origin",
+        "include.path": "included",
+    }
+    for top, folder in ((root, root / ".git"), (root / "src/sub", root / ".git/modules/src/sub")):
+        for path in [*top.rglob("*.py"), *top.rglob("package.xml")]:
+            path.write_text(path.read_text() + " \n")
+        (folder / "info").mkdir(exist_ok=True)
+        (folder / "info/attributes").write_text("* filter=x diff=x merge=x\n*.py filter=a=b\n")
+        (folder / "included").write_text(f'[core]\n\thooksPath = "{folder}/hooks"\n')
+        hooks = ("post-index-change", "reference-transaction", "fsmonitor-watchman", "query-watchman")
+        for hook in hooks:
+            (folder / "hooks").mkdir(exist_ok=True)
+            (folder / "hooks" / hook).write_text(f"#!/bin/sh\n{trap}\n")
+            (folder / "hooks" / hook).chmod(0o755)
+        for name, value in settings.items():
+            git(top, "config", name, value, config=True)
+    # A tree that has to be fetched.
+    tree = git(root, "rev-parse", "HEAD~1^{tree}")
+    (root / ".git/objects" / tree[:2] / tree[2:]).unlink()
+
+
+@pytest.mark.parametrize("words", ["status", "ls-tree HEAD~1", "diff"])
+def test_the_traps_of_a_repository_are_live(words: str, tree: Tree, tmp_path: Path) -> None:
+    sprung = tmp_path / "sprung"
+    root = tree({"ws/a/x.py": "", "ws/a/package.xml": manifest_text("a")}) / "ws"
+    configured_repository(root, sprung)
+    assert not sprung.exists()
+    subprocess.run(["git", "-C", root, *words.split()], capture_output=True, check=False)
+    assert sprung.exists()
+
+
 def test_commands_that_only_look_run_nothing_of_the_workspace(tree: Tree, tmp_path: Path) -> None:
     sprung = tmp_path / "traps" / "sprung"
     sprung.parent.mkdir()
     sprung.with_name("secret").write_text("a secret\n")
     root = tree({f"ws/{path}": text for path, text in traps(sprung).items()}) / "ws"
-    subprocess.run(["git", "init", "-q", root], check=True)
-    subprocess.run(["git", "-C", root, "config", "core.fsmonitor", f"touch '{sprung}'; false"], check=True)
+    configured_repository(root, sprung)
     variables = {
         "PATH": os.environ["PATH"],
         "HOME": str(tmp_path),

@@ -1,0 +1,291 @@
+"""Compares files with a git revision, without running programs that a repository configures.
+
+git only resolves revisions and lists trees, the index and untracked files. It does not read tracked files,
+which would run filters, write the index, which would run a hook, or fetch missing objects, which would run a
+transport. forge compares the files itself. A file that git converted at checkout, by a filter or by changing
+its line endings, is unchanged only if the index says so; otherwise it counts as changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import stat
+from dataclasses import field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Location, Problem, SelectionError
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+_LINK, _PROGRAM, _FILE, _SUBMODULE = "120000", "100755", "100644", "160000"
+_INDEX = re.compile(
+    rb"(\d{6}) ([0-9a-f]+) \d\t([^\0]+)\0"
+    rb"(?:  ctime: (\d+):(\d+)\n  mtime: (\d+):(\d+)\n  dev: \d+\tino: (\d+)\n  uid: \d+\tgid: \d+\n"
+    rb"  size: (\d+)\tflags: ([0-9a-f]+)\n)?"
+)
+"""An entry in the output of 'git ls-files --stage --debug -z'."""
+_NOT_IN_SPARSE_CHECKOUT = 1 << 30
+_FETCH = "'git fetch --unshallow' or, in a CI job, a checkout with 'fetch-depth: 0'"
+
+
+@frozen
+class _Entry:
+    """A file in a tree or in the index: its mode and the hash of its contents."""
+
+    mode: str
+    digest: str
+    status: tuple[int, ...] = field(default=(), compare=False)
+    """In the index: times in nanoseconds, inode and size (modulo 2**32) of the file with these contents."""
+    sparse: bool = field(default=False, compare=False)
+
+
+class GitError(SelectionError):
+    """A repository cannot be compared with the revision."""
+
+
+class Repository:
+    """A repository and its state; git is asked when needed, once."""
+
+    def __init__(self, top: Path, revision: str, repositories: Mapping[Path, Repository]) -> None:
+        """`repositories` returns the others."""
+        self.top = top
+        self._revision = revision
+        self._repositories = repositories
+        self.incomplete: Problem | None = None
+        """Why all files count as changed."""
+
+    @cached_property
+    def superproject(self) -> Repository | None:
+        """The repository of which this one is a submodule, now or at the revision."""
+        above = repository_of(self.top.parent)
+        if above is None:
+            return None
+        other, path = self._repositories[above], os.fspath(self.top.relative_to(above))
+        try:
+            if _is_submodule(other.index, path) or _is_submodule(other.tree, path):
+                return other
+        except GitError:
+            # A repository that has nothing to do with this one, for example of a home folder.
+            return None
+        return None
+
+    @cached_property
+    def tree(self) -> Mapping[str, _Entry]:
+        """The files at the revision.
+
+        A submodule is compared with the commit that its superproject records at the revision, whatever has
+        the name of the revision in the submodule.
+        """
+        if self.superproject is None:
+            commit = self._resolved()
+        else:
+            recorded = self.superproject.tree.get(os.fspath(self.top.relative_to(self.superproject.top)))
+            if recorded is None or recorded.mode != _SUBMODULE:
+                return {}
+            commit = recorded.digest
+        try:
+            return _parsed_tree(self._git("ls-tree", "-r", "-z", commit))
+        except GitError:
+            message = f"commit {commit[:12]} is missing: all packages in this repository count as changed"
+            self.incomplete = Problem(message, Location(self.top), f"fetch it, for example with {_FETCH}")
+            return {}
+
+    @cached_property
+    def index(self) -> Mapping[str, _Entry]:
+        """The files in the index, including submodules."""
+        output = self._git("ls-files", "--stage", "--debug", "-z")
+        return {os.fsdecode(match[3]): _indexed(match) for match in _INDEX.finditer(output)}
+
+    @cached_property
+    def untracked(self) -> tuple[str, ...]:
+        """The files that git neither tracks nor ignores."""
+        output = self._git("ls-files", "--others", "--exclude-standard", "-z")
+        return tuple(os.fsdecode(name) for name in output.split(b"\0") if name)
+
+    @cached_property
+    def files(self) -> frozenset[Path]:
+        """All files that git knows, and the folders that contain them."""
+        return _with_folders(self.top / name for name in (*self.tree, *self.index, *self.untracked))
+
+    @cached_property
+    def changes(self) -> frozenset[Path]:
+        """The files that differ from the revision, also in submodules, and the folders that contain them."""
+        return _with_folders(self._changed())
+
+    def _changed(self) -> Iterator[Path]:
+        yield from (self.top / name for name in self.untracked)
+        for name in self.tree.keys() | self.index.keys():
+            path, then, now = self.top / name, self.tree.get(name), self.index.get(name)
+            if (then and then.mode == _SUBMODULE) or (now and now.mode == _SUBMODULE):
+                if is_repository(path):
+                    yield from self._repositories[path].changes
+                elif then != now:
+                    yield path
+            elif (then is None and os.path.lexists(path)) or (then and self._differs(path, then, now)):
+                yield path
+
+    def _differs(self, path: Path, then: _Entry, now: _Entry | None) -> bool:
+        """Compare a file with its contents at the revision."""
+        try:
+            status = path.lstat()
+            if now and now.status == _status(status) and status.st_mtime_ns < self._index_time:
+                return then != now
+            return then != self._contents(path, status, then, now)
+        except (FileNotFoundError, NotADirectoryError):
+            return not (now and now.sparse and now == then)
+        except OSError:
+            return True
+
+    def _contents(self, path: Path, status: os.stat_result, then: _Entry, now: _Entry | None) -> _Entry:
+        """Return the mode and the hash that git has for this file, unless it converts the contents."""
+        digest = hashlib.new("sha256" if len(then.digest) == 64 else "sha1", usedforsecurity=False)  # noqa: PLR2004
+        if stat.S_ISLNK(status.st_mode):
+            target = os.fsencode(path.readlink())
+            digest.update(b"blob %d\0%s" % (len(target), target))
+            return _Entry(_LINK, digest.hexdigest())
+        if not stat.S_ISREG(status.st_mode):
+            return _Entry("", "")
+        with path.open("rb") as stream:
+            digest.update(b"blob %d\0" % os.fstat(stream.fileno()).st_size)
+            while chunk := stream.read(1 << 20):
+                digest.update(chunk)
+        mode = _PROGRAM if status.st_mode & stat.S_IXUSR else _FILE
+        return _Entry(mode if self._tracks_modes else (now or then).mode, digest.hexdigest())
+
+    @cached_property
+    def _tracks_modes(self) -> bool:
+        return self._git("config", "--type=bool", "--default=true", "core.fileMode").strip() == b"true"
+
+    @cached_property
+    def _index_time(self) -> int:
+        """The time before which files with a recorded status have the recorded contents."""
+        path = self._git("rev-parse", "--git-path", "index").removesuffix(b"\n")
+        return (self.top / os.fsdecode(path)).stat().st_mtime_ns
+
+    def _resolved(self) -> str:
+        """Return the commit of the revision in this repository; 'REV...' is the merge base with HEAD."""
+        revision = self._revision
+        inside = self._git("rev-parse", "--show-cdup")
+        if inside.strip():
+            raise self._error("not a git repository", "remove its .git folder, or clone it again")
+        try:
+            if revision.endswith("..."):
+                words = ("merge-base", "--", revision.removesuffix("..."), "HEAD")
+            else:
+                words = ("rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}")
+            commit = os.fsdecode(self._git(*words)).strip()
+        except GitError:
+            commit = ""
+        if re.fullmatch("[0-9a-f]{40,64}", commit):
+            return commit
+        if self._git("rev-parse", "--is-shallow-repository").strip() == b"true":
+            raise self._error("unknown revision", f"this is a shallow clone: get its history with {_FETCH}")
+        hint = "use '--since REV' with a revision that exists in all repositories of the workspace"
+        raise self._error("unknown revision", hint)
+
+    def _error(self, reason: str, hint: str) -> GitError:
+        message = f"git cannot determine changes since '{self._revision}': {reason}"
+        return GitError(Problem(message, Location(self.top), hint))
+
+    def _git(self, *words: str) -> bytes:
+        """Return the output of git; raises GitError."""
+        import subprocess  # noqa: PLC0415  (rarely needed)
+
+        # Variables may point to another repository, for example in a hook. An empty fsmonitor is none.
+        variables = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith("GIT_") or name.startswith("GIT_CONFIG_")
+        }
+        variables |= {"GIT_ALLOW_PROTOCOL": "none", "GIT_NO_LAZY_FETCH": "1", "GIT_OPTIONAL_LOCKS": "0"}
+        try:
+            return subprocess.run(
+                ("git", "-C", os.fspath(self.top), "-c", "core.fsmonitor=", *words),
+                capture_output=True,
+                check=True,
+                stdin=subprocess.DEVNULL,
+                env=variables | {"LC_ALL": "C"},
+            ).stdout
+        except FileNotFoundError:
+            message = "cannot determine changed files: git is not installed"
+            raise SelectionError(Problem(message)) from None
+        except subprocess.CalledProcessError as error:
+            reason = os.fsdecode(error.stderr).strip().partition("\n")[0]
+            if "dubious ownership" in reason or "unsafe repository" in reason:
+                hint = f"if you trust it, run 'git config --global --add safe.directory {self.top}'"
+                raise self._error("another user owns the repository", hint) from None
+            raise self._error(reason, "check the repository with 'git fsck'") from None
+
+
+class Repositories(dict[Path, Repository]):
+    """All repositories by their top folders, created when asked for."""
+
+    def __init__(self, revision: str) -> None:
+        """`revision` is resolved in each repository that is not a submodule."""
+        super().__init__()
+        self._revision = revision
+
+    def __missing__(self, top: Path) -> Repository:
+        self[top] = Repository(top, self._revision, self)
+        return self[top]
+
+
+def is_repository(folder: Path) -> bool:
+    """Tell whether a folder is the top of a work tree."""
+    mark = folder / ".git"
+    return mark.is_file() or os.path.lexists(mark / "HEAD")
+
+
+def repository_of(folder: Path) -> Path | None:
+    """Return the top folder of the repository that contains `folder`, which has no links in its path."""
+    return next((at for at in (folder, *folder.parents) if is_repository(at)), None)
+
+
+def _is_submodule(entries: Mapping[str, _Entry], path: str) -> bool:
+    return path in entries and entries[path].mode == _SUBMODULE
+
+
+def _parsed_tree(output: bytes) -> dict[str, _Entry]:
+    """Return the entries in the output of 'git ls-tree -r -z'."""
+    found = {}
+    for line in output.split(b"\0")[:-1]:
+        what, _, name = line.partition(b"\t")
+        mode, _, digest = what.decode().split(" ")
+        found[os.fsdecode(name)] = _Entry(mode, digest)
+    return found
+
+
+def _indexed(match: re.Match[bytes]) -> _Entry:
+    mode, digest = match[1].decode(), match[2].decode()
+    if match[4] is None:
+        return _Entry(mode, digest)
+    changed, modified, inode, size = (
+        int(match[4]) * 10**9 + int(match[5]),
+        int(match[6]) * 10**9 + int(match[7]),
+        int(match[8]),
+        int(match[9]),
+    )
+    return _Entry(
+        mode, digest, (changed, modified, inode, size), bool(int(match[10], 16) & _NOT_IN_SPARSE_CHECKOUT)
+    )
+
+
+def _status(status: os.stat_result) -> tuple[int, ...]:
+    size, inode = status.st_size % 2**32, status.st_ino % 2**32
+    return (status.st_ctime_ns, status.st_mtime_ns, inode, size)
+
+
+def _with_folders(paths: Iterator[Path]) -> frozenset[Path]:
+    found: set[Path] = set()
+    for path in paths:
+        for at in (path, *path.parents):
+            if at in found:
+                break
+            found.add(at)
+    return frozenset(found)
