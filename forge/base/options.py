@@ -43,10 +43,6 @@ class Option:
     """Options with the same text cannot be combined."""
     accumulates: bool = False
     """Each use of the option adds to its values, and a value may contain several words."""
-    takes_options: bool = False
-    """Take all arguments up to the next option of the command, even those that start with a dash."""
-    takes_short: tuple[str, ...] = ()
-    """Short options of the command that `takes_options` takes as well, because its program has them, too."""
     inherited: bool = False
     """Also accepted before the command; a value after the command takes precedence."""
     first_build_only: bool = False

@@ -49,13 +49,12 @@ class CMakeOptions:
     """The options for CMake packages."""
 
     cmake_args: tuple[str, ...] = option(
-        "arguments for CMake, for all packages; takes all arguments up to the next option of forge",
+        "arguments for CMake, for all packages; takes all arguments up to the next option of colcon",
         default=(),
-        takes_options=True,
         metavar="ARG",
     )
     ament_cmake_args: tuple[str, ...] = option(
-        "arguments for CMake, for ament_cmake packages only", default=(), takes_options=True, metavar="ARG"
+        "arguments for CMake, for ament_cmake packages only", default=(), metavar="ARG"
     )
     compiler_launcher: str | None = option(
         "compiler cache or distributed compiler to run the C and C++ compilers through (default: none)",
@@ -84,7 +83,7 @@ class CMakeOptions:
         "let ROS start each generator and script anew, and compile each generated source on its own",
         default=False,
     )
-    catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), takes_options=True, metavar="ARG")
+    catkin_cmake_args: tuple[str, ...] = option(_NO_EFFECT, default=(), metavar="ARG")
     catkin_skip_building_tests: bool = option(_NO_EFFECT, default=False)
 
 
@@ -155,9 +154,8 @@ class BuildOptions:
     )
     rosdistro: str | None = distribution_option()
     cargo_args: tuple[str, ...] = option(
-        "arguments for `cargo build`, for all packages; takes all arguments up to the next option of forge",
+        "arguments for `cargo build`, for all packages; takes all arguments up to the next option of colcon",
         default=(),
-        takes_options=True,
         metavar="ARG",
     )
     test_result_base: str | None = option(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.base.templating import render
+from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -37,6 +38,8 @@ class Expected:
     kind: str
     several: bool = False
     words: tuple[str, ...] = ()
+    passed_on: bool = False
+    """Whether the values are arguments of another program."""
 
 
 @frozen
@@ -56,6 +59,8 @@ class CompletionContext:
     words: tuple[tuple[str, str], ...] = ()
     options: tuple[CompletionOption, ...] = ()
     expected: Expected | None = None
+    ends_list: frozenset[str] = frozenset()
+    """The options that end a list of arguments for another program."""
 
 
 def completion(shell: str, contexts: Sequence[CompletionContext], answer: Sequence[str]) -> str:
@@ -69,6 +74,12 @@ def completion(shell: str, contexts: Sequence[CompletionContext], answer: Sequen
             paths=_paths(contexts),
             one=_valued(contexts, several=False),
             many=_valued(contexts, several=True),
+            passed=" ".join(sorted(PASSED_ON)),
+            ends=[
+                _Row(_pattern(context), " ".join(sorted(context.ends_list)))
+                for context in contexts
+                if context.ends_list
+            ],
         )
     return render(
         f"completion/{shell}.j2",
@@ -78,6 +89,11 @@ def completion(shell: str, contexts: Sequence[CompletionContext], answer: Sequen
             _Row(_pattern(context), "|".join(map(shlex.quote, (word for word, _ in context.words))))
             for context in contexts
             if context.words
+        ],
+        ends=[
+            _Row(_pattern(context), "|".join(sorted(context.ends_list)))
+            for context in contexts
+            if context.ends_list
         ],
         values=[row for context in contexts for row in _values(context)],
         rest=[_Row(_pattern(context), _kind(context.expected)) for context in contexts if context.expected],
@@ -111,8 +127,9 @@ def _values(context: CompletionContext) -> Iterator[_Row]:
 
 
 def _kind(expected: Expected) -> str:
-    """Return the specification that the shell functions parse: one or many, the kind, and words."""
-    return shlex.quote(" ".join(("many" if expected.several else "one", expected.kind, *expected.words)))
+    """Return the specification that the shell functions parse: one, many or passed, the kind, and words."""
+    number = "passed" if expected.passed_on else "many" if expected.several else "one"
+    return shlex.quote(" ".join((number, expected.kind, *expected.words)))
 
 
 def _quoted(words: Iterable[str]) -> str:
@@ -141,7 +158,10 @@ def _fish(contexts: Sequence[CompletionContext]) -> Iterator[str]:
         for option in context.options:
             spellings = " ".join(map(_fish_flag, option.flags))
             follows = f" {_fish_expected(option.expected)}" if option.expected else " -f"
-            yield f"{at} {spellings}{follows} -d {_fish_quoted(option.summary)}"
+            ends_list = not context.ends_list or not context.ends_list.isdisjoint(option.flags)
+            condition = _fish_quoted(f"{'__forge_at' if ends_list else '__forge_outside'} {where}")
+            described = f"{follows} -d {_fish_quoted(option.summary)}"
+            yield f"complete -c forge -n {condition} {spellings}{described}"
             if option.expected and option.expected.several:
                 after = f"__forge_after {where} {' '.join(option.flags)}"
                 yield f"complete -c forge -n {_fish_quoted(after)} {_fish_expected(option.expected)}"

@@ -10,21 +10,20 @@ import argparse
 import errno
 import importlib
 import os
-import re
 import sys
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn
 
 from forge import __version__
 from forge.base.errors import EXIT_INTERRUPTED, ForgeError, Problem, print_problem, refusal, share_hints
 from forge.base.signals import handle_signals, interrupt, is_writable
+from forge.cli.colcon_options import classified
 from forge.cli.config import GENERAL, configured
 from forge.workspace.root import find_root, rebase_paths, working_directory
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
 COMMANDS = {
     "build": "build the packages of a workspace",
@@ -89,9 +88,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     """Run the command, at the root of the workspace if it is one of `_IN_WORKSPACE`."""
     origin = Path.cwd()
-    root = find_root(origin, Path.home()) if _requested(arguments) in _IN_WORKSPACE else origin
+    command = _requested(arguments)
+    root = find_root(origin, Path.home()) if command in _IN_WORKSPACE else origin
     if root != origin:
-        arguments = rebase_paths(arguments, origin, root)
+        arguments = rebase_paths(classified(command, arguments), origin, root)
     with working_directory(root):
         options = _options(arguments, os.path.relpath(origin, root))
         # `forge build --watch` parses its options again, because option files may change.
@@ -111,20 +111,17 @@ def _options(arguments: Sequence[str], origin: str) -> argparse.Namespace:
 
 
 _NOT_GIVEN = object()
-_JOBS = re.compile(r"^-j\d+$")
 _MANY = 7
 """The usage line lists optional arguments only up to this number."""
 
 
 class Parser(argparse.ArgumentParser):
-    """An ArgumentParser with forge's error format, option files and colcon's greedy options.
+    """An ArgumentParser with forge's error format, option files and lists of arguments for other programs.
 
-    A greedy option takes all following arguments up to the next option of the command, so that `--cmake-args
-    -DX=1 -Wno-dev --symlink-install` passes `-DX=1 -Wno-dev` to CMake.
+    Such a list ends at the next option of colcon, so that `--cmake-args -DX=1 -Wno-dev --symlink-install`
+    passes `-DX=1 -Wno-dev` to CMake.
     """
 
-    greedy: Mapping[str, tuple[str, ...]] = MappingProxyType({})
-    """Greedy options with the short options of the command that they take as well."""
     verb: str | None = None
     """The command whose options may also be set in option files, None if they may not."""
 
@@ -140,7 +137,7 @@ class Parser(argparse.ArgumentParser):
     def _parse_known(
         self, args: Sequence[str] | None, namespace: argparse.Namespace | None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Parse the arguments; prefix values of greedy options with a space so that argparse accepts them."""
+        """Parse the arguments; prefix options of other programs with a space, to hide them from argparse."""
         shielded = self._shielded(args or ())
         if self.verb is None:
             try:
@@ -188,16 +185,8 @@ class Parser(argparse.ArgumentParser):
         return self._get_value(action, default) if isinstance(default, str) else default
 
     def _shielded(self, arguments: Sequence[str]) -> list[str]:
-        shielded: list[str] = []
-        taking = ""
-        for argument in arguments:
-            word = _JOBS.sub("-j", argument.split("=", 1)[0])
-            if word in self._option_string_actions and word not in self.greedy.get(taking, ()):
-                taking = argument if argument in self.greedy else ""
-            elif taking and argument.startswith("-"):
-                argument = f" {argument}"  # noqa: PLW2901
-            shielded.append(argument)
-        return shielded
+        classes = classified(self.verb, arguments)
+        return [f" {word}" if passed and word.startswith("-") else word for word, passed in classes]
 
     def convert_arg_line_to_args(self, arg_line: str) -> list[str]:
         """Return the argument on one line of an @FILE; nested argument files are an error."""

@@ -15,6 +15,7 @@ from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
 from forge.base.options import declared_options, default_of, option
+from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -41,13 +42,11 @@ def add_options(parser: Parser, title: str, *classes: type) -> None:
             group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
             exclusive[each.conflicts] = group
         group.add_argument(*filter(None, (each.short, _flag(declared))), **_argument(declared, each))
-        if each.takes_options:
-            parser.greedy = {**parser.greedy, _flag(declared): each.takes_short}
 
 
 def read_options(cls: Callable[..., _Options], namespace: argparse.Namespace, **more: object) -> _Options:
     """Return the dataclass with the values of the parser's arguments; `more` are its other fields."""
-    values = {declared.name: _value(declared, each, namespace) for declared, each in declared_options(cls)}
+    values = {declared.name: _value(declared, namespace) for declared, _ in declared_options(cls)}
     return cls(**values, **more)
 
 
@@ -74,12 +73,12 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
     return {"help": shown, **{name: value for name, value in found.items() if value is not None}}
 
 
-def _value(declared: Field[Any], each: Option, namespace: argparse.Namespace) -> object:
+def _value(declared: Field[Any], namespace: argparse.Namespace) -> object:
     value = getattr(namespace, declared.name)
     if not isinstance(value, list):
         return value
     # A leading space shields what starts with a dash.
-    return tuple(word.lstrip() if each.takes_options else word for word in value)
+    return tuple(word.lstrip() if _flag(declared) in PASSED_ON else word for word in value)
 
 
 class Accumulate(argparse.Action):

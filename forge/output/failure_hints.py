@@ -299,6 +299,10 @@ def _no_git(url: str, _context: FailureContext) -> str:
     return f"the package clones {url} during the build: provide network access, or a system package"
 
 
+def _unknown_argument(word: str, _context: FailureContext) -> str:
+    return f"if '{word}' is meant for forge, put it before '--cmake-args', '--pytest-args' and the like"
+
+
 _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | None]], ...] = (
     (
         re.compile(r"(?i:Killed signal terminated program|virtual memory exhausted|std::bad_alloc)"),
@@ -337,6 +341,10 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
         _headers_not_installed,
     ),
     (re.compile(r"(?:Does not match the generator used previously|could not load cache)"), _built_in_source),
+    (
+        re.compile(r"(?:CMake Error: Unknown argument|error: unrecognized arguments:) (-\S+)"),
+        _unknown_argument,
+    ),
     (re.compile(r"does not appear to contain CMakeLists\.txt"), _no_cmakelists),
     (re.compile(r"compiler specified in the environment variable\s+(\w+)"), _unknown_compiler),
     (re.compile(r"multiple definition of [`'\u2018]main['\u2019]"), _two_mains),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import ForgeError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
 _INSTALL_MARKER = "install/.colcon_install_layout"
 _ROOT_MARKERS = ("forge.toml", _INSTALL_MARKER, "build/.built_by")
@@ -25,8 +25,6 @@ _ONE_PATH = (
     *("--python", "--toolchain-file", "--sysroot"),
 )
 _MANY_PATHS = ("--base-paths", "--paths", "--metas", "--mixin-files")
-_WITH_SHORT_OUTPUT = frozenset({"bundle", "graph"})
-"""Commands whose option -o is --output."""
 
 
 def find_root(start: Path, home: Path) -> Path:
@@ -76,17 +74,21 @@ def is_root(folder: Path) -> bool:
     return _has_marker(folder) or _has_sources(folder)
 
 
-def rebase_paths(arguments: Sequence[str], origin: Path, root: Path) -> list[str]:
-    """Return a command line typed in `origin` with its paths changed to be relative to `root`."""
+def rebase_paths(arguments: Iterable[tuple[str, bool]], origin: Path, root: Path) -> list[str]:
+    """Return a command line typed in `origin` with its paths changed to be relative to `root`.
+
+    Each argument has the information whether it is passed on to another program.
+    """
     rewritten: list[str] = []
     name, left = "", 0
-    short = not _WITH_SHORT_OUTPUT.isdisjoint(arguments)
-    for argument in arguments:
+    for argument, passed_on in arguments:
         option, equals, value = argument.partition("=")
-        if argument.startswith("-"):
-            left = 0 if equals else _paths_after(option, short=short)
+        if passed_on:
+            pass
+        elif argument.startswith("-"):
+            left = 0 if equals else _paths_after(option)
             name = option
-            if equals and _paths_after(option, short=short):
+            if equals and _paths_after(option):
                 argument = f"{option}={_moved(name, value, origin, root)}"  # noqa: PLW2901
         elif left:
             left -= 1
@@ -137,13 +139,10 @@ def _may_be_found(folder: Path, home: Path) -> bool:
         return False
 
 
-def _paths_after(option: str, *, short: bool) -> int:
-    """Return how many arguments after an option are paths; abbreviated options are accepted.
-
-    `short` tells whether '-o' is --output instead of an argument for pytest.
-    """
+def _paths_after(option: str) -> int:
+    """Return how many arguments after an option are paths; abbreviated options are accepted."""
     if not option.startswith("--"):
-        return int(option == "-o" and short)
+        return int(option == "-o")
     if any(known.startswith(option) for known in _ONE_PATH):
         return 1
     return 1_000_000 if any(known.startswith(option) for known in _MANY_PATHS) else 0

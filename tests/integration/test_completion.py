@@ -130,6 +130,12 @@ OFFERS: dict[tuple[str, ...], list[str]] = {
     ("build", "--profile="): ["robot", "simulation"],
     ("build", "--cmake-args", "-DX=1", "-DCMAKE_BUILD_TYPE=M"): ["MinSizeRel"],
     ("build", "--cmake-args", "-DX", "--mixin-"): ["--mixin-files"],
+    ("build", "--cmake-args", "--job"): [],
+    ("build", "--cmake-args", "--jobs", "-DX", "-DCMAKE_BUILD_TYPE=M"): ["MinSizeRel"],
+    ("build", "--cmake-args", "-DX", "--merge-install", "--jo"): ["--jobs"],
+    ("test", "--pytest-args", "--strict", "x", "--st"): [],
+    ("test", "--pytest-args", "--strict", "--packages-select", "be"): ["beta"],
+    ("test", "--pytest-args", "--strict", "--packages-select=", "be"): ["beta"],
 }
 
 

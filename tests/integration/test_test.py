@@ -139,6 +139,30 @@ def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> No
     assert forge("test-result", cwd=workspace).out == "Summary: 3 tests, 0 errors, 0 failures, 0 skipped\n"
 
 
+@pytest.mark.parametrize("source", ["command line", "colcon_defaults.yaml", "forge.toml", "mixin"])
+def test_the_frameworks_get_arguments_that_are_options_of_forge_too(
+    forge: Forge, workspace: Path, source: str
+) -> None:
+    """Only options of colcon end a list of arguments on the command line; lists in files need no end."""
+    words = ["--log-level=DEBUG", "--strict", "-p", "no:cacheprovider", "--packages-select"]
+    passed = words[:-1] if source == "command line" else words[:2]
+    text = json.dumps(passed)
+    options: tuple[str, ...] = ()
+    match source:
+        case "command line":
+            options = ("--pytest-args", *words, "p_test")
+        case "colcon_defaults.yaml":
+            (workspace / source).write_text(f"test:\n  pytest-args: {text}\n")
+        case "forge.toml":
+            (workspace / source).write_text(f"[test]\npytest-args = {text}\n")
+        case _:
+            (workspace / "my.mixin").write_text(f"test:\n  mine:\n    pytest-args: {text}\n")
+            options = ("--mixin-files", "my.mixin", "--mixin", "mine")
+    ran = forge("test", *options, cwd=workspace)
+    assert ran.code in {0, 1}
+    assert f" {' '.join(passed)}" in (workspace / "log/latest_test/p_test/command.log").read_text()
+
+
 def test_coverage_where_the_plugin_is(forge: Forge, workspace: Path) -> None:
     only = ("--packages-select", "p_test", "--pytest-with-coverage")
     ran = forge("test", *only, cwd=workspace)

@@ -58,11 +58,9 @@ class TestOptions:
         "interpreter for Python tests (default: that of the last build)", metavar="PATH", group=_RUNNERS
     )
     ctest_args: tuple[str, ...] = option(
-        "arguments for CTest, for all packages; takes all arguments up to the next option of forge",
+        "arguments for CTest, for all packages; takes all arguments up to the next option of colcon",
         default=(),
         metavar="ARG",
-        takes_options=True,
-        takes_short=("-j",),
         group=_RUNNERS,
     )
     python_testing: str | None = option(
@@ -71,13 +69,11 @@ class TestOptions:
         choices=("pytest", "unittest", "setuppy_test"),
         group=_RUNNERS,
     )
-    pytest_args: tuple[str, ...] = option(
-        "arguments for pytest", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
-    )
+    pytest_args: tuple[str, ...] = option("arguments for pytest", default=(), metavar="ARG", group=_RUNNERS)
     pytest_with_coverage: bool = option("measure coverage with pytest-cov", default=False, group=_RUNNERS)
     cargo_args: tuple[str, ...] = option(
-        "arguments for `cargo test`", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
+        "arguments for `cargo test`", default=(), metavar="ARG", group=_RUNNERS
     )
     unittest_args: tuple[str, ...] = option(
-        "arguments for unittest", default=(), metavar="ARG", takes_options=True, group=_RUNNERS
+        "arguments for unittest", default=(), metavar="ARG", group=_RUNNERS
     )

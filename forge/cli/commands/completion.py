@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.cli import main
+from forge.cli.colcon_options import COLCON_OPTIONS, PASSED_ON
 from forge.cli.completing import (
     ANYTHING,
     FILES,
@@ -88,7 +89,8 @@ def _context(path: tuple[str, ...], parser: argparse.ArgumentParser) -> Completi
         words = tuple((word, "") for word in first)
         # Package names follow only the choice 'packages', as in `clean packages a b`.
         positionals = positionals[1:] if path[-1] == PACKAGES else []
-    return CompletionContext(path, words, options, _positional(path, positionals))
+    ends_list = COLCON_OPTIONS.get(" ".join(path), frozenset())
+    return CompletionContext(path, words, options, _positional(path, positionals), ends_list)
 
 
 def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
@@ -123,8 +125,10 @@ def _expected(action: argparse.Action, path: tuple[str, ...]) -> Expected:
         return Expected(MIXINS, several, path[:1])
     if action.dest == "profile":
         return Expected(PROFILES, several)
-    if action.dest == "cmake_args":
-        return Expected(WORDS, several, tuple(f"-DCMAKE_BUILD_TYPE={word}" for word in _CMAKE_BUILD_TYPES))
+    if not PASSED_ON.isdisjoint(action.option_strings):
+        words = [f"-DCMAKE_BUILD_TYPE={word}" for word in _CMAKE_BUILD_TYPES]
+        words = words if action.dest == "cmake_args" else []
+        return Expected(WORDS if words else ANYTHING, several, tuple(words), passed_on=True)
     if action.dest == "event_handlers":
         opposite = (f"{name}{'-' if on else '+'}" for name, on in HANDLERS.items())
         return Expected(WORDS, several, tuple(opposite))

@@ -35,6 +35,11 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
     ("said", "expected"),
     [
         ("c++: fatal error: Killed signal terminated program cc1plus", "out of memory"),
+        (
+            "CMake Error: Unknown argument --jobs\n",
+            "if '--jobs' is meant for forge, put it before '--cmake-args'",
+        ),
+        ("__main__.py: error: unrecognized arguments: --watch -x\n", "if '--watch' is meant for forge"),
         ("ninja: error: write: No space left on device", "the disk is full"),
         (
             "AttributeError: module 'em' has no attribute 'BUFFERED_OPT'",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.cli.colcon_options import classified
 from forge.workspace.root import find_root, rebase_paths
 from tests.packages import manifest_text
 
@@ -45,6 +46,11 @@ def test_the_root_is_where_one_would_look(tree: Tree, files: list[str], start: s
     assert find_root(base / start, base / "home") == base / root
 
 
+def rebased(words: list[str], origin: str, root: str) -> list[str]:
+    """Return a command line with its paths relative to the root."""
+    return rebase_paths(classified(words[0], words), Path(origin), Path(root))
+
+
 def test_paths_stay_the_same_places() -> None:
     words = [
         "build",
@@ -57,7 +63,7 @@ def test_paths_stay_the_same_places() -> None:
         "--log-b",
         "../../../l",
     ]
-    assert rebase_paths(words, Path("/ws/src/a"), Path("/ws")) == [
+    assert rebased(words, "/ws/src/a", "/ws") == [
         "build",
         *("--build-base", "src/a/b"),
         *("--paths", "src/a/x", "src/y"),
@@ -65,14 +71,12 @@ def test_paths_stay_the_same_places() -> None:
         *("--log-b", "/l"),
     ]
     python = ["build", "--python", "venv/bin/python"]
-    assert rebase_paths(python, Path("/ws/s"), Path("/ws"))[-1] == "s/venv/bin/python"
-    assert rebase_paths(["build", "--python", "python3"], Path("/ws/s"), Path("/ws"))[-1] == "python3"
-    assert rebase_paths(["list", "--log-base=l", "-n"], Path("/ws/s"), Path("/ws")) == [
-        *("list", "--log-base=s/l", "-n")
-    ]
-    assert rebase_paths(["graph", "-o", "g.svg"], Path("/ws/s"), Path("/ws"))[-1] == "s/g.svg"
-    pytest_words = ["test", "--pytest-args", "-o", "addopts="]
-    assert rebase_paths(pytest_words, Path("/ws/s"), Path("/ws")) == pytest_words
+    assert rebased(python, "/ws/s", "/ws")[-1] == "s/venv/bin/python"
+    assert rebased(["build", "--python", "python3"], "/ws/s", "/ws")[-1] == "python3"
+    assert rebased(["list", "--log-base=l", "-n"], "/ws/s", "/ws") == [*("list", "--log-base=s/l", "-n")]
+    assert rebased(["graph", "-o", "g.svg"], "/ws/s", "/ws")[-1] == "s/g.svg"
+    pytest_words = ["test", "--pytest-args", "-o", "addopts=", "--python", "venv/bin/python", "--output=x"]
+    assert rebased(pytest_words, "/ws/s", "/ws") == pytest_words
 
 
 @pytest.fixture
