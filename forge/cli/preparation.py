@@ -24,6 +24,7 @@ from forge.base.errors import (
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.build_types import leave_out
+from forge.build.certain_failures import CMakeSearch
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.inputs.referenced_inputs import ReferencedInputs
 from forge.build.planning import GlobalInputs, names_to_build
@@ -141,13 +142,20 @@ def packages_to_build(
 
 
 def check_before_planning(
-    loaded: LoadedWorkspace, names: Sequence[str], layout: Layout, options: BuildOptions
+    loaded: LoadedWorkspace,
+    names: Sequence[str],
+    layout: Layout,
+    options: BuildOptions,
+    variables: Mapping[str, str],
 ) -> tuple[str, ...]:
     """Return the packages that can be built; raises WorkspaceError with all problems that prevent the build.
 
     With --continue-on-error, packages that lack dependencies are reported and left out with their dependents.
     """
-    missing = missing_dependencies(loaded.resolution, names, options.skip_keys)
+    cross = ("--toolchain",) if options.folders.target else ()
+    cmake_args = (*cross, *options.cmake.cmake_args, *options.cmake.ament_cmake_args)
+    search = CMakeSearch(loaded.resolution, layout, variables, cmake_args)
+    missing = missing_dependencies(loaded.resolution, names, options.skip_keys, search.certainly_missing)
     problems = list(loaded.workspace.problems)
     if not problems:
         require_packages(loaded)

@@ -6,41 +6,41 @@ import re
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+from forge.workspace.cmake_text import calls
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
-_NAME = r"""("?)([a-zA-Z0-9_-]+)\1"""
-_COMMENT = re.compile(r"""("[^"\n]*")|#[^\n]*""")
-_PROJECT = re.compile(rf"(?i:project)\s*\(\s*{_NAME}(\s+[^)]*)?\)")
-_ANY_PROJECT = re.compile(r"(?i:\bproject)\s*\(")
-# Also matches wrappers such as catkin_find_package.
-_FIND_PACKAGE = re.compile(rf"(?i:find_package)\s*\(\s*{_NAME}(\s+[^)]*)?\)")
-_PKG_CONFIG = re.compile(
-    r"(?i:pkg_check_modules|pkg_search_module)\s*\(\s*(\"?)[a-zA-Z0-9_]+\1"
-    r"(?:\s+(?:REQUIRED|QUIET|NO_CMAKE_PATH|NO_CMAKE_ENVIRONMENT_PATH))*([^)]+)\)"
+_NAME = re.compile(r"[a-zA-Z0-9_-]+")
+_PKG_CONFIG = frozenset({"pkg_check_modules", "pkg_search_module"})
+_PKG_CONFIG_FLAGS = frozenset(
+    {"GLOBAL", "IMPORTED_TARGET", "NO_CMAKE_ENVIRONMENT_PATH", "NO_CMAKE_PATH", "QUIET", "REQUIRED"}
 )
-_CALL = re.compile(
-    r"\b(if|elseif|else|endif|find_package|ament_target_dependencies|rosidl_generate_interfaces"
-    r"|ament_python_install_package|cmake_minimum_required|add_executable|add_library"
-    r"|(?:end)?(?:function|macro)|return)\s*\(",
-    re.IGNORECASE,
-)
-_COMMAND = re.compile(r"\b(\w+)\s*\(")
 _OPAQUE = frozenset({"include", "add_subdirectory", "macro", "function", "cmake_language"})
 """Commands that may call others."""
 _NO_REGISTRATION = frozenset({"find_package", "ament_python_install_package"})
 _WORD = re.compile(r"[a-zA-Z][a-zA-Z0-9_-]*")
-_OPENING = frozenset({"if", "elseif", "else", "function", "macro"})
-_CLOSING = frozenset({"elseif", "else", "endif", "endfunction", "endmacro"})
 _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
+_INERT = frozenset(
+    {"add_compile_definitions", "add_compile_options", "add_definitions", "add_executable", "add_library"}
+    | {"add_link_options", "cmake_minimum_required", "else", "elseif", "enable_testing", "endforeach"}
+    | {"endif", "endwhile", "foreach", "if", "include_directories", "install", "link_directories", "list"}
+    | {"mark_as_advanced", "math", "message", "option", "project", "set", "set_target_properties", "string"}
+    | {"target_compile_definitions", "target_compile_features", "target_compile_options"}
+    | {"target_include_directories", "target_link_libraries", "target_sources", "unset", "while"}
+)
+"""Commands that find_package() does not depend on, unless they change a variable of its search."""
+_ELSEWHERE = frozenset({"CONFIGS", "HINTS", "NAMES", "PATHS"})
+"""Arguments of find_package() that name other packages or folders."""
+_SETTING = frozenset({"foreach", "list", "option", "set", "string", "unset"})
+_SEARCH = re.compile(r"_(?:DIR|PATH|PREFIX|ROOT)\b|_INCLUDE|FIND_|PROVIDER|SYSROOT|TOOLCHAIN")
 
 
 @frozen
 class PackageReference:
     """A reference to a package in a CMakeLists.txt, with its line.
 
-    `required` tells whether configuration fails without it, `testing` whether only tests use it.
+    `required` tells whether it is required at the top level of the file, `testing` whether only tests use it.
     """
 
     name: str
@@ -49,25 +49,14 @@ class PackageReference:
     testing: bool = False
 
 
-@frozen
-class Call:
-    """A call of a command: its lower-case name, arguments, line, and enclosing conditions."""
-
-    command: str
-    words: tuple[str, ...]
-    line: int
-    conditions: tuple[str, ...] = ()
-
-
 def project_name(text: str) -> str | None:
     """Return the literal name of the first project() that has one, else None."""
-    match = _PROJECT.search(_without_comments(text))
-    return match[2] if match else None
+    return next((words[0] for words in _projects(text) if words and _NAME.fullmatch(words[0])), None)
 
 
 def names_no_literal(text: str) -> bool:
     """Tell whether there is a project() with a name that is not a literal."""
-    return _ANY_PROJECT.search(_without_comments(text)) is not None
+    return any(True for _ in _projects(text))
 
 
 def is_catkin_toplevel(text: str) -> bool:
@@ -77,35 +66,24 @@ def is_catkin_toplevel(text: str) -> bool:
 
 def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     """Return the literal names passed to find_package and pkg-config."""
-    content = "\n".join(map(_without_comments, texts))
-    found = {match[2] for match in _FIND_PACKAGE.finditer(content)}
-    for match in _PKG_CONFIG.finditer(content):
-        found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in match[2].split())
+    found: set[str] = set()
+    for text in texts:
+        if not ("ind_package" in text or "pkg_" in text or "IND_PACKAGE" in text):
+            continue  # reading all words of large files takes time
+        for call in calls(text):
+            # Also wrappers such as catkin_find_package.
+            if call.command.endswith("find_package"):
+                found.update(filter(_NAME.fullmatch, call.words[:1]))
+            elif call.command in _PKG_CONFIG:
+                modules = (word for word in call.words[1:] if word not in _PKG_CONFIG_FLAGS)
+                found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in modules)
     return frozenset(filter(None, found))
 
 
 def may_register_package(text: str) -> bool:
     """Tell whether ament_package() is called, or may be called by another file or a macro."""
-    commands = {match[1].lower() for match in _COMMAND.finditer(_without_comments(text))}
+    commands = {call.command for call in calls(text)}
     return not commands.isdisjoint(_OPAQUE) or any("package" in name for name in commands - _NO_REGISTRATION)
-
-
-def calls(text: str) -> Iterator[Call]:
-    """Yield the calls that concern other packages, in order."""
-    content = _without_comments(text)
-    conditions: list[str] = []
-    line, seen = 1, 0
-    for match in _CALL.finditer(content):
-        command = match[1].lower()
-        line += content.count("\n", seen, match.start())
-        seen = match.start()
-        words = _words(content, match.end())
-        if command in _CLOSING and conditions:
-            conditions.pop()
-        if command in _OPENING:
-            conditions.append(" ".join(words))
-        elif command not in _CLOSING:
-            yield Call(command, words, line, tuple(conditions))
 
 
 def targets(text: str) -> tuple[str, ...]:
@@ -136,9 +114,33 @@ def uses(text: str) -> Iterator[PackageReference]:
                 yield PackageReference(name, call.line, sure, testing)
 
 
-def requirements(text: str) -> frozenset[str]:
-    """Return the packages without which configuration certainly fails."""
-    return frozenset(use.name for use in uses(text) if use.required)
+def requirements(text: str, is_inert: Callable[[str], bool] = lambda _: True) -> frozenset[str]:
+    """Return the packages that CMake certainly looks for, and without which it certainly fails.
+
+    They are those of find_package(NAME REQUIRED) outside of all blocks and before any command that may change
+    what is found, or that may end the file: included files, macros, return(), variables of the search.
+    `is_inert(name)` tells whether finding another package before them changes nothing.
+    """
+    found: set[str] = set()
+    for call in calls(text):
+        if call.command == "find_package" and call.words:
+            name = call.words[0]
+            if not call.conditions and "REQUIRED" in call.words and _ELSEWHERE.isdisjoint(call.words):
+                found.add(name)
+            if not is_inert(name):
+                break
+        elif call.command not in _INERT or (call.command in _SETTING and _sets_search(call.words)):
+            break
+    return frozenset(filter(_WORD.fullmatch, found))
+
+
+def changes_search(words: Iterable[str]) -> bool:
+    """Tell whether one of the words may be a variable that changes what find_package() finds."""
+    return any(map(_SEARCH.search, words))
+
+
+def _sets_search(words: tuple[str, ...]) -> bool:
+    return changes_search(words) or "$" in "".join(words[:2])
 
 
 def used_by_tests_only(text: str) -> frozenset[str]:
@@ -149,16 +151,6 @@ def used_by_tests_only(text: str) -> frozenset[str]:
     }
 
 
-def _words(content: str, start: int) -> tuple[str, ...]:
-    """Return the unquoted arguments up to the closing parenthesis of a call."""
-    depth, at = 1, start
-    while at < len(content) and depth:
-        depth += {"(": 1, ")": -1}.get(content[at], 0)
-        at += 1
-    return tuple(word.strip('"') for word in content[start : at - 1].split())
-
-
-def _without_comments(text: str) -> str:
-    """Return the text up to its last ')' without comments, which bounds the search of patterns."""
-    plain = _COMMENT.sub(lambda match: match[1] or "", text)
-    return plain[: plain.rfind(")") + 1]
+def _projects(text: str) -> Iterator[tuple[str, ...]]:
+    """Yield the arguments of each project()."""
+    return (call.words for call in calls(text) if call.command == "project")

@@ -1,7 +1,7 @@
 """Reports ROS packages that dependencies name and that exist nowhere.
 
-It is an error only if CMake certainly fails: CMakeLists.txt requires the missing package unconditionally.
-Other packages are built, because a manifest may declare more than the build needs.
+It is an error only if the build certainly fails. Other packages are built, because a manifest may declare
+more than the build needs.
 """
 
 from __future__ import annotations
@@ -9,16 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import docs_url
-from forge.workspace.cmake_metadata import requirements
 from forge.workspace.manifest import declaration
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, Package
 from forge.workspace.resolve import is_ros_name, quoted_names, resembles_ros_name, similar_package
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from forge.workspace.resolve import DependencyResolution
 
@@ -34,13 +32,16 @@ class MissingDependencies:
 
 
 def missing_dependencies(
-    resolution: DependencyResolution, names: Iterable[str], skip_keys: Collection[str] = ()
+    resolution: DependencyResolution,
+    names: Iterable[str],
+    skip_keys: Collection[str] = (),
+    certainly_missing: Callable[[Package, Collection[str]], frozenset[str]] = lambda *_: frozenset(),
 ) -> MissingDependencies:
     """Return the unresolved dependencies of `names`, except for `skip_keys`.
 
-    Packages that CMakeLists.txt requires are errors. Other build and run dependencies are warnings, test
-    dependencies are ignored. Names that merely resemble ROS packages are at most warnings, and only for build
-    dependencies, unless they resemble a package that exists.
+    Build dependencies on ROS packages without which the build certainly fails are errors. Other build and run
+    dependencies are warnings, test dependencies are ignored. Names that merely resemble ROS packages are at
+    most warnings, and only for build dependencies, unless they resemble a package that exists.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
@@ -52,12 +53,13 @@ def missing_dependencies(
         manifest = package.manifest
         # Python packages use most modules at run time; group members may be absent (REP 149).
         lenient = package.build_type == "ament_python" or not package.ros or manifest.group_dependencies
-        required = frozenset() if lenient else _required_by_cmake(package, unresolved)
         built_with = () if lenient else manifest.names(BUILD_KINDS)
         used = manifest.names(BUILD_KINDS | RUN_KINDS)
+        candidates = [other for other in unresolved if is_ros_name(other) and other in built_with]
+        required = certainly_missing(package, candidates) if candidates else ()
         for dependency in unresolved:
             sure = is_ros_name(dependency)
-            if sure and dependency in required:
+            if dependency in required:
                 errors.setdefault(dependency, []).append(name)
             elif dependency in built_with or (
                 dependency in used and (sure or _is_misspelt(dependency, resolution))
@@ -69,12 +71,6 @@ def missing_dependencies(
 
 def _is_misspelt(dependency: str, resolution: DependencyResolution) -> bool:
     return resembles_ros_name(dependency) and similar_package(dependency, resolution.known()) is not None
-
-
-def _required_by_cmake(package: Package, names: Iterable[str]) -> frozenset[str]:
-    """Return those of the names without which configuring fails, except for find modules of the package."""
-    required = requirements(text_or_nothing(package.path / "CMakeLists.txt")).intersection(names)
-    return frozenset(name for name in required if not any(package.path.rglob(f"Find{name}.cmake")))
 
 
 def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) -> tuple[Problem, ...]:

@@ -53,6 +53,46 @@ def test_a_workspace_is_built_in_order_into_colcons_layout(forge: Forge, workspa
     assert forge("list", "-n", cwd=workspace).out == "a\nb\nc\n"
 
 
+SEEMS_REQUIRED = {
+    "comment": "#[[\nfind_package(rclcpp REQUIRED)\n]]",
+    "string": 'message(STATUS "\nfind_package(rclcpp REQUIRED)\n")',
+    "bracket": "message(STATUS [=[\nfind_package(rclcpp REQUIRED)\n]=])",
+    "loop": "foreach(x IN LISTS NOTHING)\nfind_package(rclcpp REQUIRED)\nendforeach()",
+    "branch": "if(NEVER)\nfind_package(rclcpp REQUIRED)\nendif()",
+    "uncalled": "function(f)\nfind_package(rclcpp REQUIRED)\nendfunction()",
+    "early": "if(TRUE)\nreturn()\nendif()\nfind_package(rclcpp REQUIRED)",
+    "overridden": "macro(find_package)\nendmacro()\nfind_package(rclcpp REQUIRED)",
+    "included": "include(own.cmake)\nfind_package(rclcpp REQUIRED)",
+    "module": "list(APPEND CMAKE_MODULE_PATH ${CMAKE_SOURCE_DIR}/..)\nfind_package(rclcpp REQUIRED)",
+    "unknown": "function(ament_target_dependencies)\nendfunction()\nament_target_dependencies(x rclcpp)",
+}
+"""Ways to mention a package that CMake does without."""
+
+
+def test_what_only_seems_to_be_required_stops_no_build(forge: Forge, tree: Tree) -> None:
+    made: dict[str, str] = {"src/Findrclcpp.cmake": "set(rclcpp_FOUND TRUE)\n"}
+    for name, more in SEEMS_REQUIRED.items():
+        made |= files(name, "<depend>rclcpp</depend>")
+        made[f"src/{name}/CMakeLists.txt"] = (
+            f"cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n"
+            f"install(FILES package.xml DESTINATION share/{name})\n{more}\n"
+        )
+    made["src/included/own.cmake"] = "set(rclcpp_DIR ${CMAKE_SOURCE_DIR})\n"
+    made["src/included/rclcppConfig.cmake"] = ""
+    ran = forge("build", cwd=tree(made))
+    assert ran.code == 0, ran.err
+    assert f"Summary: {len(SEEMS_REQUIRED)} packages finished" in ran.out
+    assert "need 'rclcpp', which is neither in the workspace nor" in ran.err
+
+
+def test_options_that_lead_to_a_package_let_it_be_found(forge: Forge, tree: Tree) -> None:
+    root = tree({**files("node", "<depend>rclcpp</depend>"), "elsewhere/rclcppConfig.cmake": ""})
+    tree({"src/node/CMakeLists.txt": "project(node NONE)\nfind_package(rclcpp REQUIRED)\ninstall()\n"})
+    assert forge("build", cwd=root).code == 2
+    ran = forge("build", "--cmake-args", f"-Drclcpp_DIR={root / 'elsewhere'}", cwd=root)
+    assert ran.code == 0, ran.err
+
+
 def test_selected_packages_need_theirs_installed(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--packages-select", "c", cwd=workspace)
     assert ran.code == 2
@@ -302,7 +342,8 @@ def test_event_handlers_are_colcons(forge: Forge, workspace: Path) -> None:
 
 
 def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
-    root = tree(files("node", "<depend>rclcpp</depend>", more="find_package(rclcpp REQUIRED)"))
+    root = tree(files("node", "<depend>rclcpp</depend>"))
+    tree({"src/node/CMakeLists.txt": "project(node)\nfind_package(rclcpp REQUIRED)\n"})
     ran = forge("build", cwd=root)
     assert ran.code == 2
     assert ran.err.startswith("src/node/package.xml:8:3: error: 'node' needs 'rclcpp', which is neither")

@@ -82,7 +82,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     mode.warn(loaded.warnings)
     selected = packages_to_build(loaded, options, mode.warn)
-    names = check_before_planning(loaded, selected, layout, options)
+    names = check_before_planning(loaded, selected, layout, options, variables)
     cross = _cross_build(options, layout, variables)
     variables |= cross.variables if cross else {}
     context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn, cross)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
+from forge.build.certain_failures import CMakeSearch
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.config import configured_python
@@ -95,11 +96,13 @@ def _load(root: Path, layout: Layout, options: argparse.Namespace) -> tuple[Chec
         )
     except ForgeError as error:
         return CheckResult("workspace", "cannot be loaded", errors=error.problems), bare
-    return _workspace(loaded), _subject(bare, loaded)
+    return _workspace(loaded, CMakeSearch(loaded.resolution, layout, variables)), _subject(bare, loaded)
 
 
-def _workspace(loaded: LoadedWorkspace) -> CheckResult:
-    missing = missing_dependencies(loaded.resolution, loaded.selection.names)
+def _workspace(loaded: LoadedWorkspace, search: CMakeSearch) -> CheckResult:
+    missing = missing_dependencies(
+        loaded.resolution, loaded.selection.names, certainly_missing=search.certainly_missing
+    )
     names = loaded.selection.names
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
     others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""

@@ -19,7 +19,7 @@ from forge.doctor.checks.declarations import (
 from forge.doctor.checks.model import CheckResult
 from forge.environment.prefixes import installed_packages
 from forge.environment.underlays import overridden
-from forge.workspace.cmake_metadata import calls
+from forge.workspace.cmake_text import calls
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.resolve import ALL_KINDS, INTERFACE_GROUP, provided_names
 

@@ -25,7 +25,7 @@ from forge.toolchain.programs import (
     no_compiler,
 )
 from forge.toolchain.python_modules import interpreter_properties, missing_modules_problem
-from forge.workspace.cmake_metadata import calls
+from forge.workspace.cmake_text import calls
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.layout import Layout
+from forge.build.certain_failures import CMakeSearch
 from forge.workspace.cmake_metadata import requirements, used_by_tests_only
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.missing import MissingDependencies, missing_dependencies
@@ -34,7 +37,8 @@ def missing_in(
     workspace: Mapping[str, Package] = {each.name: each for each in packages}
     resolution = resolve_dependencies(workspace, {}, lambda _: None)
     resolution = replace(resolution, known=lambda: (*workspace, *known))
-    return missing_dependencies(resolution, workspace, skip_keys)
+    search = CMakeSearch(resolution, Layout(Path("build"), Path("install"), None), {"PATH": "/nowhere"})
+    return missing_dependencies(resolution, workspace, skip_keys, search.certainly_missing)
 
 
 def beginnings(problems: Iterable[Problem]) -> list[str]:
@@ -54,16 +58,16 @@ def test_what_cmake_requires_is_an_error_and_anything_else_a_warning(tree: Tree)
         ),
         package("x", "launch_ros", tag="exec_depend"),
     )
-    assert missing.errors[1].message.startswith(
+    assert missing.errors[0].message.startswith(
         "'a', 'b' need 'rclcpp', which is neither in the workspace nor"
     )
-    assert beginnings(missing.errors) == ["'u' needs 'launch_testing_ament_cmake'", "'a'"]
+    assert beginnings(missing.errors) == ["'a'"]
     assert beginnings(missing.warnings) == [
         "'x' needs 'launch_ros'",
         "'c' needs 'rclcpp'",
         "'p' needs 'rclpy'",
     ]
-    assert missing.unbuildable == {"a", "b", "u"}
+    assert missing.unbuildable == {"a", "b"}
 
 
 def test_a_find_module_of_the_package_finds_what_is_missing(tree: Tree) -> None:
@@ -86,10 +90,35 @@ def test_skipped_keys_are_not_mentioned(tree: Tree) -> None:
         ("find_package(a REQUIRED)\nFIND_PACKAGE(b 1.2 REQUIRED COMPONENTS x)\nfind_package(c)", {"a", "b"}),
         ("# find_package(a REQUIRED)\nfind_package(b QUIET)", set()),
         ("if(WIN32)\nfind_package(a REQUIRED)\nelse()\nfind_package(b REQUIRED)\nendif()", set()),
-        ("function(f)\nfind_package(a REQUIRED)\nendfunction()\nfind_package(b REQUIRED)", {"b"}),
+        ("function(f)\nfind_package(a REQUIRED)\nendfunction()\nfind_package(b REQUIRED)", set()),
         ("macro(f)\nfind_package(a REQUIRED)\nreturn()\nendmacro()", set()),
         ("find_package(a QUIET)\nif(NOT a_FOUND)\nreturn()\nendif()\nfind_package(b REQUIRED)", set()),
-        ("ament_target_dependencies(x PUBLIC a)\nrosidl_generate_interfaces(x y DEPENDENCIES b)", {"a", "b"}),
+        ("ament_target_dependencies(x PUBLIC a)\nrosidl_generate_interfaces(x y DEPENDENCIES b)", set()),
+        ("#[[\nfind_package(a REQUIRED)\n]]\nfind_package(b REQUIRED)", {"b"}),
+        ("#[==[ ]] find_package(a REQUIRED)\n]==] find_package(b REQUIRED)", {"b"}),
+        ("message([[\nfind_package(a REQUIRED)]])\nfind_package(b REQUIRED)", {"b"}),
+        ('message("\\"\nfind_package(a REQUIRED)\n")\nfind_package(b REQUIRED)', {"b"}),
+        ('message("# ")\nfind_package(b REQUIRED)', {"b"}),
+        ("foreach(x)\nfind_package(a REQUIRED)\nendforeach()\nfind_package(b REQUIRED)", {"b"}),
+        ("while(0)\nfind_package(a REQUIRED)\nendwhile()\nfind_package(b REQUIRED)", {"b"}),
+        ("if(x)\nset(y 1)\nendif()\nfind_package(b;REQUIRED)", {"b"}),
+        ("message(find_package (a REQUIRED))\nfind_package(b REQUIRED)", {"b"}),
+        ("project(x)\nset(CMAKE_CXX_STANDARD 17)\nfind_package(\n  b\n  REQUIRED # c\n)", {"b"}),
+        ("include(x.cmake)\nfind_package(a REQUIRED)", set()),
+        ("add_subdirectory(x)\nfind_package(a REQUIRED)", set()),
+        ("list(APPEND CMAKE_PREFIX_PATH y)\nfind_package(a REQUIRED)", set()),
+        ("set(CMAKE_MODULE_PATH y)\nfind_package(a REQUIRED)", set()),
+        ("set(a_DIR y)\nfind_package(a REQUIRED)", set()),
+        ("set(ENV{a_ROOT} y)\nfind_package(a REQUIRED)", set()),
+        ("foreach(a_DIR y)\nendforeach()\nfind_package(a REQUIRED)", set()),
+        ("set(${x} y)\nfind_package(a REQUIRED)", set()),
+        ("set(CMAKE_PROJECT_x_INCLUDE y)\nproject(x)\nfind_package(a REQUIRED)", set()),
+        ("macro(find_package)\nendmacro()\nfind_package(a REQUIRED)", set()),
+        ("cmake_language(EVAL CODE x)\nfind_package(a REQUIRED)", set()),
+        ("find_package(a REQUIRED PATHS /y)\nfind_package(b REQUIRED NAMES c)", set()),
+        ("return()\nfind_package(a REQUIRED)", set()),
+        ("find_package(a REQUIRED", set()),
+        ("find_package(a REQUIRED)\n[[", {"a"}),
     ],
 )
 def test_only_unconditional_calls_certainly_fail(text: str, expected: set[str]) -> None:
