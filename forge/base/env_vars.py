@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import writable_by_others
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -44,13 +46,15 @@ def cache_home(variables: Mapping[str, str]) -> Path:
 
 
 def own_cache(variables: Mapping[str, str]) -> Path | None:
-    """Return the user's private cache folder, None without a home folder.
+    """Return the user's private cache folder, None without a home folder or if other users can write to it.
 
     Its contents are executed and trusted, so it is never in FORGE_CACHE_DIR, which several users may share.
     """
     try:
         cache = Path(variables.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-    except RuntimeError:
+        if (cache / "forge").exists() and writable_by_others((cache / "forge").stat()):
+            return None
+    except (RuntimeError, OSError):
         return None
     return cache / "forge" if cache.is_absolute() else None
 

@@ -216,6 +216,28 @@ def remove_drafts(root: Path) -> None:
                     os.unlink(os.path.join(folder, name))  # noqa: PTH108, PTH118  (as os.walk says it)
 
 
+def writable_by_others(status: os.stat_result) -> bool:
+    """Tell whether users other than this one and root can write to a file or folder with this stat.
+
+    A group without other members, which many systems create for each user, does not count.
+    """
+    user = os.geteuid()
+    if status.st_mode & stat.S_IWOTH or (status.st_uid not in {user, 0} and user != 0):
+        return True
+    return bool(status.st_mode & stat.S_IWGRP) and not _is_own_group(status.st_gid, user)
+
+
+def _is_own_group(group: int, user: int) -> bool:
+    import grp  # noqa: PLC0415  (few files are writable for a group)
+    import pwd  # noqa: PLC0415  (as above)
+
+    try:
+        account, members = pwd.getpwuid(user), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return account.pw_gid == group and members.gr_name == account.pw_name and not members.gr_mem
+
+
 def has_text(path: Path, text: str) -> bool:
     """Tell whether a regular file has exactly this text."""
     try:

@@ -10,12 +10,14 @@ import contextlib
 import fcntl
 import hashlib
 import os
+import shlex
 import stat
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.files import replace_file
+from forge.base.errors import EnvironmentFault, Location, Problem
+from forge.base.files import replace_file, writable_by_others
 from forge.cache.action_result import decode, encode
 from forge.cache.model import Digest, StoreFault
 
@@ -46,10 +48,15 @@ class FolderStore:
         """Existing folders whose permissions have been checked."""
 
     def result(self, key: str) -> ActionResult | None:
-        """Return the result stored for a key, or None; an invalid result counts as missing."""
+        """Return the result stored for a key, or None.
+
+        A result that is invalid, or that others could have written to a private folder, counts as missing.
+        """
         path = self._path("ac", key)
         try:
             with open(path, "rb", buffering=0) as stream:  # noqa: PTH123  (two of each package)
+                if self.rights == PRIVATE and writable_by_others(os.fstat(stream.fileno())):
+                    return None
                 content = stream.read()
             with contextlib.suppress(OSError):  # a read-only folder
                 os.utime(path)
@@ -150,7 +157,28 @@ class FolderStore:
             mode = stat.S_IMODE(self.folder.stat().st_mode)
         except OSError:
             return PRIVATE
-        return mode | 0o700 if mode & _SHARED == _SHARED else PRIVATE
+        return (mode | 0o700) & ~stat.S_IWOTH if mode & _SHARED == _SHARED else PRIVATE
+
+    def check(self) -> None:
+        """Raise EnvironmentFault if other users can replace results, unless the folder is shared on purpose.
+
+        Results are executed, so whoever can write them can run programs as the user.
+        """
+        for folder in (self.folder, self.folder / "ac"):
+            try:
+                status = folder.stat()
+            except OSError:
+                continue
+            shared = self.rights != PRIVATE and not status.st_mode & stat.S_IWOTH
+            if writable_by_others(status) and not shared:
+                name = shlex.quote(str(folder))
+                raise EnvironmentFault(
+                    Problem(
+                        "other users can write to this cache folder and replace results that you run",
+                        Location(folder),
+                        f"'chmod go-w {name}' makes it private, 'chmod 2770 {name}' shares it with its group",
+                    )
+                )
 
     def _make(self, folder: Path) -> None:
         """Create a folder in the store, and its parents, with the permissions of stored files."""

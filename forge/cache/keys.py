@@ -80,15 +80,22 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
 
 
 def input_key(
-    task: Task, needs: Sequence[tuple[str, str]], shared: tuple[str, ...], relocator: Relocator
+    task: Task,
+    needs: Sequence[tuple[str, str]],
+    shared: tuple[str, ...],
+    relocator: Relocator,
+    values: Mapping[str, str],
 ) -> str:
-    """Return the key of all inputs of a task that are known before it runs, including dependencies."""
+    """Return the key of all inputs of a task that are known before it runs, including dependencies.
+
+    `values` are those of variables that may contain paths of the workspace; tasks have only digests of them.
+    """
     inputs = task.inputs
     return _key(
         task.name,
         shared,
         [relocator.relativize_word(word) for word in inputs.options],
-        [[name, relocator.relativize_word(value)] for name, value in inputs.environment],
+        [[name, relocator.relativize_word(values.get(name, value))] for name, value in inputs.environment],
         inputs.sources,
         needs,
     )

@@ -99,12 +99,13 @@ def open_cache(
 ) -> Iterator[PackageCache]:
     """Yield the cache of a build; on exit finish uploads, store statistics and prune.
 
-    Raises ForgeError for an invalid URL.
+    Raises ForgeError for an invalid URL, and for a cache folder that other users can write to.
     """
     from forge.cache.folder_store import FolderStore  # noqa: PLC0415  (only needed with a cache)
     from forge.cache.package_cache import PackageCache  # noqa: PLC0415  (as above)
 
     local = FolderStore(cache_folder(options.cache, variables))
+    local.check()
     remote = uploads = None
     if options.remote_cache:
         from forge.cache.remote import open_remote  # noqa: PLC0415  (only needed with a remote cache)

@@ -10,7 +10,7 @@ import os
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
@@ -51,7 +51,7 @@ class CacheContext:
 
     `own` is the file table for forge and its tools, `programs` that for other programs that builds read.
     `needs` are the direct dependencies of each package; `records` change during the build. `forced` are
-    packages to build even if the cache has them.
+    packages to build even if the cache has them. `values` are those of variables that affect all packages.
     """
 
     layout: Layout
@@ -63,6 +63,7 @@ class CacheContext:
     own: FileTable
     programs: FileTable
     forced: Collection[str] = frozenset()
+    values: Mapping[str, str] = field(default_factory=dict)
 
 
 @frozen
@@ -224,9 +225,8 @@ class PackageCache:
             if self._shared_inputs is None:
                 self._shared_inputs = keys.shared_inputs(self._context.tools, self._context.own)
         needs = self._dependency_keys.needs_of(task.name, task.needs)
-        return keys.input_key(
-            task, needs, (*self._shared_inputs, *self._package_programs(task)), self._context.relocator
-        )
+        shared = (*self._shared_inputs, *self._package_programs(task))
+        return keys.input_key(task, needs, shared, self._context.relocator, self._context.values)
 
     def _package_programs(self, task: Task) -> list[str]:
         """Return the content digests of programs that only this package names."""
@@ -317,7 +317,7 @@ class PackageCache:
         relocator = self._context.relocator
         read = (
             *map(relocator.relativize_word, record.externals),
-            *processor_inputs(task, relocator.root / task.package.path),
+            *processor_inputs(task, relocator.root / task.package.path, self._context.values),
         )
         inputs = keys.ExternalFileList(read, tree.bound, relocator.kind)
         result = ActionResult(tuple(OutputFile(name, digest) for name, digest in blobs.items()))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from forge.base.files import open_regular
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from forge.build.tasks import Task
 
@@ -40,9 +40,9 @@ _TRAITS = frozenset(
 """Relevant lines of /proc/cpuinfo on several architectures; other lines vary over time or between cores."""
 
 
-def processor_inputs(task: Task, source: Path) -> tuple[str, ...]:
-    """Return (WORD,) if the result of a task may depend on this processor, else ()."""
-    flags = (*task.inputs.options, *(value for _, value in task.inputs.environment))
+def processor_inputs(task: Task, source: Path, values: Mapping[str, str]) -> tuple[str, ...]:
+    """Return (WORD,) if the result of a task, built with these variables, may depend on this processor."""
+    flags = (*task.inputs.options, *(values.get(name, "") for name, _ in task.inputs.environment))
     if _NATIVE.search("\n".join(flags).encode(errors="surrogateescape")):
         return (WORD,)
     files = chain(_files(task.build_dir, _TOOL_FILES.__contains__), _files(source, _SOURCES.fullmatch))

@@ -268,6 +268,7 @@ def _package_cache(build: PreparedBuild, state: BuildState) -> AbstractContextMa
         own=FileTable(own / "programs.json"),
         programs=FileTable(own / "read_programs.json"),
         forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
+        values=dict(relevant_environment(build.variables)),
     )
     return open_cache(options.cache, context, state, build.variables, build.mode.warn)
 

@@ -374,7 +374,7 @@ def global_inputs(
     shared = GlobalInputs(
         forge=stamp,
         tools=condensed(context.tools),
-        environment=relevant_environment(variables),
+        environment=tuple((name, digest_strings(value)) for name, value in relevant_environment(variables)),
         underlays=_names_below(find_underlays(variables, context.layout.install).prefixes),
         force=options.forced_by,
         selected=frozenset(loaded.selection.names),

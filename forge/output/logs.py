@@ -9,6 +9,7 @@ log/latest_build -> build_2026-11-21_09-30-00, log/latest -> latest_build
 from __future__ import annotations
 
 import contextlib
+import os
 import shlex
 import time
 from datetime import datetime
@@ -127,5 +128,14 @@ def _command_line(event: StepStarted | StepFinished) -> bytes:
     command = shlex.join(event.step.argv)
     if isinstance(event, StepFinished):
         return f"Invoked command in '{event.step.cwd}' returned '{event.code}': {command}\n".encode()
-    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in event.environment)
+    variables = "".join(f"{_assignment(name, value)} " for name, value in event.environment)
     return f"Invoking command in '{event.step.cwd}': {variables}{command}\n".encode()
+
+
+def _assignment(name: str, value: str) -> str:
+    """Return a change of a variable in shell syntax, without its own value, which may be a secret."""
+    inherited = os.environ.get(name)
+    if not inherited or inherited not in value:
+        return f"{name}={shlex.quote(value)}"
+    head, _, tail = value.partition(inherited)
+    return f"{name}={shlex.quote(head) if head else ''}${{{name}}}{shlex.quote(tail) if tail else ''}"

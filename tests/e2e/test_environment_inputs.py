@@ -105,11 +105,59 @@ def test_a_variable_counts_for_the_package_that_names_it_and_for_who_reads_its_f
     assert builds.same_as_clean({"FOO": "2", "BAR": "3"})
 
 
-def test_a_value_is_not_written_down(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake("a", "set(x $ENV{TOKEN})\n"))
-    Builds(forge, root).build({"TOKEN": "geheim-4711"})
-    written = [root / "build" / name for name in ("forge_journal.jsonl", "forge_names.json")]
-    assert all("geheim-4711" not in path.read_text() for path in written)
+SECRETS = {
+    name: f"geheim-{number}"
+    for number, name in enumerate(
+        ("TOKEN", "CMAKE_PASSWORD", "PKG_CONFIG_KEY", "SKBUILD_KEY", "SETUPTOOLS_KEY", "PBR_VERSION", "OTHER")
+    )
+}
+
+
+@pytest.mark.parametrize("options", [(), ("--cache", "cache", "--timings"), ("--merge-install", "--explain")])
+def test_values_of_variables_are_not_written_down(
+    forge: Forge, tree: Tree, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree(
+        cmake("a", "set(x $ENV{TOKEN})\n")
+        | {
+            "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+            "src/p/setup.py": "import os\nfrom setuptools import setup\nos.environ.get('TOKEN')\n"
+            "setup(name='p', version='1', py_modules=['p'])\n",
+            "src/p/p.py": "",
+        }
+    )
+    for name, value in SECRETS.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("CXXFLAGS", "-DTOKEN=geheim-8")
+    monkeypatch.setenv("PYTHONPATH", "/geheim-9")
+    monkeypatch.setenv("FORGE_CACHE_TOKEN", "geheim-10")
+    ran = forge("build", *options, cwd=root)
+    assert ran.code == 0, ran.err
+    for words in (("test",), ("build", *options, "--force"), ("info", "--json"), ("doctor",)):
+        forge(*words, cwd=root)
+    leaks = [
+        str(path.relative_to(root))
+        for folder in ("build", "install", "log", "cache")
+        for path in (root / folder).rglob("*")
+        if path.is_file() and not path.is_symlink() and b"geheim" in path.read_bytes()
+    ]
+    # What repeats a step is readable by the user only, and CMake records the flags of compilers.
+    repeat = [path for path in leaks if path.endswith("/environment.sh")]
+    assert all((root / path).stat().st_mode & 0o077 == 0 for path in repeat)
+    assert [path for path in leaks if path not in repeat and "/a/" not in path] == []
+    assert [path for path in leaks if path.startswith(("log", "install", "cache"))] == []
+
+
+def test_a_changed_value_is_named_and_not_shown(
+    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree(cmake("a", ""))
+    monkeypatch.setenv("CMAKE_PASSWORD", "geheim-1")
+    assert forge("build", cwd=root).code == 0
+    monkeypatch.setenv("CMAKE_PASSWORD", "geheim-2")
+    ran = forge("build", "--explain", cwd=root)
+    assert "the environment variable 'CMAKE_PASSWORD' changed" in ran.out + ran.err
+    assert "geheim" not in ran.out + ran.err
 
 
 def test_a_variable_of_setup_py(forge: Forge, tree: Tree) -> None:

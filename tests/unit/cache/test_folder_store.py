@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import grp
 import hashlib
 import os
 import stat
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.errors import EnvironmentFault
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import Counts, add_counts
 from forge.cache.model import ActionResult, Digest
@@ -90,3 +92,65 @@ def test_a_folder_that_is_removed_meanwhile_is_made_again(tmp_path: Path) -> Non
     (tmp_path / "cache").rename(tmp_path / "gone")
     fill(store, tmp_path / "source")
     assert store.result(KEY) == ActionResult()
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o2777, 0o707, 0o2772])
+def test_a_folder_that_anyone_can_write_to_is_refused(tmp_path: Path, mode: int) -> None:
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    folder.chmod(mode)
+    with pytest.raises(EnvironmentFault, match="other users can write to this cache folder"):
+        FolderStore(folder).check()
+
+
+@pytest.mark.parametrize("mode", [0o700, 0o755, 0o2770, 0o2775])
+def test_a_private_folder_and_one_shared_with_a_group_are_accepted(tmp_path: Path, mode: int) -> None:
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    folder.chmod(mode)
+    FolderStore(folder).check()
+    FolderStore(tmp_path / "new").check()
+
+
+def test_a_folder_writable_for_a_group_needs_the_setgid_bit(tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    other = next(entry.gr_gid for entry in grp.getgrall() if entry.gr_gid != os.getgid())
+    try:
+        os.chown(folder, -1, other)
+    except PermissionError:
+        pytest.skip("needs root")
+    folder.chmod(0o770)
+    with pytest.raises(EnvironmentFault):
+        FolderStore(folder).check()
+    folder.chmod(0o2770)
+    FolderStore(folder).check()
+
+
+def test_a_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    try:
+        os.chown(folder, 12345, -1)
+    except PermissionError:
+        pytest.skip("needs root")
+    monkeypatch.setattr(os, "geteuid", lambda: 12346)
+    with pytest.raises(EnvironmentFault):
+        FolderStore(folder).check()
+
+
+@pytest.mark.usefixtures("mask")
+def test_a_result_that_anyone_can_write_to_counts_as_missing(tmp_path: Path) -> None:
+    store = FolderStore(tmp_path / "cache")
+    store.put_result(KEY, ActionResult())
+    assert store.result(KEY) is not None
+    store.result_path(KEY).chmod(0o666)
+    assert store.result(KEY) is None
+
+
+@pytest.mark.usefixtures("mask")
+def test_nothing_in_a_shared_folder_is_writable_for_all(tmp_path: Path) -> None:
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(0o2777)
+    fill(FolderStore(tmp_path / "cache"), tmp_path / "source")
+    assert all(not mode & 0o002 for modes in rights(tmp_path / "cache").values() for mode in modes)

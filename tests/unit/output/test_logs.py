@@ -50,6 +50,18 @@ def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
     assert len((folder / "streams.log").read_text().splitlines()) == 4
 
 
+def test_the_value_that_a_step_extends_is_not_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIST", "/of/the user")
+    monkeypatch.setenv("EMPTY", "")
+    step = Step(StepKind.BUILD, ("make",), tmp_path)
+    changes = (("LIST", "/a b:/of/the user"), ("EMPTY", "x"), ("NEW", "y"), ("NONE", ""))
+    with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
+        log_writer.write(StepStarted("a", step, changes))
+    assert (tmp_path / "latest/a/command.log").read_text() == (
+        f"Invoking command in '{tmp_path}': LIST='/a b:'${{LIST}} EMPTY=x NEW=y NONE='' make\n"
+    )
+
+
 def test_without_a_folder_nothing_is_written() -> None:
     with closing(open_log(None, "build", [])) as log_writer:
         log_writer.write(Started("a"))
