@@ -69,6 +69,8 @@ INSTALL_STATE_FILE = ".forge.json"
 """The underlays and the interpreter of the last build."""
 BACKUP_DIR = ".forge_before"
 """The previous files of packages while they are built."""
+INSTALLED_LISTS_DIR = ".forge_files"
+"""What forge installed for each package: it removes nothing else."""
 
 
 def templates_folder() -> Path:

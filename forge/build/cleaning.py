@@ -22,6 +22,7 @@ from forge.base.layout import (
     COMPILE_COMMANDS,
     IGNORE_MARK,
     INSTALL_STATE_FILE,
+    INSTALLED_LISTS_DIR,
     INSTALLED_STATES_DIR,
     LAYOUT_MARKER,
     SCRATCH_DIR,
@@ -32,7 +33,7 @@ from forge.base.text import listed
 from forge.build.build_dir import set_aside_path
 from forge.build.install_manifests import MANIFESTS
 from forge.build.markers import remove_file
-from forge.build.rollback import leftover_backups
+from forge.build.prefix import leftover_backups
 from forge.environment.prefixes import PACKAGES
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ _BUILD_MARKS = (
 _BUILD_FILES = (".built_by", IGNORE_MARK, COMPILE_COMMANDS, "forge_*", ".forge_*")
 _INSTALL_FILES = (
     *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_*.py"),
-    *("setup.*", "local_setup.*", BACKUP_DIR),
+    *("setup.*", "local_setup.*", BACKUP_DIR, INSTALLED_LISTS_DIR),
 )
 _LOG_FILES = (IGNORE_MARK, "latest", "latest_*")
 _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
@@ -95,12 +96,13 @@ def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRec
             f"build folder of '{name}'", layout.build, (build,), tuple(filter(Path.exists, beside))
         )
     prefix = layout.prefix(name)
+    lists = tuple(filter(Path.exists, (layout.install / INSTALLED_LISTS_DIR / f"{name}.json",)))
     if layout.merged and files:
         count = len(files)
         label = f"{count} installed file{'' if count == 1 else 's'} of '{name}'"
-        yield Removable(label, layout.install, files)
+        yield Removable(label, layout.install, (*files, *lists))
     elif not layout.merged and os.path.lexists(prefix):
-        yield Removable(f"prefix of '{name}'", layout.install, (prefix,))
+        yield Removable(f"prefix of '{name}'", layout.install, (prefix,), lists)
     if aside := leftover_backups(name, layout):
         yield Removable(f"backup of '{name}' from a killed build", layout.install, tuple(aside))
 

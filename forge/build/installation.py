@@ -8,9 +8,13 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
+from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.files import read_file, replace_file, tree_below, write_if_changed
+from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
+from forge.build.inputs.depfiles import written_by_backend
 from forge.build.install_manifests import listed_files
+from forge.build.prefix import PrefixExchange, package_markers
 from forge.environment import scripts
 from forge.environment.dsv import PackageEdits
 from forge.environment.hooks import package_hooks
@@ -18,10 +22,10 @@ from forge.environment.install_state import recorded_rosdistro, recorded_underla
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
-from forge.toolchain.programs import CMAKE_TYPES
+from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -63,36 +67,60 @@ def install_package(
     write_if_changed(prefix / PACKAGES / package.name, os.pathsep.join(sorted(set(run_dependencies))))
 
 
-def installed_files(package: Package, layout: Layout) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the sorted absolute paths of all files that a build has just installed, and of empty folders.
+@frozen
+class InstalledFiles:
+    """What a build has installed, as sorted absolute paths; those of empty folders end with '/'.
 
-    Paths of folders end with '/'. An isolated prefix was empty before the build, so all its files count;
-    install manifests add files elsewhere. In a merged prefix only install manifests are available, which list
-    no folders.
+    Of `unclaimed` files, nobody knows whether the package or another program has written them.
     """
-    prefix = layout.prefix(package.name)
-    found = set(listed_files(layout.build_dir(package.name)))
-    if not layout.merged:
-        files, folders = tree_below(str(prefix))
-        elsewhere = (path for path in found if not path.startswith(f"{prefix}/") and os.path.lexists(path))
-        return tuple(sorted((*(path for path, _ in files), *elsewhere))), tuple(
-            sorted(f"{path}/" for path in folders)
-        )
-    share = prefix / "share" / package.name
-    files_of_package = [share / f"package.{extension}" for extension in ("dsv", *SHELLS)]
-    files_of_package += [*(share / "hook").glob("*.dsv"), prefix / PACKAGES / package.name]
+
+    files: tuple[str, ...]
+    folders: tuple[str, ...] = ()
+    unclaimed: frozenset[str] = frozenset()
+
+
+def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
+    """Return what a build has just installed.
+
+    These are the files in install manifests, and those that forge writes. In an isolated prefix, so are files
+    and folders that steps of the package were observed to write there. If some process could not be observed,
+    all that has appeared during the build counts, and so does what an earlier build counted.
+    Raises WorkspaceError if a file of somebody else lay where the package has installed one.
+    """
+    name, prefix = package.name, layout.prefix(package.name)
+    exchange = PrefixExchange(name, layout)
+    share = prefix / "share" / name
+    own = [str(share / f"package.{extension}") for extension in ("dsv", *SHELLS)]
+    own += [*map(str, (share / "hook").glob("*.dsv")), str(prefix / PACKAGES / name)]
     if _is_registered_by_forge(package):
-        files_of_package += [prefix / INDEX / "packages" / package.name, share / "package.xml"]
-    found.update(map(str, files_of_package))
+        own += [str(prefix / INDEX / "packages" / name), str(share / "package.xml")]
+    build = layout.build_dir(name)
+    below = f"{prefix}/"
+    listed = {
+        *own,
+        *listed_files(build),
+        *(path for path in written_by_backend(build) if path.startswith(below)),
+    }
+    raise_if_any(exchange.overwritten(listed), WorkspaceError)
     # A listed file may be missing: the package's own code can remove files that CMake installed.
-    return tuple(sorted(path for path in found if os.path.lexists(path))), ()
-
-
-def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
-    """Return the files that mark a package as installed; the one that is read first comes first."""
-    prefix = layout.prefix(name)
-    scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
-    return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
+    if layout.merged:
+        return InstalledFiles(tuple(sorted(path for path in listed if os.path.lexists(path))))
+    others, writes = exchange.others(), exchange.writes()
+    knows_all = writes.complete or package.build_type in {*PYTHON_TYPES, *CARGO_TYPES}
+    claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
+    files, folders = tree_below(str(prefix))
+    for path, _ in files:
+        if path in listed or writes.contain(path):
+            claimed.append(path)
+        elif not knows_all and (path not in others or path in earlier):
+            unclaimed.append(path)
+    raise_if_any(exchange.overwritten(claimed), WorkspaceError)
+    empty = [
+        f"{path}/"
+        for path in folders
+        if path not in others and (path in writes.folders or writes.contain(path) or not knows_all)
+    ]
+    return InstalledFiles(tuple(sorted((*claimed, *unclaimed))), tuple(sorted(empty)), frozenset(unclaimed))
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:

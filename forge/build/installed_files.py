@@ -1,19 +1,17 @@
-"""Update installed files after a build: restore times, remove stale files, keep foreign ones."""
+"""Update installed files after a build: restore times, remove stale files."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import stat
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.build.file_conflicts import owned_by_others
-from forge.build.inputs.fingerprints import RACY_NANOSECONDS, content_digest
-from forge.build.installation import package_markers
+from forge.build.inputs.fingerprints import content_digest
 from forge.build.markers import remove_file
-from forge.build.rollback import backed_up_files, restore_files
+from forge.build.prefix import PrefixExchange, package_markers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,7 +32,7 @@ def set_file_times(
     object. Files from the cache have new times; `known` are stats of some. Return the stats of regular files.
     The package's own script gets its time last: later files were not installed by a build.
     """
-    before = backed_up_files(task.name, layout)
+    before = PrefixExchange(task.name, layout).moved_files()
     marker = package_markers(task.name, layout)[0]
     found = dict(known or {})
     dated = files if known is None or before else ()
@@ -51,24 +49,6 @@ def set_file_times(
                 found[path] = os.lstat(path)
                 table.learn(path, found[path], digest)
     return found
-
-
-def restore_foreign_files(task: Task, layout: Layout, record: BuildRecord | None) -> None:
-    """Move files that no build installed from the old prefix into the new one.
-
-    Without a `record` of the last build, these are the files that appeared after it.
-    """
-    before = backed_up_files(task.name, layout)
-    after = 0
-    if not (record and record.files):
-        marker = before.get(package_markers(task.name, layout)[0])
-        after = marker[1].st_ctime_ns if marker else 0
-    others = before.keys() - set(task.earlier)
-    foreign = [path for path in others if before[path][1].st_ctime_ns > after]
-    if foreign:
-        # Their change times must be later than those of the files just installed.
-        time.sleep(RACY_NANOSECONDS / 1e9)
-        restore_files(task.name, layout, foreign)
 
 
 def remove_stale(

@@ -23,9 +23,10 @@ from forge.build.inputs.fingerprints import (
     fingerprint_tree,
     tree_manifest,
 )
-from forge.build.installation import installed_files
-from forge.build.installed_files import remove_stale, restore_foreign_files, set_file_times
+from forge.build.installation import InstalledFiles, installed_files
+from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.model import BuildRecord
+from forge.build.prefix import write_installed_list
 from forge.build.up_to_date import UNKNOWN
 from forge.toolchain.programs import CMAKE_TYPES
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
+    from forge.base.errors import Problem
     from forge.base.frozen import Pairs
     from forge.build.build_notes import BegunBuild
     from forge.build.inputs.fingerprints import FileTable, Stats
@@ -51,6 +53,8 @@ class PackageRecorder:
         self._layout = state.layout
         self._table = state.table
         self._begun_builds: dict[str, BegunBuild] = {}
+        self.kept: tuple[Problem, ...] = ()
+        """Files that packages no longer install, but that stay because somebody has edited them."""
 
     def begin(self, task: Task) -> None:
         """Note the installed state of a package before its build, to detect changes afterwards."""
@@ -90,7 +94,8 @@ class PackageRecorder:
     def make_record(self, task: Task) -> BuildRecord:
         """Remove stale installed files and return the record of a successful task."""
         build = task.build_dir
-        files, folders = installed_files(task.package, self._layout)
+        installed = installed_files(task.package, self._layout, task.earlier)
+        files = installed.files
         stats = set_file_times(task, files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
@@ -105,7 +110,7 @@ class PackageRecorder:
         names = (path.removeprefix(f"{self._state.source(task)}/") for path in sorted(saved))
         contents = {path: state.content for path, state in externals.items()}
         read = tuple(externals), digest_of(externals, contents)
-        record = self._finish_record(task, files, folders, read, stats)
+        record = self._finish_record(task, installed, read, stats)
         return replace(
             record,
             began=build_notes.start_time(build),
@@ -147,18 +152,19 @@ class PackageRecorder:
         """
         known = {path: status for path, status in files.items() if status is not None}
         stats = set_file_times(task, tuple(files), self._layout, self._table, known)
-        record = self._finish_record(task, tuple(files), folders, (found.externals, found.external), stats)
+        installed = InstalledFiles(tuple(files), folders)
+        record = self._finish_record(task, installed, (found.externals, found.external), stats)
         return replace(record, seconds=found.seconds, tree=found.tree)
 
     def _finish_record(
         self,
         task: Task,
-        files: tuple[str, ...],
-        folders: tuple[str, ...],
+        installed_files: InstalledFiles,
         read: tuple[tuple[str, ...], str],
         stats: Stats,
     ) -> BuildRecord:
-        """Return the record; `read` are the external files and their digest, `stats` are of some `files`."""
+        """Return the record; `read` are the external files and their digest, `stats` are of some files."""
+        files, folders = installed_files.files, installed_files.folders
         remove_stale(task, files, self._layout, self._records)
         self._state.scripts.end(task.name, files, stats)
         if self._layout.merged:
@@ -166,6 +172,8 @@ class PackageRecorder:
         installed = fingerprint_files((*files, *folders), self._table, stats=stats)
         contents = contents_of((*files, *folders), self._table, stats)
         self._state.installed_states.keep(task.name, installed.digest, contents)
+        digests = {path: contents[path].rpartition(" ")[2] for path in files}
+        write_installed_list(task.name, self._layout, digests, folders, installed_files.unclaimed)
         return BuildRecord(
             inputs=task.inputs,
             complete=True,
@@ -176,11 +184,6 @@ class PackageRecorder:
             externals=read[0],
             external=read[1],
         )
-
-    def restore_foreign_files(self, task: Task) -> None:
-        """Move files that no build installed from the old prefix into the new one."""
-        if not self._layout.merged:
-            restore_foreign_files(task, self._layout, self._records.get(task.name))
 
     @property
     def _records(self) -> Mapping[str, BuildRecord]:

@@ -55,7 +55,7 @@ class WorkspaceScripts:
         if not built and untouched and is_recorded and not self._unfinished:
             return
         from forge.build.installation import finish_workspace  # noqa: PLC0415
-        from forge.build.rollback import tidy  # noqa: PLC0415  (most builds change nothing)
+        from forge.build.prefix import tidy  # noqa: PLC0415  (most builds change nothing)
 
         chain = find_underlays(variables, install).chain
         unchanged = untouched and not self._changing and not self._unfinished

@@ -24,6 +24,7 @@ from forge.cli.session import open_session
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
 from forge.execution.job_pool import without_job_variables
+from forge.execution.observer import open_observer
 from forge.execution.opening import open_job_pool
 from forge.execution.options import DASK
 from forge.execution.scheduler import Scheduler
@@ -93,6 +94,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state.finish(plan, build.variables)
             if build.options.report.handlers["compile_commands"]:
                 merge_compile_commands(build.context.layout.build)
+            build.mode.warn(opened.recorder.kept)
             session.report.launcher_summaries = opened.launcher_stats.finish()
             _report_results(plan, build, opened)
     _report_conflicts(plan, build, state)
@@ -106,6 +108,7 @@ class _Opened:
 
     session: Session
     runner: Runner
+    recorder: PackageRecorder
     scheduler: Scheduler
     launcher_stats: LauncherStats
     sampler: NoSampler
@@ -145,7 +148,9 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             audit,
         )
         toolchain = _toolchain(plan, build)
-        runner: Runner = setup.runner(job_pool, toolchain)
+        own = own_cache(build.variables) or context.layout.build / OWN_CACHE_DIR
+        observer = open_observer(plan.tasks.values(), context.layout, own, build.variables)
+        runner: Runner = setup.runner(job_pool, toolchain, observer)
         # Each started package holds a job. Slots of remote hosts do not count: they only run compilers.
         slots = min(options.jobs.parallel_workers or job_pool.local, job_pool.jobs)
         if connection:
@@ -155,7 +160,8 @@ def _opened(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Iterato
             runner = DaskRunner(connection, setup.lifecycle(toolchain))
             slots = options.jobs.parallel_workers or connection.cluster.slots
         session.json_events.announce(seconds=state.seconds())
-        yield _Opened(session, runner, _scheduler(plan, build, state, slots), launcher_stats, sampler, cache)
+        scheduler = _scheduler(plan, build, state, slots)
+        yield _Opened(session, runner, recorder, scheduler, launcher_stats, sampler, cache)
 
 
 @contextmanager

@@ -214,7 +214,7 @@ def check_plan(
     # Tools would block on a named pipe, and CMake installs a file into an existing folder of the same name.
     raise_if_any((p for task in own for p in special_files(context.root, task.package.path)), WorkspaceError)
     if plan.tasks:
-        from forge.build.rollback import blocking_paths  # noqa: PLC0415  (not needed if all is up to date)
+        from forge.build.prefix import blocking_paths  # noqa: PLC0415  (not needed if all is up to date)
         from forge.toolchain.python_modules import require_modules  # noqa: PLC0415  (as above)
 
         if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):

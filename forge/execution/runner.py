@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from forge.build.model import BuildRecord
     from forge.build.tasks import Step, Task
     from forge.execution.job_pool import JobPool
+    from forge.execution.observer import Observer
     from forge.execution.started import StartedProcesses
 
 GRACE_SECONDS = 3.0
@@ -157,12 +158,14 @@ class ProcessRunner:
         job_pool: JobPool | None = None,
         started: StartedProcesses | None = None,
         launch: Launch = unwrapped,
+        observer: Observer | None = None,
     ) -> None:
-        """Store the lifecycle of tasks, the job pool, and the record of started processes."""
+        """Store the lifecycle of tasks, the job pool, the record of started processes, and the observer."""
         self._lifecycle = lifecycle
         self._job_pool = job_pool
         self._started = started
         self._launch = launch
+        self._observer = observer
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -263,6 +266,8 @@ class ProcessRunner:
         put: Callable[[Event], None],
     ) -> int:
         variables, descriptors = tool_context
+        if self._observer:
+            variables = self._observer.variables(task, variables)
         try:
             process = subprocess.Popen(
                 step.argv,
@@ -280,6 +285,8 @@ class ProcessRunner:
             put(Output(task.name, message.encode(), stderr=True))
             return _NOT_STARTED
         self._register_group(process.pid)
+        if self._observer:
+            self._observer.note_process(variables, process.pid)
         try:
             with process:  # which closes both pipes in the end
                 _read_lines(process, lambda lines, stderr: put(Output(task.name, lines, stderr=stderr)))

@@ -10,7 +10,8 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build import installation, rollback
+from forge.build import installation
+from forge.build.prefix import PrefixExchange
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from forge.cache.package_cache import PackageCache
     from forge.environment.dsv import Edit, Script
     from forge.execution.job_pool import JobPool
+    from forge.execution.observer import Observer
     from forge.toolchain.compiler_probe import Toolchain
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.resolve import DependencyResolution
@@ -58,10 +60,11 @@ class TaskSetup:
     """Returns an installed package's changes of the environment; cached, as only dependents request it."""
     _configs: dict[str, Pairs] = field(default_factory=dict)
 
-    def runner(self, job_pool: JobPool, toolchain: Toolchain | None) -> ProcessRunner:
+    def runner(self, job_pool: JobPool, toolchain: Toolchain | None, observer: Observer) -> ProcessRunner:
         """Return a runner that starts programs on this machine."""
         launch = self.audit.launch if self.audit is not None else unwrapped
-        return ProcessRunner(self.lifecycle(toolchain), job_pool, StartedProcesses(self.layout.build), launch)
+        started = StartedProcesses(self.layout.build)
+        return ProcessRunner(self.lifecycle(toolchain), job_pool, started, launch, observer)
 
     def lifecycle(self, toolchain: Toolchain | None) -> TaskLifecycle:
         """Return the lifecycle of tasks; `toolchain` lets new build folders skip CMake's compiler checks."""
@@ -119,7 +122,8 @@ class TaskSetup:
 
     def _back_up(self, task: Task) -> None:
         self.recorder.begin(task)
-        rollback.back_up(task.name, self.layout, task.earlier, self.state.merged_prefix.shared_files(task))
+        shared = self.state.merged_prefix.shared_files(task)
+        PrefixExchange(task.name, self.layout).begin(task.earlier, shared)
 
     def _restore(self, task: Task) -> BuildRecord | None:
         """Install the cached result of a task; return None and change nothing if there is none."""
@@ -130,9 +134,11 @@ class TaskSetup:
             self._back_up(task)
             files, empty = self.cache.restore(task, found)
             record = self.recorder.restored_record(task, found.build, files, empty)
-        self.recorder.restore_foreign_files(task)
-        rollback.drop(task.name, self.layout)
+        self._commit(task)
         return record
+
+    def _commit(self, task: Task) -> None:
+        self.recorder.kept += PrefixExchange(task.name, self.layout).commit()
 
     def _remark(self, task: Task) -> str:
         return self.cache.remark(task.name) if self.cache else ""
@@ -144,13 +150,12 @@ class TaskSetup:
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
         record = self.recorder.make_record(task)
-        self.recorder.restore_foreign_files(task)
-        rollback.drop(task.name, self.layout)
+        self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 
     def _undo(self, task: Task) -> None:
         try:
-            rollback.restore(task.name, self.layout)
+            PrefixExchange(task.name, self.layout).roll_back()
         except OSError:
             # The backup still exists. Until a build restores it, the package must not look installed.
             installation.uninstall_markers(task.name, self.layout)

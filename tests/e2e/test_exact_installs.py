@@ -62,8 +62,8 @@ def look(install: Path) -> dict[str, str]:
 
 
 def times(install: Path) -> dict[str, int]:
-    """Return the times of all regular files."""
-    paths = (path for path in install.rglob("*") if path.is_file() and not path.is_symlink())
+    """Return the times of all regular files but forge's own lists of them."""
+    paths = (path for path in install.rglob("[!.]*/**/*") if path.is_file() and not path.is_symlink())
     return {str(path.relative_to(install)): path.stat().st_mtime_ns for path in paths}
 
 

@@ -21,8 +21,12 @@ if TYPE_CHECKING:
 def main(staged: Path, prefix: Path, manifest: Path) -> None:
     """Install all files below `staged`; links stay links, and replace what has their name."""
     installed = []
+    log = os.environ.get("FORGE_OBSERVER_LOG")
     for source in _files(staged):
         target = prefix / source.relative_to(staged)
+        if log:
+            with Path(log).open("ab") as stream:
+                stream.write(b"W%s\0" % os.fsencode(target))
         target.parent.mkdir(parents=True, exist_ok=True)
         target.unlink(missing_ok=True)
         shutil.copy2(source, target, follow_symlinks=False)

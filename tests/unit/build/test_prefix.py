@@ -9,7 +9,7 @@ import pytest
 
 from forge.base.files import remove_tree
 from forge.base.layout import BACKUP_DIR
-from forge.build import rollback
+from forge.build.prefix import PrefixExchange, leftover_backups, tidy, written_log
 from tests.installs import Made, make_install
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def kept(tmp_path: Path, *, merged: bool = False) -> tuple[Layout, Path, Path]:
     prefix = layout.prefix("walker")
     small, large = prefix / "bin/small", prefix / "lib/large"
     names = [str(path) for path in (small, large, prefix / "never/there")]
-    rollback.back_up("walker", layout, names, [str(large)] if merged else ())
+    PrefixExchange("walker", layout).begin(names, [str(large)] if merged else ())
     return layout, small, large
 
 
@@ -39,12 +39,12 @@ def test_after_a_kill_the_last_good_state_is_kept(tmp_path: Path, *, merged: boo
     assert large.exists() == merged
     small.parent.mkdir(parents=True)
     small.write_text("half")
-    rollback.back_up("walker", layout, [str(small)])
+    PrefixExchange("walker", layout).begin([str(small)])
     assert not small.exists()
-    rollback.restore("walker", layout)
+    PrefixExchange("walker", layout).roll_back()
     assert (small.read_text(), large.read_text()) == ("small", BIG)
     assert (layout.prefix("walker") / "share/walker/package.dsv").is_file()
-    rollback.tidy(layout)
+    tidy(layout)
     assert not (layout.install / BACKUP_DIR).exists()
 
 
@@ -56,9 +56,9 @@ def test_a_kill_while_files_move_loses_none(tmp_path: Path) -> None:
     script = layout.install / "share/walker/package.sh"
     script.parent.mkdir(parents=True, exist_ok=True)
     script.write_text("still there")
-    rollback.back_up("walker", layout, [str(small)])
+    PrefixExchange("walker", layout).begin([str(small)])
     assert not script.exists()
-    rollback.restore("walker", layout)
+    PrefixExchange("walker", layout).roll_back()
     assert (small.read_text(), script.read_text()) == ("small", "still there")
 
 
@@ -67,7 +67,7 @@ def test_what_was_written_in_place_is_not_taken_for_good(tmp_path: Path) -> None
     layout, small, large = kept(tmp_path, merged=True)
     with large.open("a") as stream:
         stream.write("more")
-    rollback.restore("walker", layout)
+    PrefixExchange("walker", layout).roll_back()
     assert small.read_text() == "small"
     assert not (layout.prefix("walker") / "share/walker/package.dsv").exists()
 
@@ -76,30 +76,31 @@ def test_a_package_that_was_not_there_is_not_there_again(tmp_path: Path) -> None
     """A first build that fails leaves nothing, and takes nothing with it that is no folder."""
     layout = make_install(tmp_path, [])
     prefix = layout.prefix("walker")
-    rollback.back_up("walker", layout, [])
+    PrefixExchange("walker", layout).begin([])
     (prefix / "share").mkdir(parents=True)
-    rollback.restore("walker", layout)
+    written_log("walker", layout).write_bytes(b"D%s\0D%s\0" % (bytes(prefix), bytes(prefix / "share")))
+    PrefixExchange("walker", layout).roll_back()
     assert not prefix.exists()
     prefix.write_text("mine")
-    rollback.back_up("walker", layout, [])
-    rollback.restore("walker", layout)
+    PrefixExchange("walker", layout).begin([])
+    PrefixExchange("walker", layout).roll_back()
     assert prefix.read_text() == "mine"
 
 
 def test_a_kill_while_old_files_are_removed_changes_nothing(tmp_path: Path) -> None:
     """What is left of them is not taken for the last good state."""
     layout, small, _ = kept(tmp_path)
-    rollback.drop("walker", layout)
+    PrefixExchange("walker", layout).commit()
     small.parent.mkdir(parents=True)
     small.write_text("new")
     (layout.install / BACKUP_DIR / "walker.trash/bin").mkdir(parents=True)
-    assert rollback.leftover_backups("walker", layout) == [layout.install / BACKUP_DIR / "walker.trash"]
-    rollback.back_up("walker", layout, [])
-    rollback.restore("walker", layout)
+    assert leftover_backups("walker", layout) == [layout.install / BACKUP_DIR / "walker.trash"]
+    PrefixExchange("walker", layout).begin([])
+    PrefixExchange("walker", layout).roll_back()
     assert small.read_text() == "new"
-    rollback.back_up("walker", layout, [])
-    rollback.drop("walker", layout)
-    rollback.tidy(layout)
+    PrefixExchange("walker", layout).begin([])
+    PrefixExchange("walker", layout).commit()
+    tidy(layout)
     assert not (layout.install / BACKUP_DIR).exists()
 
 
@@ -110,8 +111,8 @@ def test_a_prefix_that_cannot_be_moved_as_a_whole_is_moved_entry_by_entry(tmp_pa
     large.parent.mkdir(parents=True)
     (aside / "lib/large").rename(large)
     aside.rename(aside.with_name("walker.part"))
-    rollback.back_up("walker", layout, [])
-    rollback.restore("walker", layout)
+    PrefixExchange("walker", layout).begin([])
+    PrefixExchange("walker", layout).roll_back()
     assert (small.read_text(), large.read_text()) == ("small", BIG)
 
 

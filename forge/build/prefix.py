@@ -1,0 +1,577 @@
+"""Exchange the files of a package in its prefix: all are of the last successful build, or of the new one.
+
+A package is always installed as if built for the first time. Before its build, the files that forge installed
+are moved aside, so that the build does not find them and none remains that is no longer installed. If the
+build fails or is interrupted, they are moved back; after a kill, the next build begins from them.
+
+forge owns only what it installed. Each prefix has a list of these files with their contents; files that
+several packages installed, and those outside the prefix, are copied instead of moved. Whatever else is there
+belongs to somebody else: it stays where it is, and is copied as well, since a step of the package could
+overwrite it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import shutil
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.ament_index import INDEX
+from forge.base.errors import Problem
+from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
+from forge.base.frozen import frozen
+from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
+from forge.build.observed_writes import ObservedWrites, read_log
+from forge.environment.prefixes import PACKAGES
+from forge.environment.shells import SHELLS
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping
+
+    from forge.base.layout import Layout
+    from forge.build.tasks import Task
+
+_LIST = "list.json"
+_VERSION = 1
+_SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
+_SMALL = 65536
+"""The size in bytes up to which a file is copied; larger files are hard-linked in constant time."""
+
+
+@frozen
+class InstalledList:
+    """What forge installed for a package: the content of each file by absolute path, and empty folders.
+
+    `links` are the links that lead from the prefix to these files, with their targets: a link that appears
+    there later belongs to somebody else. `unclaimed` files appeared during the build, but nobody knows
+    whether the package or another program has written them: they count as installed, and are never removed.
+    """
+
+    files: Mapping[str, str]
+    folders: tuple[str, ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
+    unclaimed: frozenset[str] = frozenset()
+
+
+def read_installed_list(name: str, layout: Layout) -> InstalledList | None:
+    """Return the list of a package's files below the install folder; None if there is none."""
+    return _read_list(_list_file(name, layout), str(layout.install))
+
+
+def _read_list(file: Path, base: str) -> InstalledList | None:
+    try:
+        data = json.loads(file.read_bytes())
+        if data["version"] != _VERSION:
+            return None
+        return InstalledList(
+            {f"{base}/{path}": str(content) for path, content in data["files"].items()},
+            tuple(f"{base}/{path}" for path in data["folders"]),
+            tuple((f"{base}/{path}", str(target)) for path, target in data["links"].items()),
+            frozenset(f"{base}/{path}" for path in data["unclaimed"]),
+        )
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def write_installed_list(
+    name: str,
+    layout: Layout,
+    contents: Mapping[str, str],
+    folders: Iterable[str],
+    unclaimed: Collection[str] = (),
+) -> None:
+    """Record the installed files of a package, with the digests of regular files as `contents`."""
+    base = str(layout.install)
+    inside = [path for path in contents if path.startswith(f"{base}/") and path not in unclaimed]
+    parents = {parent for path in inside for parent in _parents(path, base)}
+    data = {
+        "version": _VERSION,
+        "files": {path[len(base) + 1 :]: identity(path, contents[path]) for path in inside},
+        "folders": [path.rstrip("/")[len(base) + 1 :] for path in folders if path.startswith(f"{base}/")],
+        "links": {
+            path[len(base) + 1 :]: os.readlink(path)  # noqa: PTH115
+            for path in sorted(parents)
+            if os.path.islink(path)  # noqa: PTH114
+        },
+        "unclaimed": [path[len(base) + 1 :] for path in sorted(unclaimed)],
+    }
+    replace_file(_list_file(name, layout), json.dumps(data).encode())
+
+
+def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
+    """Return the files that mark a package as installed; the one that is read first comes first."""
+    prefix = layout.prefix(name)
+    scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
+    return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
+
+
+def forget_installed_list(name: str, layout: Layout) -> None:
+    """Remove the list of a package that was removed."""
+    _list_file(name, layout).unlink(missing_ok=True)
+
+
+def identity(path: str, digest: str) -> str:
+    """Return what tells a file from another one at its path: the target of a link, else the digest."""
+    return f"-> {os.readlink(path)}" if os.path.islink(path) else digest  # noqa: PTH114, PTH115
+
+
+def written_log(name: str, layout: Layout) -> Path:
+    """Return the log of what the steps of a package write below its prefix."""
+    return _folder(name, layout, "written")
+
+
+def leftover_backups(name: str, layout: Layout) -> list[Path]:
+    """Return what a killed build left of a package in the backup folder."""
+    folder = _folder(name, layout)
+    return [path for path in (folder, *sorted(folder.parent.glob(f"{name}.*"))) if path.exists()]
+
+
+def tidy(layout: Layout) -> None:
+    """Remove the backup folder if it is empty."""
+    with contextlib.suppress(OSError):
+        os.rmdir(layout.install / BACKUP_DIR)  # noqa: PTH106
+
+
+class PrefixExchange:
+    """The exchange of one package's files; its state is on disk, so that a later build can continue it.
+
+    In the backup folder are, for a package P: `P`, the moved files; `P.part`, the same while they are being
+    moved; `P.copies`, the copies of shared files; `P.others`, those of other people's files; `P.state`, the
+    folders before the build; `P.list`, the list of files before the build; `P.written`, the log of what the
+    steps write.
+    """
+
+    def __init__(self, name: str, layout: Layout) -> None:
+        """Store the package and the layout."""
+        self._name = name
+        self._layout = layout
+        self._prefix = str(layout.prefix(name))
+        self._moved, self._part, self._copies, self._others, self._state, self._list = (
+            _folder(name, layout, kind) for kind in ("", "part", "copies", "others", "state", "list")
+        )
+
+    def begin(self, earlier: Iterable[str], shared: Collection[str] = ()) -> None:
+        """Move the package's files aside, unless a killed build has done so.
+
+        `earlier` are the files of earlier builds in records and install manifests, as absolute paths; other
+        packages also installed the `shared` ones.
+        """
+        listed = read_installed_list(self._name, self._layout) or InstalledList({})
+        files = dict.fromkeys((*listed.files, *earlier, *_markers(self._name, self._layout)))
+        for path in listed.unclaimed:
+            files.pop(path, None)
+        folders = listed.folders
+        movable = [path for path in files if path.startswith(f"{self._prefix}/") and path not in shared]
+        if staying := files.keys() - set(movable):
+            _copy_all(self._copies, sorted(staying))
+        self._recover()
+        if not self._moved.is_dir():
+            self._note_state((*movable, *folders))
+        self._move_aside(movable, folders)
+        written_log(self._name, self._layout).write_bytes(b"")
+        if not self._layout.merged:
+            self._copy_others()
+
+    def moved_files(self) -> dict[str, tuple[str, os.stat_result]]:
+        """Return the path of the backup and its stat for each file of the last build, by its path."""
+        cut = len(str(self._moved))
+        found = {
+            f"{self._prefix}{path[cut:]}": (path, status) for path, status in tree_below(str(self._moved))[0]
+        }
+        for number, path, *_ in _listed(self._copies):
+            found[path] = (f"{self._copies}/{number}", os.lstat(self._copies / number))
+        return found
+
+    def others(self) -> dict[str, list[int]]:
+        """Return the stats of what was in the prefix when the build started without being the package's."""
+        return {path: status for _, path, *status in _listed(self._others)}
+
+    def writes(self) -> ObservedWrites:
+        """Return what the steps have written below the prefix, as far as it was observed."""
+        return read_log(written_log(self._name, self._layout), Path(self._prefix))
+
+    def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
+        """Give back files of others that lay where the package has installed some; yield a problem for each.
+
+        Of a package that another tool or an older forge installed, nobody knows which files are whose.
+        """
+        others = self.others() if self._noted("state").get("listed") else {}
+        copies = {path: self._others / number for number, path, *_ in _listed(self._others)} if others else {}
+        for path in sorted(set(installed)) if others else ():
+            if path in others and _stats(path) != others[path]:
+                if os.path.lexists(copies[path]):
+                    _restore_copy(copies[path], Path(path))
+                yield self._problem(path, path)
+            elif os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+                below = next((other for other in sorted(others) if other.startswith(f"{path}/")), None)
+                if below:
+                    yield self._problem(path, below)
+
+    def commit(self) -> tuple[Problem, ...]:
+        """Drop the backup, once the new files are listed.
+
+        Files that the package no longer installs, but that somebody has edited, are given back: return a
+        problem for each.
+        """
+        listed = _read_list(self._list, str(self._layout.install))
+        kept = []
+        from forge.build.inputs.fingerprints import content_digest  # noqa: PLC0415  (only with stale files)
+
+        cut = len(str(self._moved))
+        for path, _ in tree_below(str(self._moved))[0]:
+            original = f"{self._prefix}{path[cut:]}"
+            if listed is None or os.path.lexists(original) or original not in listed.files:
+                continue
+            digest = "" if os.path.islink(path) else content_digest(path)  # noqa: PTH114
+            if identity(path, digest) != listed.files[original]:
+                os.makedirs(os.path.dirname(original), exist_ok=True)  # noqa: PTH103, PTH120
+                os.rename(path, original)  # noqa: PTH104
+                message = f"kept '{original}', which '{self._name}' no longer installs, because it was edited"
+                kept.append(Problem(message, hint="remove it if you do not need it"))
+        self._drop()
+        return tuple(kept)
+
+    def roll_back(self) -> None:
+        """Remove what the build has written, and move the package's files back.
+
+        If a copy was overwritten, the package is marked as not installed.
+        """
+        if self._part.is_dir():
+            self._move_back(self._part)
+        self._remove_written()
+        if self._moved.is_dir():
+            self._move_back(self._moved)
+        for path, mode in self._noted("folders").items():
+            if mode is not None and not os.path.lexists(path):
+                os.makedirs(path, exist_ok=True)  # noqa: PTH103
+            if mode is not None and os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+                os.chmod(path, mode)  # noqa: PTH101
+        if not _restore_copies(self._copies):
+            for path in _markers(self._name, self._layout):
+                remove_tree(path)
+        with contextlib.suppress(FileNotFoundError):
+            self._list.replace(_list_file(self._name, self._layout))
+        if not self._layout.merged and not self._noted("state").get("existed", True):
+            with contextlib.suppress(OSError):
+                os.rmdir(self._prefix)  # noqa: PTH106
+        self._drop()
+
+    def _drop(self) -> None:
+        for folder in (self._moved, self._copies, self._others):
+            if folder.is_dir():
+                trash = Path(f"{folder}.trash")
+                remove_tree(str(trash))
+                folder.rename(trash)
+                remove_tree(str(trash))
+        for file in (self._state, self._list, written_log(self._name, self._layout)):
+            file.unlink(missing_ok=True)
+
+    def _recover(self) -> None:
+        """Continue after a kill: remove what the killed build has written, or undo a half-done move."""
+        remove_tree(f"{self._moved}.trash")
+        if self._part.is_dir():
+            # Killed while moving: all files are still those of the last successful build.
+            self._move_back(self._part)
+        if self._moved.is_dir():
+            self._remove_written()
+        remove_tree(str(self._others))
+
+    def _remove_written(self) -> None:
+        """Remove what the steps wrote below the prefix; give back other files that they overwrote."""
+        others, writes = self.others(), self.writes()
+        markers = _markers(self._name, self._layout)
+        for path in sorted({*writes.files, *markers}):
+            if path in others or not path.startswith(f"{self._prefix}/"):
+                continue
+            if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+                for inner, _ in tree_below(path)[0]:
+                    if inner not in others:
+                        os.unlink(inner)  # noqa: PTH108
+            else:
+                with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                    os.unlink(path)  # noqa: PTH108
+                    _remove_empty(path, self._prefix, others)
+        for path in sorted(writes.folders, reverse=True):
+            if path not in others and path.startswith(f"{self._prefix}/"):
+                _remove_empty(f"{path}/x", self._prefix, others)
+        for number, path, *status in _listed(self._others):
+            copy = self._others / number
+            if writes.contain(path) and _stats(path) != status and os.path.lexists(copy):
+                _restore_copy(copy, Path(path))
+
+    def _note_state(self, paths: Iterable[str]) -> None:
+        """Record the package's folders, which may become empty and be removed, with their permissions."""
+        folders: dict[str, int | None] = {}
+        for path in paths:
+            for folder in (path.rstrip("/"), *_parents(path, self._prefix)):
+                if folder not in folders:
+                    status = _status(folder)
+                    is_folder = status is not None and stat.S_ISDIR(status.st_mode)
+                    folders[folder] = stat.S_IMODE(status.st_mode) if status and is_folder else None
+        kept = {path: mode for path, mode in folders.items() if mode is not None}
+        first = not any(map(os.path.lexists, _markers(self._name, self._layout)))
+        state = {
+            "existed": os.path.lexists(self._prefix),
+            "listed": first or _list_file(self._name, self._layout).exists(),
+        }
+        data = {"state": state, "folders": kept}
+        with contextlib.suppress(FileNotFoundError):
+            replace_file(self._list, _list_file(self._name, self._layout).read_bytes())
+        replace_file(self._state, json.dumps(data).encode())
+
+    def _noted(self, key: str) -> Mapping[str, Any]:
+        try:
+            found = json.loads(self._state.read_bytes())[key]
+        except (OSError, ValueError, LookupError, TypeError, RecursionError):
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    def _move_aside(self, paths: Iterable[str], folders: Iterable[str]) -> None:
+        """Move files out of the prefix, and remove folders that become empty."""
+        target = self._moved if self._moved.is_dir() else self._part
+        target.mkdir(parents=True, exist_ok=True)
+        cut, made, emptied = len(self._prefix), {str(target)}, set()
+        for path in sorted(paths):
+            aside = f"{target}{path[cut:]}"
+            parent = os.path.dirname(aside)  # noqa: PTH120
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                status = os.lstat(path)
+                if stat.S_ISDIR(status.st_mode):
+                    continue
+                if os.path.lexists(aside):
+                    os.unlink(path)  # noqa: PTH108  (from the killed build)
+                else:
+                    if parent not in made:
+                        os.makedirs(parent, exist_ok=True)  # noqa: PTH103
+                        made.add(parent)
+                    _rename(path, aside)
+                emptied.add(os.path.dirname(path))  # noqa: PTH120
+        for folder in sorted({*emptied, *folders}, reverse=True):
+            _remove_empty(f"{folder}/x", self._prefix)
+        if target is self._part:
+            self._part.rename(self._moved)
+
+    def _move_back(self, source: Path) -> None:
+        """Move files to their original paths, replacing whatever the build created there since."""
+        others = self.others()
+        for path, _ in tree_below(str(source))[0]:
+            destination = f"{self._prefix}{path[len(str(source)) :]}"
+            for parent in reversed([*_parents(destination, self._prefix)]):
+                if os.path.lexists(parent) and not os.path.isdir(parent) and parent not in others:  # noqa: PTH112
+                    os.unlink(parent)  # noqa: PTH108
+            os.makedirs(os.path.dirname(destination), exist_ok=True)  # noqa: PTH103, PTH120
+            if os.path.isdir(destination) and not os.path.islink(destination):  # noqa: PTH112, PTH114
+                remove_empty_tree(destination)
+            _rename(path, destination)
+        remove_tree(str(source))
+
+    def _copy_others(self) -> None:
+        """Copy what is left in the prefix: it belongs to somebody else, and a step could overwrite it."""
+        files, empty = foreign_entries(self._prefix)
+        if files or empty:
+            _copy_all(self._others, (*files, *empty), all_kinds=True)
+
+    def _problem(self, path: str, other: str) -> Problem:
+        where = "" if path == other else f", which contains '{other}'"
+        return Problem(
+            f"'{self._name}' installs '{path}'{where}, but forge did not install what is already there",
+            hint="move it away, or install to another name, then build again",
+        )
+
+
+def foreign_entries(root: str) -> tuple[list[str], list[str]]:
+    """Return the files and the empty folders below a folder, without looking into other file systems.
+
+    A mount counts as an empty folder. Bytecode caches of Python are left out.
+    """
+    files: list[str] = []
+    empty: list[str] = []
+    try:
+        device = os.stat(root).st_dev  # noqa: PTH116
+    except OSError:
+        return files, empty
+    waiting = [root]
+    while waiting:
+        folder = waiting.pop()
+        count = len(files) + len(waiting) + len(empty)
+        with contextlib.suppress(OSError), os.scandir(folder) as entries:
+            for entry in entries:
+                if not entry.is_dir(follow_symlinks=False):
+                    files.append(entry.path)
+                elif entry.stat(follow_symlinks=False).st_dev != device or os.path.ismount(entry.path):
+                    empty.append(entry.path)
+                elif entry.name != BYTECODE:
+                    waiting.append(entry.path)
+        if len(files) + len(waiting) + len(empty) == count and folder != root:
+            empty.append(folder)
+    return sorted(files), sorted(empty)
+
+
+def remove_empty_tree(path: str) -> None:
+    """Remove a folder with folders only; raises OSError if it contains a file."""
+    for folder, _, _ in os.walk(path, topdown=False):
+        os.rmdir(folder)  # noqa: PTH106
+
+
+def _markers(name: str, layout: Layout) -> tuple[str, ...]:
+    """Return the files that forge and colcon write for every package."""
+    share = layout.prefix(name) / "share" / name
+    scripts = (*share.glob("package.*"), *(share / "hook").glob("*"))
+    found = [str(path) for path in scripts if path.suffix in _SCRIPTS]
+    return (*dict.fromkeys((*found, *package_markers(name, layout))),)
+
+
+def _list_file(name: str, layout: Layout) -> Path:
+    return layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
+
+
+def _folder(name: str, layout: Layout, kind: str = "") -> Path:
+    """Return an entry of a package in the backup folder; package names contain no dots."""
+    return layout.install / BACKUP_DIR / (f"{name}.{kind}" if kind else name)
+
+
+def _rename(path: str, target: str) -> None:
+    """Rename a file; copy it if the target is on another file system."""
+    try:
+        os.replace(path, target)  # noqa: PTH105
+    except OSError as error:
+        if not os.path.lexists(path) or error.errno != errno.EXDEV:
+            raise
+        shutil.move(path, target)
+
+
+def _remove_empty(path: str, root: str, kept: Collection[str] = ()) -> None:
+    """Remove the folder of a file if it is empty except for bytecode, and parents that become empty."""
+    folder = os.path.dirname(path)  # noqa: PTH120
+    while folder.startswith(f"{root}/") and folder not in kept:
+        try:
+            with os.scandir(folder) as entries:
+                if all(entry.name == BYTECODE for entry in entries):
+                    for cached in Path(folder, BYTECODE).glob("*.pyc*"):
+                        cached.unlink()
+                    with contextlib.suppress(FileNotFoundError):
+                        os.rmdir(f"{folder}/{BYTECODE}")  # noqa: PTH106
+            os.rmdir(folder)  # noqa: PTH106
+        except OSError:
+            return
+        folder = os.path.dirname(folder)  # noqa: PTH120
+
+
+def _parents(path: str, root: str) -> Iterator[str]:
+    """Yield the folders between a file and a folder that contains it."""
+    while (path := os.path.dirname(path)).startswith(f"{root}/"):  # noqa: PTH120
+        yield path
+
+
+def _status(path: str) -> os.stat_result | None:
+    try:
+        return os.lstat(path)
+    except OSError:
+        return None
+
+
+def _stats(path: str) -> list[int]:
+    """Return what tells whether a file was written: time, size, inode and mode."""
+    status = _status(path)
+    return [status.st_mtime_ns, status.st_size, status.st_ino, status.st_mode] if status else []
+
+
+def _copy_all(folder: Path, paths: Iterable[str], *, all_kinds: bool = False) -> None:
+    """Copy files to the backup, unless an older backup still exists; with `all_kinds`, list folders, too."""
+    if (folder / _LIST).is_file():
+        return
+    remove_tree(str(folder))
+    folder.mkdir(parents=True)
+    kept = []
+    for number, path in enumerate(paths):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
+            status = os.lstat(path)
+            if stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode):
+                _copy(Path(path), folder / str(number), linked=status.st_size > _SMALL)
+            elif not all_kinds:
+                continue  # not installed by a build: the installed file is gone
+            kept.append((str(number), path, *_stats(path)))
+    replace_file(folder / _LIST, json.dumps(kept).encode())
+
+
+def blocking_paths(task: Task, layout: Layout) -> Iterator[Problem]:
+    """Yield a problem for each file at the path of a required folder, and vice versa, and for foreign links.
+
+    CMake installs a file *into* a folder of the same name without an error.
+    """
+    name = task.name
+    for kind, folder in (("build", task.build_dir), ("install", task.prefix)):
+        if os.path.lexists(folder) and not folder.is_dir():
+            hint = f"remove it, or choose another folder with '--{kind}-base'"
+            yield Problem(f"the {kind} folder '{folder}' of '{name}' is a file", hint=hint)
+    if not task.earlier or leftover_backups(name, layout):
+        return  # the latter: a killed build may have created it
+    listed = read_installed_list(name, layout)
+    files = {path for path in (listed.files if listed else task.earlier) if not path.endswith("/")}
+    parents = {parent for path in files for parent in _parents(path, str(task.prefix))}
+    for path in sorted(files - parents):
+        if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114  (each installed file: no Path for each)
+            hint = "move or remove it"
+            yield Problem(f"'{path}', installed as a file by '{name}', is now a folder", hint=hint)
+    links = dict(listed.links) if listed else {}
+    for path in sorted(parents - files):
+        if os.path.lexists(path) and not os.path.isdir(path):  # noqa: PTH112
+            hint = "move or remove it"
+            yield Problem(f"'{path}', where '{name}' installed files, is no longer a folder", hint=hint)
+        elif listed and os.path.islink(path) and os.readlink(path) != links.get(path):  # noqa: PTH114, PTH115
+            target = os.path.realpath(path)
+            message = f"'{path}', where '{name}' installed files, is now a link to '{target}'"
+            yield Problem(message, hint="move or remove the link")
+
+
+def _restore_copies(folder: Path) -> bool:
+    """Restore the copied files that have changed; return False if a copy is unusable."""
+    complete = True
+    for number, path, modified, size, *_ in _listed(folder):
+        status = os.lstat(folder / number)
+        if (status.st_mtime_ns, status.st_size) != (modified, size):
+            complete = False  # hard-linked, and then overwritten in place
+        else:
+            _restore_copy(folder / number, Path(path))
+    return complete
+
+
+def _listed(folder: Path) -> list[tuple[Any, ...]]:
+    try:
+        return [tuple(entry) for entry in json.loads((folder / _LIST).read_bytes())]
+    except (OSError, ValueError, RecursionError):
+        return []
+
+
+def _copy(source: Path, target: Path, *, linked: bool) -> None:
+    if linked:
+        with contextlib.suppress(OSError):  # another file system
+            target.hardlink_to(source)
+            return
+    shutil.copy2(source, target, follow_symlinks=False)
+
+
+def _restore_copy(kept: Path, path: Path) -> None:
+    """Restore a file unless it is unchanged."""
+    status = kept.lstat()
+    with contextlib.suppress(OSError):
+        now = path.lstat()
+        if now.st_ino == status.st_ino:
+            return
+    # Anything else at this path was created by the failed build.
+    if path.is_dir() and not path.is_symlink():
+        remove_empty_tree(str(path))
+    for folder in path.parents:
+        if folder.is_dir():
+            break
+        folder.unlink(missing_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.forge-draft")
+    draft.unlink(missing_ok=True)
+    _copy(kept, draft, linked=not kept.is_symlink())
+    draft.replace(path)
