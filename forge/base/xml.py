@@ -6,6 +6,7 @@ nesting.
 
 from __future__ import annotations
 
+import codecs
 import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -68,6 +69,41 @@ def parse_xml(content: bytes, path: Path) -> Element:
         raise WorkspaceError(_problem(str(error), content, path, error.line, None)) from None
     assert builder.root is not None  # noqa: S101  (expat rejects a document without a root)
     return builder.root
+
+
+def as_utf8(content: bytes, path: Path) -> bytes:
+    """Return an XML document in UTF-8, decoded as its byte order mark or its declaration says.
+
+    Raises WorkspaceError if the encoding is unknown or the document is not in it.
+    """
+    mark = next((name for start, name in _ENCODING_MARKS if content.startswith(start)), None)
+    declared = _DECLARED_ENCODING.match(content)
+    encoding = mark or (declared[1].decode() if declared else "utf-8")
+    try:
+        text = content.decode(encoding)
+    except LookupError:
+        raise WorkspaceError(Problem(f"unknown encoding '{encoding}'", Location(path, 1))) from None
+    except ValueError as error:
+        problem = Problem(f"the file is not valid {encoding}: {error}", Location(path))
+        raise WorkspaceError(problem) from None
+    return text.removeprefix("\ufeff").encode(errors="surrogatepass")
+
+
+def mentions(content: bytes, text: str) -> bool:
+    """Return True if a document contains an ASCII text, in bytes or in wider characters."""
+    return any(text.encode(encoding) in content for encoding in ("ascii", *_WIDE))
+
+
+_WIDE = ("utf-16-le", "utf-16-be", "utf-32-le", "utf-32-be")
+
+_ENCODING_MARKS = (
+    *((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32")),
+    *((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16")),
+    *((b"<\0\0\0", "utf-32-le"), (b"\0\0\0<", "utf-32-be"), (b"<\0", "utf-16-le"), (b"\0<", "utf-16-be")),
+)
+"""The first bytes of documents whose encoding needs no declaration; the longer ones come first."""
+
+_DECLARED_ENCODING = re.compile(rb"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z][A-Za-z0-9._-]*)["']""")
 
 
 class _RefusedError(Exception):

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, UNITS_FAILED_FILE
+from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, TEST_SCRATCH_DIR, UNITS_FAILED_FILE
+from forge.base.xml import mentions
 from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, read_json, written_since
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.inputs.native_graph import cmake_edge, read_native_graph
@@ -41,8 +42,11 @@ if TYPE_CHECKING:
     from forge.build.inputs.input_manifest import InputManifest
 
 _SOURCES, _DROPPED = "sources.json", "dropped.json"
-_KEPT = (BUILD_RESULT, TEST_RESULT, "test_results", "Testing")
-"""Files of tests and other tools that are kept when the folder is emptied."""
+_KEPT = (
+    *(BUILD_RESULT, TEST_RESULT, TEST_SCRATCH_DIR, "test_results", "Testing"),
+    *("pytest.xml", "unittest.xml", ".coverage", "coverage.html", "coverage.xml", ".pytest_cache"),
+)
+"""What tests and other tools wrote: kept when the folder is emptied, like JUnit files elsewhere in it."""
 _CLOCK_NANOSECONDS = 2_000_000_000
 """The tolerated difference between the clocks of this machine and of a file server."""
 
@@ -216,7 +220,7 @@ def _in_future(build: Path, begun: int) -> bool:
 
 
 def _begin_empty(build: Path, decision: Decision, more: tuple[str, ...]) -> None:
-    """Replace a build folder by an empty one, keeping files of tests and other tools."""
+    """Replace a build folder by an empty one, keeping the results of tests and files of other tools."""
     target = set_aside_path(build) if decision.reuse is Reuse.PRODUCTS else _trash(build)
     if build.is_dir() and not build.is_symlink():
         build.rename(target)
@@ -226,6 +230,9 @@ def _begin_empty(build: Path, decision: Decision, more: tuple[str, ...]) -> None
     for name in (*kept, *more):
         with contextlib.suppress(FileNotFoundError):
             (target / name).rename(build / name)
+    for path in _test_results(target):
+        (build / path).parent.mkdir(parents=True, exist_ok=True)
+        (target / path).rename(build / path)
     if decision.reuse is Reuse.PRODUCTS:
         graph = read_native_graph(target, build)
         made = {output for edge in graph.edges for output in edge.outputs}
@@ -234,6 +241,15 @@ def _begin_empty(build: Path, decision: Decision, more: tuple[str, ...]) -> None
         replace_file(build / SCRATCH_DIR / _DROPPED, json.dumps(note_data).encode())
     else:
         _discard(target)
+
+
+def _test_results(build: Path) -> Iterator[str]:
+    """Yield the JUnit files in a build folder, as relative paths; test programs choose their places."""
+    for folder, folders, files in os.walk(build):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for path in (f"{folder}/{name}" for name in files if name.endswith(".xml")):
+            if mentions(read_or_nothing(path), "<testsuite"):
+                yield os.path.relpath(path, build)
 
 
 def _touch_build_ninja(build: Path) -> None:

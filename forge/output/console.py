@@ -163,6 +163,10 @@ class ConsoleReporter:
         """The packages with failed tests, whose test programs themselves ran successfully."""
         return frozenset(self._failed_tests)
 
+    def note_test_failures(self, task: str) -> None:
+        """Count a package as one with failed tests, of which its test program did not know."""
+        self._failed_tests.add(task)
+
     @property
     def exit_code(self) -> int:
         """0, 1 if a package failed, 2 if all failures are errors in interface definitions."""

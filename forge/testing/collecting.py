@@ -10,20 +10,23 @@ from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import is_word
-from forge.base.xml import parse_xml
-from forge.testing.outcomes import NotAResultError, Outcome, read_ctest, read_junit
+from forge.base.xml import as_utf8, mentions, parse_xml
+from forge.testing.outcomes import (
+    BrokenResultError,
+    NotAResultError,
+    Outcome,
+    read_ctest,
+    read_junit,
+    unreadable,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from forge.base.xml import Element
-
-    Read = Callable[[Element, str, str], Outcome]
+    from collections.abc import Iterator
 
 
 @frozen
 class Collection:
-    """The results by path, all their files, and problems."""
+    """The results by path, all their files, and why some of them cannot be read."""
 
     outcomes: tuple[Outcome, ...]
     files: tuple[str, ...]
@@ -34,40 +37,61 @@ def collect(base: Path) -> Collection:
     """Return the results below `base`; paths start as `base` is spelled.
 
     Hidden folders are skipped, links are not followed. Only the last CTest run counts, which Testing/TAG
-    names.
+    names. A result that cannot be read counts as an error.
     """
     outcomes: list[Outcome] = []
     files: list[str] = []
     problems: list[Problem] = []
-    for path, home, tag in _candidates(base):
-        if tag is not None:
-            files.append(tag)
+    for found in _candidates(base):
+        files += [found.tag] if found.tag else []
         try:
-            outcomes.append(_read(path, home, read_ctest if tag else read_junit))
+            outcomes.append(_read(found))
+        except NotAResultError:
+            continue
         except WorkspaceError as error:
             problems += error.problems
-        except NotAResultError as error:
-            if tag is not None:
-                problems.append(Problem(f"not a CTest result: {error}", Location(path)))
+            reason = "; ".join(problem.message for problem in error.problems)
+            outcomes.append(unreadable(found.path, found.home, reason))
         else:
-            files.append(path)
+            files.append(found.path)
     return Collection(
         tuple(sorted(outcomes, key=lambda outcome: outcome.path)), tuple(sorted(files)), tuple(problems)
     )
 
 
-def _candidates(base: Path) -> Iterator[tuple[str, str, str | None]]:
-    """Yield (file, folder of the tests, Testing/TAG for a CTest file)."""
+@frozen
+class _Candidate:
+    """A file that may be a result, in the folder of its tests; `tag` is Testing/TAG for a CTest result.
+
+    `expected` is True for the paths at which CTest, ament and the Python test runners write results.
+    """
+
+    path: str
+    home: str
+    tag: str = ""
+    expected: bool = False
+
+
+def _candidates(base: Path) -> Iterator[_Candidate]:
     homes: list[str] = []
     for folder, names, files in os.walk(base):
         names[:] = sorted(name for name in names if not name.startswith("."))
         home = _home(folder, str(base), homes, "Testing" in names)
         if os.path.basename(folder) == "Testing" and "TAG" in files:  # noqa: PTH119  (a walk is text)
             tag = f"{folder}/TAG"
-            last = _last_run(tag)
-            if last is not None:
-                yield f"{folder}/{last}/Test.xml", home, tag
-        yield from ((f"{folder}/{name}", home, None) for name in sorted(files) if name.endswith(".xml"))
+            result = _last_run(tag)
+            if os.path.lexists(result):
+                yield _Candidate(result, home, tag, expected=True)
+        within = Path(folder).relative_to(base).parts
+        expected = _OF_AMENT in within
+        for name in sorted((*files, *names)):
+            if name.endswith(".xml"):
+                is_expected = expected or (name in _OF_PYTHON and len(within) <= 1)
+                if is_expected or name in files:
+                    yield _Candidate(f"{folder}/{name}", home, expected=is_expected)
+
+
+_OF_AMENT, _OF_PYTHON = "test_results", ("pytest.xml", "unittest.xml")
 
 
 def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  # noqa: FBT001  (a fact of the walk)
@@ -82,23 +106,28 @@ def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  
     return os.path.join(base, first)  # noqa: PTH118
 
 
-def _last_run(tag: str) -> str | None:
-    """Return the folder of the last CTest run if it has a result."""
+def _last_run(tag: str) -> str:
+    """Return the result of the last CTest run, which may be missing; `tag` itself if it names no run."""
     lines = text_or_nothing(tag).splitlines()
-    # Unlike Path.is_file, os.path.isfile returns False for invalid names.
-    if not lines or not is_word(lines[0]):
-        return None
-    there = os.path.isfile(f"{Path(tag).parent}/{lines[0]}/Test.xml")  # noqa: PTH113
-    return lines[0] if there else None
+    return f"{Path(tag).parent}/{lines[0]}/Test.xml" if lines and is_word(lines[0]) else tag
 
 
-def _read(path: str, home: str, read: Read) -> Outcome:
-    """Parse a file if it mentions tests, because build folders contain much other XML."""
+def _read(found: _Candidate) -> Outcome:
+    """Parse a file that is a result by its path or mentions tests: build folders contain much other XML.
+
+    Raises WorkspaceError for a result that cannot be read, NotAResultError for any other file.
+    """
+    path = Path(found.path)
     try:
         content = read_file(path)
     except OSError as error:
-        problem = Problem(f"cannot read the result: {error.strerror}", Location(path))
-        raise WorkspaceError(problem) from None
-    if b"<testsuite" not in content and read is read_junit:
-        raise NotAResultError("it contains no 'testsuite'")
-    return read(parse_xml(content, Path(path)), path, home)
+        if not found.expected and not isinstance(error, PermissionError):  # such as a dangling link
+            raise NotAResultError from None
+        raise WorkspaceError(Problem(f"cannot read the result: {error.strerror}", Location(path))) from None
+    if not found.expected and not mentions(content, "<testsuite"):
+        raise NotAResultError
+    read = read_ctest if found.tag else read_junit
+    try:
+        return read(parse_xml(as_utf8(content, path), path), found.path, found.home)
+    except BrokenResultError as error:
+        raise WorkspaceError(Problem(f"not a test result: {error}", Location(path))) from None

@@ -71,7 +71,8 @@ class SkippedTest:
 class Outcome:
     """The contents of one result file. `home` is the folder of its tests.
 
-    `by_name` contains the counts of each test by name, only for CTest files.
+    `by_name` contains the counts of each test by name, only for CTest files. A file that cannot be read is
+    one error.
     """
 
     path: str
@@ -80,6 +81,7 @@ class Outcome:
     cases: tuple[Case, ...] = ()
     by_name: tuple[tuple[str, Counts], ...] = ()
     skipped: tuple[SkippedTest, ...] = ()
+    is_unreadable: bool = False
 
     @property
     def test(self) -> str:
@@ -92,27 +94,36 @@ class NotAResultError(ValueError):
     """Well-formed XML that is not a test result."""
 
 
+class BrokenResultError(ValueError):
+    """A test result that does not say how many tests failed."""
+
+
 def read_junit(root: Element, path: str, home: str) -> Outcome:
-    """Parse a JUnit file; raises NotAResultError if it is not one."""
-    suites = {"testsuite": [root], "testsuites": list(root.all("testsuite"))}.get(root.tag)
-    if suites is None:
+    """Parse a JUnit file; raises NotAResultError if it is not one, BrokenResultError for invalid numbers."""
+    if root.tag not in {"testsuite", "testsuites"}:
         raise NotAResultError(f"the root element is '{root.tag}', not 'testsuite' or 'testsuites'")
-    counts = sum((_suite_counts(suite.attributes) for suite in suites), Counts())
-    elements = [case for suite in suites for case in suite.all("testcase")]
+    counts, elements = _suite_counts(root), list(_test_cases(root))
     failed = tuple(case for case in map(_junit_case, elements) if case.errors or case.failures)
     return Outcome(path, home, counts, failed, skipped=tuple(filter(None, map(_junit_skip, elements))))
 
 
+def unreadable(path: str, home: str, reason: str) -> Outcome:
+    """Return the outcome of a result file that cannot be read: an error, since its tests may have failed."""
+    case = Case(path.rpartition("/")[2], errors=(reason,))
+    return Outcome(path, home, Counts(tests=1, errors=1), (case,), is_unreadable=True)
+
+
 def read_ctest(root: Element, path: str, home: str) -> Outcome:
-    """Parse a CTest Test.xml; raises NotAResultError if it is not one."""
+    """Parse a CTest Test.xml; raises BrokenResultError if it is not one."""
     if root.tag != "Site" or [child.tag for child in root.children] != ["Testing"]:
-        raise NotAResultError("it does not consist of one 'Site' with one 'Testing'")
+        raise BrokenResultError("it does not consist of one 'Site' with one 'Testing'")
     tests = list(root.children[0].all("Test"))
     if any("Status" not in test.attributes for test in tests):
-        raise NotAResultError("a 'Test' has no 'Status'")
-    verdicts = tuple((_text_of(test, "Name"), _verdict(test.attributes["Status"])) for test in tests)
-    failed = tuple(_ctest_case(test) for test in tests if test.attributes["Status"] == "failed")
-    skipped = tuple(map(_ctest_skip, (test for test in tests if test.attributes["Status"] == "notrun")))
+        raise BrokenResultError("a 'Test' has no 'Status'")
+    verdicts = tuple((_text_of(test, "Name"), _verdict(test)) for test in tests)
+    shown = (test for test in tests if test.attributes["Status"] in {"failed", "notrun"})
+    failed = tuple(_ctest_case(test) for test in shown if _verdict(test).bad)
+    skipped = tuple(map(_ctest_skip, (test for test in tests if _verdict(test).skipped)))
     counts = sum((counts for _, counts in verdicts), Counts())
     return Outcome(path, home, counts, failed, verdicts, tuple(filter(None, skipped)))
 
@@ -151,24 +162,43 @@ def _without_duplicates(outcome: Outcome, named: Mapping[tuple[str, str], list[O
     )
 
 
-def _suite_counts(attributes: Mapping[str, str]) -> Counts:
+def _suite_counts(suite: Element) -> Counts:
+    """Return the numbers of a suite: those of its attributes, or of its elements if these are more.
+
+    A writer that dies or is wrong about its numbers hides no failed test.
+    """
+    numbers = {name: _number(suite.attributes, name) for name in _NUMBERS}
+    nested = sum(map(_suite_counts, suite.all("testsuite")), Counts())
+    cases = list(suite.all("testcase"))
+    listed = {tag: sum(any(case.all(tag)) for case in cases) for tag in ("error", "failure", "skipped")}
     return Counts(
-        _number(attributes, "tests", required=True),
-        _number(attributes, "errors"),
-        _number(attributes, "failures", required=True),
-        sum(_number(attributes, name) for name in ("skip", "skipped", "disabled")),
+        max(numbers["tests"], nested.tests + len(cases)),
+        max(numbers["errors"], nested.errors + listed["error"]),
+        max(numbers["failures"], nested.failures + listed["failure"]),
+        max(sum(numbers[name] for name in _SKIPPED), nested.skipped + listed["skipped"]),
     )
 
 
-def _number(attributes: Mapping[str, str], name: str, *, required: bool = False) -> int:
-    value = attributes.get(name, "" if required else "0")
+_SKIPPED = ("skip", "skipped", "disabled")
+_NUMBERS = ("tests", "errors", "failures", *_SKIPPED)
+
+
+def _number(attributes: Mapping[str, str], name: str) -> int:
+    value = attributes.get(name, "0")
     try:
         number = int(value)
     except ValueError:
         number = -1
     if number < 0:
-        raise NotAResultError(f"'{name}' is not a number: '{value}'")
+        raise BrokenResultError(f"'{name}' is not a number: '{value}'")
     return number
+
+
+def _test_cases(suite: Element) -> Iterator[Element]:
+    """Yield the test cases of a suite and of the suites in it."""
+    yield from suite.all("testcase")
+    for nested in suite.all("testsuite"):
+        yield from _test_cases(nested)
 
 
 def _junit_case(case: Element) -> Case:
@@ -199,35 +229,47 @@ def _messages(case: Element, tag: str) -> Iterator[str]:
 
 
 def _ctest_case(test: Element) -> Case:
-    output = ""
-    for results in test.all("Results"):
-        for measurement in results.all("Measurement"):
-            output = output or _text_of(measurement, "Value")
-    return Case(_text_of(test, "Name"), failures=(output,) if output else (), text=output)
+    text = _ctest_output(test) if test.attributes["Status"] != "notrun" else _reason_not_run(test)
+    return Case(_text_of(test, "Name"), failures=(text,) if text else (), text=text)
 
 
 def _ctest_skip(test: Element) -> SkippedTest | None:
     """Return the reason that CTest gives, with the last line that the test printed."""
+    return SkippedTest(_text_of(test, "Name"), "", _reason_not_run(test)) if _completion(test) else None
+
+
+def _ctest_output(test: Element) -> str:
+    measurements = (each for results in test.all("Results") for each in results.all("Measurement"))
+    return next(filter(None, (_text_of(each, "Value") for each in measurements)), "")
+
+
+def _reason_not_run(test: Element) -> str:
+    """Return why CTest did not run a test, with the last line of its output."""
+    status, last = _completion(test), "".join(_ctest_output(test).rstrip().splitlines()[-1:])
+    return last if status in last else ", ".join(filter(None, (status, last)))
+
+
+def _completion(test: Element) -> str:
     measured = (each for results in test.all("Results") for each in results.all("NamedMeasurement"))
     named = (each for each in measured if each.attributes.get("name") == "Completion Status")
-    status = next((_text_of(each, "Value") for each in named), "")
-    last = "".join(_ctest_case(test).text.rstrip().splitlines()[-1:])
-    reason = last if status in last else ", ".join(filter(None, (status, last)))
-    return SkippedTest(_text_of(test, "Name"), "", reason) if status else None
+    return next((_text_of(each, "Value") for each in named), "")
 
 
 def _text_of(element: Element, tag: str) -> str:
     return next((child.text for child in element.all(tag)), "")
 
 
-def _verdict(status: str) -> Counts:
-    match status:
+def _verdict(test: Element) -> Counts:
+    match test.attributes["Status"]:
         case "passed":
             return Counts(tests=1)
         case "failed":
             return Counts(tests=1, failures=1)
         case "notrun":
-            return Counts(tests=1, skipped=1)
+            # CTest fails if it could not run a test, for example for lack of its program.
+            completion = _completion(test)
+            intended = not completion or completion == "Disabled" or completion.startswith("SKIP_")
+            return Counts(tests=1, skipped=1) if intended else Counts(tests=1, errors=1)
         case _:
             return Counts(tests=1, errors=1)
 

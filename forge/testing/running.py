@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
@@ -42,11 +43,38 @@ class TestSetup:
     context: TestContext
     needs: Mapping[str, Sequence[str]]
     variables: Mapping[str, str]
+    before: dict[str, dict[str, object]] = field(default_factory=dict)
+    """The result files of earlier runs and their states, by package."""
+    results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
 
     def runner(self, job_pool: JobPool) -> ProcessRunner:
         """Return the runner of the tests."""
-        lifecycle = TaskLifecycle(self._environment, lambda task, _: clean_paths(task), self._finish)
+        lifecycle = TaskLifecycle(self._environment, self._begin, self._finish)
         return ProcessRunner(lifecycle, job_pool, StartedProcesses(self.context.layout.build))
+
+    def results_of(self, task: Task) -> tuple[Outcome, ...]:
+        """Return the results of a package's tests in this run."""
+        if task.name not in self.results:
+            kind, before = task.steps[-1].kind if task.steps else None, self.before.get(task.name, {})
+            folder = self.context.results_of(task.name)
+            own = str(folder / f"{kind.value}.xml") if kind else ""
+            found = [one for each in self._folders(task) for one in collect(each).outcomes]
+            self.results[task.name] = tuple(
+                outcome
+                for outcome in found
+                if outcome.path == own
+                or (kind is StepKind.CTEST and before.get(outcome.path) != _state(outcome.path))
+            )
+        return self.results[task.name]
+
+    def _folders(self, task: Task) -> Iterable[Path]:
+        """Return the folders with results: ament's tests may write to others than CTest."""
+        return dict.fromkeys((self.context.results_of(task.name), task.build_dir))
+
+    def _begin(self, task: Task, _: Mapping[str, str]) -> None:
+        clean_paths(task)
+        files = (path for folder in self._folders(task) for path in folder.rglob("*.xml"))
+        self.before[task.name] = {str(path): _state(path) for path in files}
 
     def _environment(self, task: Task) -> Mapping[str, str]:
         layout = self.context.layout
@@ -58,6 +86,7 @@ class TestSetup:
     def _finish(self, task: Task) -> BuildRecord:
         if self.context.options.test_result_base is not None:
             _copy_last_run(task, self.context)
+        self.results_of(task)
         return BuildRecord(BuildInputs())
 
 
@@ -74,56 +103,41 @@ def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) ->
         replace_file(task.build_dir / RESULT, f"{result}\n".encode())
 
 
-def total_counts(tasks: Iterable[Task], context: TestContext) -> Counts | None:
+def total_counts(tasks: Iterable[Task], setup: TestSetup) -> Counts | None:
     """Return the numbers of tests in the last run of packages, None if those that ran left no result."""
-    counts = [_counts_of(task, context) for task in tasks if task.steps]
-    known = [count for count in counts if count is not None]
-    return sum(known, Counts()) if known or not counts else None
-
-
-def _counts_of(task: Task, context: TestContext) -> Counts | None:
-    """Return the numbers of tests in the last run of a package, None if they left no result."""
-    results = collect(context.results_of(task.name)).outcomes
-    kind = task.steps[-1].kind
-    if kind is not StepKind.CTEST:
-        own = str(context.results_of(task.name) / f"{kind.value}.xml")
-        counts = [outcome.counts for outcome in results if outcome.path == own]
-        return sum(counts, Counts()) if counts else None
-    junits = [outcome for outcome in results if not outcome.by_name]
-    if context.options.test_result_base is not None:
-        results = collect(task.build_dir).outcomes
-        junits += [outcome for outcome in results if not outcome.by_name]
-    run = [outcome for outcome in results if outcome.by_name]
-    names = {name for outcome in run for name, _ in outcome.by_name}
-    if context.options.ctest_args:
-        # Results of other tests are from earlier runs.
-        junits = [junit for junit in junits if junit.test in names]
+    ran = [task for task in tasks if task.steps]
+    results = [setup.results_of(task) for task in ran]
+    if ran and not any(results):
+        return None
     # The files of one package may be in two folders.
-    outcomes = counted_once([replace(outcome, home="") for outcome in (*run, *junits)])
-    return sum((outcome.counts for outcome in outcomes), Counts())
+    once = (counted_once([replace(outcome, home="") for outcome in outcomes]) for outcomes in results)
+    return sum((outcome.counts for outcomes in once for outcome in outcomes), Counts())
 
 
-def failures_of(
-    task: Task, context: TestContext, displayed: Callable[[Path], str] = str
-) -> Iterator[Failure]:
+def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] = str) -> Iterator[Failure]:
     """Yield the failed tests of a package in its last run."""
-    found = collect(context.results_of(task.name)).outcomes
-    step = task.steps[-1]
+    results, step = setup.results_of(task), task.steps[-1]
     if step.kind is StepKind.CTEST:
-        elsewhere = context.options.test_result_base is not None
-        junits = (*found, *collect(task.build_dir).outcomes) if elsewhere else found
-        for case in (case for outcome in found if outcome.by_name for case in outcome.cases):
-            yield _ctest_failure(case, task, junits, displayed)
+        runs = [outcome for outcome in results if outcome.by_name]
+        others = [outcome for outcome in results if not outcome.by_name]
+        for case in (case for outcome in runs for case in outcome.cases):
+            yield _ctest_failure(case, task, others, displayed)
+        # Failures that CTest does not know of: in files of tests that it took for successful.
+        failed = {case.name for outcome in runs for case in outcome.cases}
+        for outcome in (one for one in others if one.test not in failed):
+            for case in outcome.cases:
+                label = outcome.path if outcome.is_unreadable else f"{outcome.test}: {case.name}"
+                yield _failure(task, label, first_lines([case]), step, displayed)
         return
-    own = context.results_of(task.name) / f"{step.kind.value}.xml"
     exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
-    for case in (case for outcome in found if outcome.path == str(own) for case in outcome.cases):
-        selector = _selector(case, task.name, step.kind, exists)
-        # Without a result, or a way to select one test, repeat the whole run.
-        whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
-        repeat = step if whole else _again(step, selector)
-        label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
-        yield _failure(task, label, first_lines([case]), repeat, displayed)
+    for outcome in results:
+        for case in outcome.cases:
+            selector = _selector(case, task.name, step.kind, exists)
+            # Without a result, or a way to select one test, repeat the whole run.
+            whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
+            repeat = step if whole or outcome.is_unreadable else _again(step, selector)
+            label = f"{case.suite}.{case.name}".removeprefix(f"{task.name}.").removeprefix(".")
+            yield _failure(task, label, first_lines([case]), repeat, displayed)
 
 
 def _failure(
@@ -165,6 +179,15 @@ def _selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], 
         if exists(file):
             return ("::".join((file, *parts[length:], case.name)),)
     return ("-k", case.name.partition("[")[0])
+
+
+def _state(path: str | Path) -> object:
+    """Return what tells whether a file was written again, None if it is missing."""
+    try:
+        status = os.stat(path)  # noqa: PTH116
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def _copy_last_run(task: Task, context: TestContext) -> None:

@@ -122,6 +122,38 @@ def test_results_of_ament_go_where_both_were_told(forge: Forge, tree: Tree) -> N
     assert (root / "results/a_test/Testing/TAG").is_file()
 
 
+def test_results_survive_a_rebuild(colcon: Colcon, forge: Forge, tree: Tree) -> None:
+    copy = "copy ${CMAKE_SOURCE_DIR}/r ${CMAKE_BINARY_DIR}/s/r.xml"
+    write = f"add_test(NAME w COMMAND ${{CMAKE_COMMAND}} -E {copy})"
+    root = tree(
+        {
+            **cmake_package("c", 'add_test(NAME bad COMMAND sh -c "exit 1")', write),
+            "src/c/r": '<testsuite tests="1" failures="0"/>',
+            **python_package("p", PYTEST.format(name="p"), pytest=True),
+            **python_package("u", UNITTEST.format(name="u"), pytest=False),
+        }
+    )
+    variables = {**VARIABLES, "PYTHONPATH": str(ROOT)}
+    edited = [root / path for path in ("src/c/CMakeLists.txt", "src/p/p/__init__.py", "src/u/u/__init__.py")]
+    assert forge("build", cwd=root, env=variables).code == 0
+    forge("test", cwd=root, env=VARIABLES)
+    before = {path: path.read_bytes() for path in root.glob("build/*/**/*.xml")}
+    assert len(before) == 4
+    for options in ([], ["--force"], ["--cmake-clean-cache"], ["--cmake-args", "-DA=1"]):
+        for path in edited:
+            path.write_text(f"{path.read_text()}# edited\n")
+        assert forge("build", *options, cwd=root, env=variables).code == 0
+        assert {path: path.read_bytes() for path in before} == before
+    for path in edited:
+        path.write_text(f"{path.read_text()}(\n")
+    assert forge("build", "--continue-on-error", cwd=root, env=variables).code == 1
+    for options in ([], ["--all"], ["--verbose"]):
+        ours = forge("test-result", *options, cwd=root)
+        theirs = colcon("--log-base", "/dev/null", "test-result", *options, cwd=root)
+        assert (ours.code, ours.out.partition("Skipped:")[0]) == (theirs.code, theirs.out), options
+        assert ours.code == 1
+
+
 @pytest.mark.parametrize("seed", range(25))
 def test_results_of_all_shapes_are_read_alike(colcon: Colcon, forge: Forge, tree: Tree, seed: int) -> None:
     root = tree(dict(random_results(random.Random(seed))))  # noqa: S311  (no secrets)
@@ -149,19 +181,19 @@ def random_junit(chance: random.Random) -> str:
     kind = chance.random()
     if kind < 0.1:
         return "<html/>"
-    if kind < 0.2:
-        return '<testsuite name="no counts" failures="0"/>'
     suites = "".join(random_suite(chance) for _ in range(chance.randint(1, 3)))
     return f"<testsuites>{suites}</testsuites>" if kind < 0.6 else random_suite(chance)
 
 
 def random_suite(chance: random.Random) -> str:
-    """Return a suite with cases; what it counts need not be what it has, as in real life."""
-    counts = {"tests": chance.randint(0, 3), "failures": chance.choice([0, 0, 1, 2])}
-    for name in chance.sample(["errors", "skip", "skipped", "disabled"], chance.randint(0, 4)):
+    """Return a suite with cases; it may count more than it has, as in real life."""
+    cases = "".join(random_case(chance) for _ in range(chance.randint(0, 3)))
+    counts = {"tests": cases.count("<testcase") + chance.randint(0, 3)}
+    for name, tag in (("failures", "<failure"), ("errors", "<error"), ("skipped", "<skipped")):
+        counts[name] = cases.count(tag) + chance.choice([0, 0, 1, 2])
+    for name in chance.sample(["skip", "disabled"], chance.randint(0, 2)):
         counts[name] = chance.choice([0, 1, 2])
     attributes = " ".join(f'{name}="{count}"' for name, count in counts.items())
-    cases = "".join(random_case(chance) for _ in range(chance.randint(0, 3)))
     return f'<testsuite name="s" {attributes}>{cases}</testsuite>'
 
 
@@ -193,8 +225,6 @@ TEXTS = ["one", "one\ntwo\n", "\n\n  indented\nlines", ""]
 
 def random_ctest(chance: random.Random) -> str:
     """Return a file of CTest."""
-    if chance.random() < 0.1:
-        return "<Site/>"
     tests = "".join(
         f'<Test Status="{chance.choice(["passed", "failed", "notrun", "odd"])}"><Name>c{number}</Name>'
         f"<Results><Measurement><Value>{chance.choice(TEXTS)}</Value></Measurement></Results></Test>"

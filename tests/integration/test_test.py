@@ -130,6 +130,37 @@ def test_failed_tests_are_an_exit_code_on_request(forge: Forge, workspace: Path)
     assert forge("test", option, "--packages-select", "c_good", cwd=workspace).code == 0
 
 
+FAILED = '<testsuite tests="0" failures="0"><testcase name="t"><failure message="no"/></testcase></testsuite>'
+
+
+@pytest.mark.parametrize(
+    ("result", "path", "told"),
+    [
+        ("<testsuite tests=", "r.xml", "r.xml"),
+        ("", "test_results/p/r.gtest.xml", "r.gtest.xml"),
+        (FAILED, "r.xml", "r: t"),
+    ],
+)
+def test_a_test_program_that_exits_with_0_hides_no_failure(
+    forge: Forge, tree: Tree, result: str, path: str, told: str
+) -> None:
+    copy = f"copy ${{CMAKE_SOURCE_DIR}}/r ${{CMAKE_BINARY_DIR}}/{path}"
+    write = f"add_test(NAME r COMMAND ${{CMAKE_COMMAND}} -E {copy})"
+    fixture = "configure_file(r fixture.xml COPYONLY)"
+    root = tree({**cmake_package("p", fixture, write), "src/p/r": result})
+    assert forge("build", cwd=root).code == 0
+    (root / "build/p" / path).parent.mkdir(parents=True, exist_ok=True)
+    ran = forge("test", "--return-code-on-test-failure", cwd=root)
+    assert ran.code == 1
+    assert told in ran.err + ran.out
+    assert "1 package had test failures: p" in ran.out
+    assert (root / "build/p/colcon_test.rc").read_text() == "test failures\n"
+    assert forge("test", cwd=root).code == 0
+    # What is not of this run does not count.
+    ran = forge("test", "--return-code-on-test-failure", "--ctest-args", "-R", "none", cwd=root)
+    assert ran.code == 0
+
+
 def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> None:
     only = ("--packages-select", "c_bad", "p_test", "u_test")
     words = ("--ctest-args", "-R", "good", "--pytest-args", "-k", "good", "--unittest-args")

@@ -122,22 +122,56 @@ def test_json_for_tools(forge: Forge, results: Path) -> None:
     assert told["results"][0]["cases"][0]["failures"] == ["it is not"]
 
 
-def test_a_broken_file_is_a_warning_and_entities_are_refused(forge: Forge, tree: Tree) -> None:
+def test_results_that_cannot_be_read_are_errors(forge: Forge, tree: Tree) -> None:
     bomb = '<!DOCTYPE t [<!ENTITY a "b">]><testsuite tests="1" failures="0" name="&a;"/>'
+    unknown = '<?xml version="1.0" encoding="klingon"?><testsuite tests="1" failures="0"/>'
     root = tree(
         {
             "build/a/bomb.xml": bomb,
             "build/a/torn.xml": "<testsuite tests=",
+            "build/a/unknown.xml": unknown,
+            "build/a/numbers.xml": '<testsuite tests="many" failures="0"/>',
+            "build/a/test_results/a/empty.gtest.xml": "",
+            "build/a/test_results/a/folder.xml/file": "",
+            "build/b/pytest.xml": "none",
             "build/b/Testing/TAG": "1\n",
             "build/b/Testing/1/Test.xml": "<html/>",
             "build/c/Testing/TAG": "1\n",
+            "build/d/Testing/TAG": "",
+            "build/d/Testing/1/Test.xml": "<html/>",
+            "build/d/other.xml": "",
+            "build/d/data.xml": "<html>",
         }
     )
+    (root / "build/d/dangling.xml").symlink_to("nowhere")
+    bad = ["a/bomb", "a/numbers", "a/test_results/a/empty.gtest", "a/test_results/a/folder", "a/torn"]
+    bad += ["a/unknown", "b/Testing/1/Test", "b/pytest"]
+    paths = sorted((*(f"build/{name}.xml" for name in bad), "build/d/Testing/TAG"))
     ran = forge("test-result", cwd=root)
-    assert (ran.code, ran.out) == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
-    assert "build/a/bomb.xml:1: warning: not well-formed XML: document type declarations" in ran.err
-    assert "build/a/torn.xml:1:" in ran.err
-    assert "not a CTest result" in ran.err
+    lines = "".join(f"{path}: 1 test, 1 error, 0 failures, 0 skipped\n" for path in paths)
+    assert (ran.code, ran.out) == (1, f"{lines}\nSummary: 9 tests, 9 errors, 0 failures, 0 skipped\n")
+    assert "build/a/bomb.xml:1: error: not well-formed XML: document type declarations" in ran.err
+    assert "build/a/unknown.xml:1: error: unknown encoding 'klingon'" in ran.err
+    assert ran.err.count("error:") == 9
+    assert "unknown encoding 'klingon'" in forge("test-result", "--verbose", cwd=root).out
+    forge("test-result", "--delete-yes", cwd=root)
+    assert (root / "build/a/torn.xml").exists()
+
+
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "iso-8859-1", "windows-1252", "gb18030")
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_results_are_read_in_their_encoding(forge: Forge, tree: Tree, encoding: str) -> None:
+    declared = encoding.removesuffix("-sig")
+    case = '<testcase name="t"><failure message="93 °C"/></testcase>'
+    text = f'<?xml version="1.0" encoding="{declared}"?><testsuite tests="1" failures="1">{case}</testsuite>'
+    root = tree({"build/p/test_results/p/r.xml": ""})
+    (root / "build/p/test_results/p/r.xml").write_bytes(text.encode(encoding))
+    ran = forge("test-result", "--verbose", cwd=root)
+    assert (ran.code, ran.err) == (1, "")
+    assert "93 °C" in ran.out
+    assert "Summary: 1 test, 0 errors, 1 failure" in ran.out
 
 
 def test_a_place_without_results_is_a_mistake(forge: Forge, tree: Tree) -> None:

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
     from forge.base.errors import Problem
     from forge.base.layout import Layout
-    from forge.build.tasks import BuildPlan
-    from forge.build.tests.recipes import TestContext
+    from forge.build.events import Event
+    from forge.build.tasks import BuildPlan, Task
     from forge.cli.main import Parser
     from forge.cli.session import Session
     from forge.testing.coverage import CoveredLines
@@ -83,7 +83,7 @@ def run(namespace: argparse.Namespace) -> int:
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
     _require_emulator(built, loaded, layout)
     context = prepare_context(options, loaded, names, layout, variables)
-    plan = make_test_plan(built, loaded, context, warn)
+    plan, setup = make_test_plan(built, loaded, context, warn), TestSetup(context, needs, variables)
     with (
         lock_build_dir(layout.build, wait=not folders.no_wait),
         closing(open_test_job_pool(jobs, variables)) as job_pool,
@@ -97,17 +97,17 @@ def run(namespace: argparse.Namespace) -> int:
         try:
             session.run(
                 plan,
-                TestSetup(context, needs, variables).runner(job_pool),
+                setup.runner(job_pool),
                 _scheduler(plan, options, jobs.parallel_workers, job_pool.jobs),
                 lambda task: task,
-                lambda event: write_result_file(event, plan.tasks[event.task], session.report.failed_tests),
+                lambda event: _record(event, plan.tasks[event.task], setup, session),
             )
             if options.coverage:
                 covered, problems = write_reports(coverage, job_pool.jobs, variables)
                 warn(problems)
                 _report_coverage(covered, session, namespace.origin)
         finally:
-            code = _report_results(plan, context, session, json=reports.json)
+            code = _report_results(plan, setup, session, json=reports.json)
     return code
 
 
@@ -140,21 +140,31 @@ def _report_coverage(covered: Sequence[CoveredLines], session: Session, origin: 
     session.json_events.report_coverage(covered)
 
 
-def _report_results(plan: BuildPlan, context: TestContext, session: Session, *, json: bool) -> int:
+def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> None:
+    """Record how the tests of a package ended, before this is reported.
+
+    A result may contain failures, or be unreadable, although its program exited with 0.
+    """
+    if isinstance(event, Finished) and any(outcome.counts.bad for outcome in setup.results_of(task)):
+        session.report.note_test_failures(task.name)
+    write_result_file(event, task, session.report.failed_tests)
+
+
+def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json: bool) -> int:
     """Print the summary and a table of the failed tests; return the exit code."""
     report, seconds = session.report, session.seconds
     ended = {*report.tally.finished, *report.tally.failed} & plan.tasks.keys()
-    report.test_counts = total_counts((plan.tasks[name] for name in ended), context)
+    report.test_counts = total_counts((plan.tasks[name] for name in ended), setup)
     report.summarise(seconds)
     failures = [
         failure
         for name in sorted(report.failed_tests)
-        for failure in failures_of(plan.tasks[name], context, report.displayed)
+        for failure in failures_of(plan.tasks[name], setup, report.displayed)
     ]
     if failures and not json:
         session.write("\n".join(("", *table(failures), "")))
     session.json_events.report_failures(failures)
-    with_failures = context.options.return_code_on_test_failure and bool(report.failed_tests)
+    with_failures = setup.context.options.return_code_on_test_failure and bool(report.failed_tests)
     code = report.exit_code or int(with_failures)
     session.json_events.conclude(report, seconds, code)
     return code

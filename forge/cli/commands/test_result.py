@@ -53,14 +53,15 @@ def run(options: argparse.Namespace) -> int:
     found = collect(options.test_result_base)
     if options.delete or options.delete_yes:
         return _delete(found.files, options)
-    for problem in found.problems:
-        print_problem(problem, "warning")
     gone = _gone(options.test_result_base)
     counted = [one for one in found.outcomes if _package_of(one.path, options.test_result_base) not in gone]
     ignored = {_package_of(one.path, options.test_result_base) for one in found.outcomes} & gone
     for name in sorted(ignored):
         message = f"ignoring results of '{name}', which is no longer in the workspace"
         print_problem(Problem(message, hint="forge clean stale"), "warning")
+    for problem in found.problems:
+        if problem.location and _package_of(str(problem.location.path), options.test_result_base) not in gone:
+            print_problem(problem)
     named = [replace(one, path=shared.displayed(one.path, options.origin)) for one in counted]
     outcomes = counted_once(named)
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 
 from forge.base.xml import parse_xml
 from forge.testing.failures import Failure, details, first_lines, last_lines, result_line, table
-from forge.testing.outcomes import Counts, NotAResultError, Outcome, counted_once, read_ctest, read_junit
+from forge.testing.outcomes import (
+    BrokenResultError,
+    Counts,
+    NotAResultError,
+    Outcome,
+    counted_once,
+    read_ctest,
+    read_junit,
+)
 
 JUNIT = """<?xml version="1.0" encoding="utf-8"?>
 <testsuites>
@@ -83,27 +91,64 @@ def test_ctests_verdicts_become_counts() -> None:
     assert details(outcome.cases[0]) == ["- two", "  <<< failure message", "    so", "    bad", "  >>>"]
 
 
+def test_other_xml_is_no_result() -> None:
+    with pytest.raises(NotAResultError):
+        junit("<html/>")
+
+
+@pytest.mark.parametrize("number", ["-1", "many", "", "1.5"])
+def test_a_result_without_valid_numbers_is_broken(number: str) -> None:
+    for name in ("tests", "failures", "errors", "skipped"):
+        with pytest.raises(BrokenResultError):
+            junit(f"<testsuite {name}='{number}'/>")
+    with pytest.raises(BrokenResultError):
+        junit(f"<testsuites><testsuite><testsuite tests='{number}'/></testsuite></testsuites>")
+
+
+FAILED = "<testcase name='t'><failure message='no'/></testcase>"
+
+
 @pytest.mark.parametrize(
     "text",
     [
-        "<html/>",
-        "<testsuite failures='0'/>",
-        "<testsuite tests='1'/>",
-        "<testsuite tests='-1' failures='0'/>",
-        "<testsuite tests='many' failures='0'/>",
+        f"<testsuite tests='0' failures='0'>{FAILED}</testsuite>",
+        f"<testsuite>{FAILED}</testsuite>",
+        f"<testsuites><testsuite>{FAILED}</testsuite></testsuites>",
+        f"<testsuites tests='1' failures='0'><testsuite tests='1'>{FAILED}</testsuite></testsuites>",
+        f"<testsuite tests='1' failures='0'><testsuite>{FAILED}</testsuite></testsuite>",
+        "<testsuites tests='1' failures='1'><testsuite name='s'/></testsuites>",
+        "<testsuites><testsuite><testsuite tests='1' failures='1'/></testsuite></testsuites>",
     ],
 )
-def test_other_xml_is_no_result(text: str) -> None:
-    with pytest.raises(NotAResultError):
-        junit(text)
+def test_no_failed_test_is_lost_if_the_numbers_disagree(text: str) -> None:
+    assert junit(text).counts == Counts(tests=1, failures=1)
 
 
 @pytest.mark.parametrize(
     "text", ["<Site/>", "<Site><Build/></Site>", "<Site><Testing><Test/></Testing></Site>", "<x/>"]
 )
 def test_other_xml_is_no_run_of_ctest(text: str) -> None:
-    with pytest.raises(NotAResultError):
+    with pytest.raises(BrokenResultError):
         ctest(text)
+
+
+@pytest.mark.parametrize(
+    ("completion", "counts"),
+    [
+        ("Disabled", Counts(1, skipped=1)),
+        ("SKIP_RETURN_CODE=77", Counts(1, skipped=1)),
+        ("SKIP_REGULAR_EXPRESSION_MATCHED", Counts(1, skipped=1)),
+        ("Unable to find executable", Counts(1, errors=1)),
+        ("Required Files Missing", Counts(1, errors=1)),
+        ("Fixture dependency failed", Counts(1, errors=1)),
+    ],
+)
+def test_a_test_that_ctest_could_not_run_is_no_skipped_test(completion: str, counts: Counts) -> None:
+    measured = f"<NamedMeasurement name='Completion Status'><Value>{completion}</Value></NamedMeasurement>"
+    test = f"<Test Status='notrun'><Name>t</Name><Results>{measured}</Results></Test>"
+    outcome = ctest(f"<Site><Testing>{test}</Testing></Site>")
+    assert outcome.counts == counts
+    assert [case.text for case in outcome.cases] == ([completion] if counts.errors else [])
 
 
 VERDICTS = st.sampled_from([Counts(1), Counts(1, failures=1), Counts(1, errors=1), Counts(1, skipped=1)])
