@@ -15,7 +15,7 @@ from forge.base.files import unfit
 from forge.base.standard_interfaces import EMBEDDED, SINCE, definition_folders, has_definitions
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
-from forge.workspace.model import Dependency, DependencyKind, Package, Workspace
+from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
 from forge.workspace.source_names import is_environment, is_source_folder, may_contain_packages
 
@@ -111,7 +111,7 @@ class _Walk:
         self.visited: set[tuple[int, int]] = set()
         self.packages: dict[str, Package] = {}
         self.duplicates: list[Package] = []
-        self.problems: list[Problem] = []
+        self.broken: list[BrokenPackage] = []
         self.notes: list[Problem] = []
 
     def visit(self, base: str, *, below: bool = False) -> None:
@@ -129,7 +129,7 @@ class _Walk:
             if entries is None or (at != top and is_environment(entries.__contains__)):
                 continue
             identity = self.identity(spelling, entries)
-            self.add(identity)
+            self.add(identity, Path(spelling))
             for name in sorted(entries, reverse=True) if below and identity.descend else ():
                 if entries[name] and may_contain_packages(name):
                     child = name if spelling == "." else f"{spelling}/{name}"
@@ -140,8 +140,9 @@ class _Walk:
             return NOT_A_PACKAGE
         return identify(self.root, Path(spelling), entries.keys(), self.variables, self.overrides)
 
-    def add(self, identity: Identity) -> None:
-        self.problems += identity.problems
+    def add(self, identity: Identity, path: Path) -> None:
+        if identity.problems:
+            self.broken.append(BrokenPackage(identity.name, path, identity.problems))
         self.notes += identity.notes
         package = identity.package
         if package is not None and self.packages.setdefault(package.name, package) is not package:
@@ -152,7 +153,12 @@ class _Walk:
         count = len(self.packages)
         packages = {package.name: package for package in found[:count]}
         notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
-        return Workspace(self.root, packages, tuple(self.problems), tuple(found[count:]), notes)
+        broken = (replace(each, name=each.name or self.guessed_name(each.path)) for each in self.broken)
+        return Workspace(self.root, packages, tuple(broken), tuple(found[count:]), notes)
+
+    def guessed_name(self, path: Path) -> str:
+        name = (self.root / path).resolve().name
+        return str(path) if name in self.packages else name
 
 
 def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:

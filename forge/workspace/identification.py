@@ -7,12 +7,13 @@ CMakeLists.txt, setup.py, and in addition pyproject.toml.
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Location, Problem, WorkspaceError
-from forge.base.files import read_file
+from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
 from forge.base.names import is_word
 from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
     from forge.workspace.overrides import Overrides
 
+_NAME = re.compile(r"<name>\s*([\w.-]+)\s*</name>")
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
 OWN_TYPES = frozenset({"cargo", "cmake", "python", "ros"})
@@ -58,12 +61,20 @@ def identify(
             sources = (own, overrides.named(package.name), said)
             identity = replace(identity, package=with_overrides(package, sources))
     except WorkspaceError as error:
-        return Identity(problems=_relative(error.problems, folder))
+        return Identity(problems=_relative(error.problems, folder), name=_likely_name(folder))
     except OSError as error:
         file = os.path.relpath(error.filename, folder.place) if error.filename else "package.xml"
         what = "the manifest" if file == "package.xml" else "the file"
-        return Identity(problems=(Problem(f"cannot read {what}: {error.strerror}", Location(path / file)),))
+        problem = Problem(f"cannot read {what}: {error.strerror}", Location(path / file))
+        return Identity(problems=(problem,), name=_likely_name(folder))
     return replace(identity, notes=(*conflicts, *identity.notes))
+
+
+def _likely_name(folder: Folder) -> str:
+    """Return the name that an invalid package was given, '' if it is unreadable."""
+    text = text_or_nothing(folder.place / "package.xml") if "package.xml" in folder.entries else ""
+    named = _NAME.search(_COMMENT.sub("", text))
+    return folder.name or (named[1] if named else "")
 
 
 def read_package(root: Path, folder: Path, variables: Mapping[str, str]) -> Package:

@@ -18,12 +18,16 @@ if TYPE_CHECKING:
 
 @frozen
 class Identity:
-    """The result for a folder: a package or not, whether to search below, problems and warnings."""
+    """The result for a folder: a package or not, whether to search below, and warnings.
+
+    If it has `problems`, `name` is the package's name, '' if it is unreadable.
+    """
 
     package: Package | None = None
     descend: bool = False
     problems: tuple[Problem, ...] = ()
     notes: tuple[Problem, ...] = ()
+    name: str = ""
 
 
 NOT_A_PACKAGE = Identity(descend=True)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from forge.base import ament_index
 from forge.base.distributions import distribution_in, has_service_events
 from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.graph import ordered_names
+from forge.base.graph import closure, ordered_names
+from forge.base.layout import IGNORE_MARK
 from forge.base.standard_interfaces import distribution_hint, is_embedded
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded
 from forge.workspace.filters import apply_filters
+from forge.workspace.model import Manifest, Package, Selection
 from forge.workspace.overrides import read_overrides
 from forge.workspace.resolve import (
     ALL_KINDS,
@@ -28,11 +30,13 @@ from forge.workspace.selection import duplicate_node, ignored, select
 from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from forge.workspace.model import Package, Selection, Workspace
+    from forge.workspace.model import BrokenPackage, Workspace
     from forge.workspace.selection import Query, SearchPaths
+
+Node = TypeVar("Node")
 
 
 @frozen
@@ -69,8 +73,15 @@ def load_workspace(
     name; SelectionError for names that cannot be selected.
     """
     found = find_packages(root, query.search, variables)
-    workspace = _without(found, ignored(query, found.packages))
-    whole = resolve_workspace(workspace, variables, install or root / "install", embedded=embedded)
+    every = found.packages.keys() | {broken.name for broken in found.broken}
+    workspace = _without(found, ignored(query, every))
+    broken = _placeholders(workspace)
+    whole = resolve_workspace(
+        replace(workspace, packages={**workspace.packages, **broken}),
+        variables,
+        install or root / "install",
+        embedded=embedded,
+    )
     resolution, cycle_warnings = break_test_cycles(whole)
     listing = install is None
     duplicates = workspace.duplicates if listing else ()
@@ -79,15 +90,72 @@ def load_workspace(
         **{duplicate_node(other.name, other.path): other for other in duplicates},
     }
     needs = _needs(resolution, duplicates)
-    limits, unsure = apply_filters(query.filters, root, workspace.packages, resolution.needs)
+    limits, unsure = apply_filters(query.filters, root, {**workspace.packages, **broken}, resolution.needs)
     ordered = ordered_names(needs)
-    selection, notes = select(query, ordered, needs, limits, found.packages)
+    selection, notes = select(query, ordered, needs, limits, every)
     clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.duplicates]
     if not listing:
         raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
     warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *unsure, *notes)
     faults = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
-    return LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
+    loaded = LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
+    return _without_broken(loaded, frozenset(broken), listing=listing) if workspace.broken else loaded
+
+
+def _placeholders(workspace: Workspace) -> dict[str, Package]:
+    """Return packages that stand for the broken ones, so that options and dependencies can name them."""
+    return {
+        broken.name: Package(broken.path, Manifest(broken.name, "", "", "", (), broken.path), ros=False)
+        for broken in workspace.broken
+        if broken.name not in workspace.packages
+    }
+
+
+def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: bool) -> LoadedWorkspace:
+    """Return the workspace without the packages that stand for broken ones.
+
+    Only the broken packages that the selected ones include or need remain as problems, others are warnings.
+    """
+    reached = closure(loaded.needs, loaded.selection.names) | frozenset(loaded.selection.names)
+    needed = [broken for broken in loaded.workspace.broken if broken.name in reached]
+    others = (
+        () if listing else map(_skipped, (each for each in loaded.workspace.broken if each not in needed))
+    )
+    selection, resolution = loaded.selection, loaded.resolution
+    return replace(
+        loaded,
+        workspace=replace(loaded.workspace, broken=tuple(map(_with_remedy, needed))),
+        resolution=replace(
+            resolution,
+            packages=_drop(resolution.packages, names),
+            needs={name: needs - names for name, needs in _drop(resolution.needs, names).items()},
+        ),
+        selection=Selection(
+            tuple(node for node in selection.names if node not in names), _drop(selection.left_out, names)
+        ),
+        packages=_drop(loaded.packages, names),
+        needs={name: needs - names for name, needs in _drop(loaded.needs, names).items()},
+        ordered=tuple(node for node in loaded.ordered if node not in names),
+        warnings=(*others, *loaded.warnings),
+    )
+
+
+def _skipped(broken: BrokenPackage) -> Problem:
+    first = broken.problems[0]
+    return replace(first, message=f"skipping '{broken.name}': {first.message}")
+
+
+def _with_remedy(broken: BrokenPackage) -> BrokenPackage:
+    """Return a broken package whose last problem tells how to build without it."""
+    *first, last = broken.problems
+    ignored = f"'--packages-ignore {broken.name}', or an empty file '{broken.path / IGNORE_MARK}'"
+    remedy = f"to leave the package out: {ignored}"
+    hint = f"{last.hint}; {remedy}" if last.hint else remedy
+    return replace(broken, problems=(*first, replace(last, hint=hint)))
+
+
+def _drop(nodes: Mapping[str, Node], names: Collection[str]) -> dict[str, Node]:
+    return {name: value for name, value in nodes.items() if name not in names}
 
 
 def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:
@@ -109,7 +177,8 @@ def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
         return workspace
     packages = {name: package for name, package in workspace.packages.items() if name not in names}
     duplicates = tuple(other for other in workspace.duplicates if other.name not in names)
-    return replace(workspace, packages=packages, duplicates=duplicates)
+    broken = tuple(other for other in workspace.broken if other.name not in names)
+    return replace(workspace, packages=packages, duplicates=duplicates, broken=broken)
 
 
 def resolve_workspace(

@@ -124,18 +124,32 @@ class Package:
 
 
 @frozen
+class BrokenPackage:
+    """A folder with an invalid manifest, and the name in it; if it is unreadable, the name of the folder."""
+
+    name: str
+    path: Path
+    problems: tuple[Problem, ...]
+
+
+@frozen
 class Workspace:
     """All packages below the base paths, by name.
 
-    Of packages with the same name the first one counts, `duplicates` are the others. `problems` are invalid
-    manifests, which prevent builds. `notes` are warnings.
+    Of packages with the same name the first one counts, `duplicates` are the others. `broken` are those with
+    invalid manifests, which stop the commands that need them. `notes` are warnings.
     """
 
     root: Path
     packages: Mapping[str, Package]
-    problems: tuple[Problem, ...] = ()
+    broken: tuple[BrokenPackage, ...] = ()
     duplicates: tuple[Package, ...] = ()
     notes: tuple[Problem, ...] = ()
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """The problems of all `broken` packages."""
+        return tuple(problem for broken in self.broken for problem in broken.problems)
 
 
 @frozen

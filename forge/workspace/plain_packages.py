@@ -157,7 +157,7 @@ def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
     if folder.name and facts.name and folder.name != facts.name:
         message = f"ignored: the assigned name '{folder.name}' differs from the Python name '{facts.name}'"
         hint = "remove the name from colcon.pkg or the *.meta file"
-        return Identity(problems=(Problem(message, Location(path), hint),))
+        return Identity(problems=(Problem(message, Location(path), hint),), name=folder.name)
     notes = () if facts.name or folder.name else (_no_literal(folder, path),)
     name = folder.name or facts.name or folder.place.resolve().name
     package = plain_package(folder, name, "python", path, facts.dependencies)

@@ -189,3 +189,77 @@ def test_nothing_to_tell_about_is_an_error_of_info(forge: Forge, tree: Tree) -> 
     ran = forge("info", cwd=tree({}))
     assert ran.code == 2
     assert "no packages found below" in ran.err
+
+
+BROKEN = "<package format='3'><name>{name}</name><!-- no maintainer --></package>"
+
+
+@pytest.fixture
+def with_broken(tree: Tree) -> Path:
+    """Return a workspace in which 'user' needs 'broken', 'good' needs nothing, and a folder has no name."""
+    return tree(
+        {
+            "src/good/package.xml": manifest_text("good", build_type="cmake"),
+            "src/good/CMakeLists.txt": "project(good NONE)\ninstall(FILES package.xml DESTINATION .)\n",
+            "src/user/package.xml": manifest_text("user", "<depend>broken</depend>", build_type="cmake"),
+            "src/user/CMakeLists.txt": "project(user NONE)\ninstall(FILES package.xml DESTINATION .)\n",
+            "src/b/package.xml": BROKEN.format(name="broken"),
+            "src/nameless/package.xml": "<package",
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--packages-select", "good"),
+        ("--packages-up-to", "good"),
+        ("--packages-select-regex", "go"),
+        ("--packages-skip", "broken", "user", "nameless"),
+        ("--packages-skip-regex", "brok", "us", "name"),
+        ("--packages-ignore", "broken", "nameless"),
+        ("--packages-ignore-regex", "b", "n"),
+        ("--packages-above", "good"),
+        ("--packages-select", "good", "broken", "--packages-skip", "broken"),
+    ],
+)
+def test_a_broken_manifest_stops_only_what_needs_it(
+    forge: Forge, with_broken: Path, options: tuple[str, ...]
+) -> None:
+    ran = forge("build", *options, cwd=with_broken)
+    assert ran.code == 0, ran.err
+    assert (with_broken / "install/good").is_dir()
+    assert "error" not in ran.err
+    for command in ("test", "doctor", "deps", "info", "list", "graph", "clean packages -y"):
+        assert "error: " not in forge(*command.split(), *options, cwd=with_broken).err
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("--packages-select", "broken"),
+        ("--packages-select", "user"),
+        ("--packages-up-to", "user"),
+        ("--packages-above", "broken"),
+        ("--packages-skip", "good"),
+        ("--packages-select-regex", "bro"),
+    ],
+)
+def test_a_broken_manifest_stops_what_needs_it_and_says_how_to_go_around(
+    forge: Forge, with_broken: Path, options: tuple[str, ...]
+) -> None:
+    ran = forge("build", *options, cwd=with_broken)
+    assert ran.code == 2
+    assert "src/b/package.xml:1:1: error: element 'version' is missing" in ran.err
+    remedy = "'--packages-ignore broken', or an empty file 'src/b/COLCON_IGNORE'"
+    assert f"hint: to leave the package out: {remedy}" in ran.err
+    assert "no package named" not in ran.err
+
+
+def test_stale_results_are_not_removed_while_a_manifest_is_broken(forge: Forge, with_broken: Path) -> None:
+    assert forge("build", "--packages-select", "good", cwd=with_broken).code == 0
+    text = (with_broken / "src/good/package.xml").read_text()
+    (with_broken / "src/good/package.xml").write_text(text.replace("<license>", "<licence>"))
+    assert forge("clean", "stale", "-y", cwd=with_broken).code == 2
+    assert (with_broken / "install/good").is_dir()
