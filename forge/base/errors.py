@@ -46,6 +46,8 @@ EXIT_INTERRUPTED = 130
 """The exit code after Ctrl-C; forge.cli.main defines the others."""
 
 _DISK_FULL = "free some space, or choose other folders with '--build-base', '--install-base' and '--log-base'"
+_NETWORK = "the file system's server does not answer; check the mount"
+_FOR_WRITING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 _VANISHED = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ESTALE})
 _OF_OUTPUT = frozenset({errno.EBADF, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 _HINTS = {
@@ -58,6 +60,13 @@ _HINTS = {
     errno.EMFILE: "a limit on open files is set: 'ulimit -n 4096' raises it",
     errno.ENFILE: "too many files are open in the whole system",
     errno.EIO: "the disk may be faulty; check the system log",
+    errno.EBUSY: "something is mounted there, or a program uses it: 'findmnt' lists mounts; unmount it first",
+    errno.ENOTEMPTY: "another program is writing to it: stop it and try again",
+    errno.ETXTBSY: "a running program uses it: stop it and try again",
+    errno.EILSEQ: "the file system does not support this name",
+    errno.EMLINK: "the file system does not support as many links to a file",
+    errno.EOPNOTSUPP: "the file system does not support this operation; choose another one",
+    **dict.fromkeys((errno.ETIMEDOUT, errno.ENOTCONN, errno.EREMOTEIO, errno.EHOSTDOWN), _NETWORK),
     errno.ENAMETOOLONG: "move the workspace to a shorter path",
     errno.EISDIR: "expected a file: move or remove the folder",
     errno.ELOOP: "symbolic links form a cycle: remove one of them",
@@ -229,7 +238,9 @@ def refusal(error: OSError) -> Problem | None:
         return Problem(f"cannot write to the standard output: {reason}")
     if error.errno not in _HINTS:
         return None
-    message = f"cannot read or write '{error.filename or 'a file'}': {reason}"
+    # Copies that fail name their source first.
+    path = (error.errno in _FOR_WRITING and error.filename2) or error.filename
+    message = f"cannot read or write '{path or 'a file'}': {reason}"
     return Problem(message, hint=_HINTS[error.errno])
 
 

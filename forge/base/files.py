@@ -7,6 +7,7 @@ import errno
 import os
 import shutil
 import stat
+import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -178,6 +179,23 @@ def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
         if len(files) + len(waiting) == count and folder != root:
             empty.append(folder)
     return files, empty
+
+
+def delete_tree(path: str | Path) -> None:
+    """Remove a folder recursively like shutil.rmtree, but with the full path in errors instead of a name."""
+
+    def fail(
+        _function: object, failed: str, error: BaseException | tuple[object, BaseException, object]
+    ) -> None:
+        reason = error[1] if isinstance(error, tuple) else error
+        if isinstance(reason, OSError):
+            reason.filename = failed
+        raise reason
+
+    if sys.version_info >= (3, 12):
+        shutil.rmtree(path, onexc=fail)
+    else:
+        shutil.rmtree(path, onerror=fail)
 
 
 def remove_tree(path: str) -> None:

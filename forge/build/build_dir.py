@@ -14,12 +14,11 @@ import contextlib
 import filecmp
 import json
 import os
-import shutil
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from forge.base.files import replace_file
+from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, TEST_SCRATCH_DIR, UNITS_FAILED_FILE
 from forge.base.xml import mentions
@@ -276,7 +275,7 @@ def _remove_below(build: Path, paths: Iterable[str]) -> None:
 
 def _discard_path(path: str) -> None:
     if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
-        shutil.rmtree(path)
+        delete_tree(path)
     else:
         os.unlink(path)  # noqa: PTH108
 
@@ -336,4 +335,4 @@ def _discard(folder: Path) -> None:
     if folder.is_symlink() or folder.is_file():
         folder.unlink()
     elif folder.is_dir():
-        shutil.rmtree(folder)
+        delete_tree(folder)

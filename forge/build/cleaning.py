@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import listed_paths
+from forge.base.files import delete_tree, listed_paths
 from forge.base.frozen import frozen
 from forge.base.layout import (
     BACKUP_DIR,
@@ -135,7 +134,7 @@ def remove(removables: Iterable[Removable]) -> None:
         bases.append(removable.base)
         for path in (*removable.paths, *removable.records):
             if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
+                delete_tree(path)
             else:
                 remove_file(path, removable.base)
     for base in dict.fromkeys(bases):

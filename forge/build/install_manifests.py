@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from forge.base.files import BYTECODE, listed_paths
+from forge.base.files import BYTECODE, delete_tree, listed_paths
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -51,7 +50,7 @@ def clean_paths(task: Task) -> None:
     for path in task.clean:
         for found in path.parent.glob(path.name) if path.parent.is_dir() else ():
             if found.is_dir() and not found.is_symlink():
-                shutil.rmtree(found)
+                delete_tree(found)
             else:
                 found.unlink()
 

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import ForgeError
+from forge.base.errors import ForgeError, Problem, refusal
+from forge.base.files import naming
 from forge.build.wheels.install_wheel import WheelInstall, install_wheel
 
 if TYPE_CHECKING:
@@ -17,14 +18,23 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str] | None = None) -> int:
     """Install one package; returns 0, or 2 after printing problems."""
     try:
-        warnings = install_wheel(WheelInstall(**vars(_parser().parse_args(argv))))
+        options = WheelInstall(**vars(_parser().parse_args(argv)))
+        with naming(options.build):
+            warnings = install_wheel(options)
     except ForgeError as error:
-        for problem in error.problems:
-            print(problem.render(), file=sys.stderr)
-        return 2
-    for problem in warnings:
-        print(problem.render("warning"), file=sys.stderr)
-    return 0
+        problems: tuple[Problem, ...] = error.problems
+    except OSError as error:
+        problem = refusal(error)
+        if problem is None:
+            raise
+        problems = (problem,)
+    else:
+        for problem in warnings:
+            print(problem.render("warning"), file=sys.stderr)
+        return 0
+    for problem in problems:
+        print(problem.render(), file=sys.stderr)
+    return 2
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -412,6 +412,50 @@ def test_a_full_disk_is_told_and_nothing_half_written_looks_whole(tree: Tree, ba
     assert not differences(found, look(root / "install"))
 
 
+@pytest.mark.parametrize("base", ["build", "install"])
+def test_a_full_disk_in_a_python_install_is_one_error_with_a_path(tree: Tree, base: str) -> None:
+    root = tree(
+        {
+            "ws/src/p/package.xml": manifest_text("p", build_type="ament_python"),
+            "ws/src/p/setup.py": "from setuptools import setup\nfrom glob import glob\n"
+            "setup(name='p', version='1', py_modules=['p'], data_files=[('share/p', glob('d/*'))])\n",
+            "ws/src/p/p.py": "",
+            **{f"ws/src/p/d/{number}": f"{number:04}\n" * 10000 for number in range(20)},
+        }
+    )
+    root /= "ws"
+    for kilobytes in (4, 60, 500, 900, 1300, 1600):
+        with small_disk(root / base, kilobytes) as mounted:
+            if not mounted:
+                pytest.skip("needs permission to mount")
+            ran = run(root)
+            said = ran.stdout + ran.stderr
+            assert "Traceback" not in said, (kilobytes, said)
+            if ran.returncode:
+                assert re.search(rf"error: .*{root / base}/.*no space left on device", said), (
+                    kilobytes,
+                    said,
+                )
+    assert run(root).returncode == 0
+
+
+@pytest.mark.parametrize("part", ["build/p/d", "install/p/d"])
+def test_a_mount_that_cannot_be_removed_is_one_error_with_its_path(tree: Tree, part: str) -> None:
+    root = tree({f"ws/{name}": text for name, text in package("p").items()}) / "ws"
+    assert run(root).returncode == 0
+    with small_disk(root / part, 100) as mounted:
+        if not mounted:
+            pytest.skip("needs permission to mount")
+        (root / part / "precious").write_text("mine")
+        (root / "src/p/said.txt").write_text("two\n")
+        for words in ((), ("--force",), ("--symlink-install", "--force")):
+            ran = run(root, *words)
+            assert "Traceback" not in ran.stderr, ran.stderr
+            assert ran.returncode in {0, 1, 2}
+            assert ran.returncode == 0 or str(root) in ran.stderr, ran.stderr
+        assert [path.read_text() for path in root.rglob("precious")] == ["mine"]
+
+
 def test_an_install_that_cannot_be_written_is_told(tree: Tree) -> None:
     root = tree({f"ws/{name}": text for name, text in package("a").items()}) / "ws"
     with small_disk(root / "install", 9000) as mounted:

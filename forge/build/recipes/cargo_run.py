@@ -300,4 +300,8 @@ def main(argv: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except OSError as error:
+        path = error.filename2 or error.filename or sys.argv[4]
+        sys.exit(f"error: cannot read or write '{path}': {error.strerror}")

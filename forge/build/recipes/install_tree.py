@@ -42,4 +42,9 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    try:
+        main(*map(Path, sys.argv[1:]))
+    except OSError as error:
+        sys.exit(
+            f"error: cannot install '{error.filename2 or error.filename or sys.argv[3]}': {error.strerror}"
+        )

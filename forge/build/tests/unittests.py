@@ -137,8 +137,11 @@ def main(words: Sequence[str]) -> int:
     result = program.result
     assert isinstance(result, Result)  # noqa: S101  (the runner above makes one)
     path = Path(junit)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(_junit(package, result.records))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(_junit(package, result.records))
+    except OSError as error:
+        sys.exit(f"error: cannot write '{path}': {error.strerror}")
     if not result.wasSuccessful():
         return FAILED
     return 0 if result.records else NONE_FOUND

@@ -10,6 +10,15 @@ from forge.base.files import text_or_nothing
 if TYPE_CHECKING:
     from pathlib import Path
 
+DISK_FULL = re.compile(
+    r"\[Errno (?:28|122)\]|: (?:No space left on device|Disk quota exceeded)$", re.MULTILINE
+)
+"""In the output of a failed backend: where it was writing is of no interest."""
+_FAILED_WRITE = re.compile(
+    r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
+    r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
+    re.MULTILINE,
+)
 _OF_SETUPTOOLS = re.compile(r"^running bdist_wheel$", re.MULTILINE)
 _PROGRESS = re.compile(
     r"^(?:running [a-z_]+|(?:creating|writing|reading|adding|removing|installing|byte-compiling) .*"
@@ -37,6 +46,8 @@ def progress_and_failure(output: str, setup: Path) -> tuple[str, str]:
     """
     progress = "".join(_PROGRESS.findall(output)) if _OF_SETUPTOOLS.search(output) else ""
     failure = _PROGRESS.sub("", output) if progress else output
+    if DISK_FULL.search(output):
+        return progress, _FAILED_WRITE.sub("", failure)
     lines = text_or_nothing(setup).splitlines()
 
     def shortened(match: re.Match[str]) -> str:

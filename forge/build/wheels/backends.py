@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
-import shutil
 import subprocess
 import sys
 import warnings
@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import pyproject_hooks
 
 from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError, raise_if_any
-from forge.base.files import read_file, replace_file
+from forge.base.files import delete_tree, read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
 from forge.build.inputs.fingerprints import source_files
 from forge.build.wheels.backend_inputs import external_files, parse_list, parse_make_rules, parse_trace
-from forge.build.wheels.backend_output import progress_and_failure
+from forge.build.wheels.backend_output import DISK_FULL, progress_and_failure
 from forge.build.wheels.entry_points import invalid_scripts_of_setup
 from forge.toolchain.bundled_setuptools import setuptools_path
 from forge.toolchain.python_modules import install_command
@@ -100,6 +100,8 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
         message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
         raise EnvironmentFault(Problem(message, hint=hint)) from None
     except subprocess.CalledProcessError:
+        if DISK_FULL.search(trace.output):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(build)) from None
         remedy = install_command(Path(python), ("wheel",)) if _NO_WHEEL in trace.output else None
         message = f"the package's build backend '{backend}' failed; see its output above"
         raise EnvironmentFault(Problem(message, hint=remedy)) from None
@@ -109,7 +111,7 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
     read, written = trace.result()
     _write_list(build / SCRATCH_DIR / READ_BY_BACKEND, read)
     _write_list(build / SCRATCH_DIR / WRITTEN_BY_BACKEND, written)
-    shutil.rmtree(trace.folder)
+    delete_tree(trace.folder)
     return out / wheel, trace.output
 
 
@@ -205,7 +207,7 @@ def _remove_leftovers(build: Path) -> None:
 
 def _remove(path: Path) -> None:
     if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
+        delete_tree(path)
     else:
         path.unlink(missing_ok=True)
 

@@ -22,7 +22,7 @@ from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
-from forge.base.files import listed_paths, read_text, replace_file
+from forge.base.files import listed_paths, naming, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.build.observed_writes import note_written
 from forge.build.wheels.backends import build_wheel
@@ -131,8 +131,10 @@ class _Prefix(SchemeDictionaryDestination):
         if Path(path).is_absolute() or ".." in Path(path).parts:
             message = f"the package would install '{path}', which is outside its prefix"
             raise WorkspaceError(Problem(message, hint="check data_files and entry points in its setup"))
-        note_written(os.path.join(self.scheme_dict[scheme], path))  # noqa: PTH118  (a string)
-        return super().write_to_fs(scheme, path, stream, is_executable)
+        target = Path(self.scheme_dict[scheme]) / path
+        note_written(str(target))
+        with naming(target):
+            return super().write_to_fs(scheme, path, stream, is_executable)
 
 
 def _scripts_folder(options: WheelInstall) -> str:

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -59,9 +59,16 @@ def main(descriptor: str, grammar: str, cache: str = "") -> int:
     return serve(int(descriptor), run, prepare=lambda call: generators.prepare(call.argv, call.environment))
 
 
+def _temporary_file() -> IO[bytes]:
+    try:
+        return tempfile.TemporaryFile()
+    except OSError as error:
+        raise DeclinedError(f"cannot write a temporary file: {error.strerror}") from None
+
+
 def _run_quietly(generators: Generators, call: Call) -> None:
     """Run a command and pass on what it printed, except if it is declined: then it runs again."""
-    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+    with _temporary_file() as output, _temporary_file() as errors:
         clients = [os.dup(1), os.dup(2)]
         os.dup2(output.fileno(), 1)
         os.dup2(errors.fileno(), 2)
