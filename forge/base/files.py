@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import shutil
 import stat
 import sys
@@ -181,8 +182,26 @@ def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
     return files, empty
 
 
+def mount_below(path: str | Path) -> str:
+    """Return a mount point in a folder, '' if there is none; bind mounts have the device of their parent."""
+    folder = os.path.realpath(path)
+    with contextlib.suppress(OSError), open("/proc/self/mountinfo", "rb") as mounts:  # noqa: PTH123
+        for line in mounts:
+            escaped = line.split(b" ")[4]
+            point = os.fsdecode(re.sub(rb"\\(\d{3})", lambda match: bytes([int(match[1], 8)]), escaped))
+            if point.startswith(f"{folder}/"):
+                return point
+    return ""
+
+
 def delete_tree(path: str | Path) -> None:
-    """Remove a folder recursively like shutil.rmtree, but with the full path in errors instead of a name."""
+    """Remove a folder recursively like shutil.rmtree, but with the full path in errors instead of a name.
+
+    Raises OSError before anything is removed if a file system is mounted below.
+    """
+    mounted = mount_below(path)
+    if mounted:
+        raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), mounted)
 
     def fail(
         _function: object, failed: str, error: BaseException | tuple[object, BaseException, object]
@@ -199,7 +218,7 @@ def delete_tree(path: str | Path) -> None:
 
 
 def remove_tree(path: str) -> None:
-    """Remove a file, link or folder recursively, ignoring errors."""
+    """Remove a file, link or folder recursively, ignoring errors, except if something is mounted below."""
     try:
         os.unlink(path)  # noqa: PTH108
     except FileNotFoundError:
@@ -207,6 +226,8 @@ def remove_tree(path: str) -> None:
     except OSError:
         with contextlib.suppress(OSError):  # already empty
             os.rmdir(path)  # noqa: PTH106
+            return
+        if mount_below(path):
             return
         shutil.rmtree(path, ignore_errors=True)
         if os.path.isdir(path):  # noqa: PTH112

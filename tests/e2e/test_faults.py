@@ -369,8 +369,10 @@ def small_disk(folder: Path, kilobytes: int) -> Iterator[bool]:
     try:
         yield mounted
     finally:
-        if mounted:
-            subprocess.run(["umount", "--lazy", str(folder)], check=True)
+        mounts = Path("/proc/mounts").read_text(encoding="utf-8") if mounted else ""
+        # A build may have renamed a folder above.
+        for path in re.findall(rf"^tmpfs ({folder.parents[1]}/\S+)", mounts, re.MULTILINE):
+            subprocess.run(["umount", "--lazy", path], check=True)
 
 
 def grown(folder: Path, options: str) -> None:
@@ -452,7 +454,7 @@ def test_a_mount_that_cannot_be_removed_is_one_error_with_its_path(tree: Tree, p
             ran = run(root, *words)
             assert "Traceback" not in ran.stderr, ran.stderr
             assert ran.returncode in {0, 1, 2}
-            assert ran.returncode == 0 or str(root) in ran.stderr, ran.stderr
+            assert ran.returncode == 0 or f"{root}/{part.partition('/')[0]}/" in ran.stderr, ran.stderr
         assert [path.read_text() for path in root.rglob("precious")] == ["mine"]
 
 
