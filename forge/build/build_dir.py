@@ -22,7 +22,7 @@ from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, TEST_SCRATCH_DIR, UNITS_FAILED_FILE
 from forge.base.xml import mentions
-from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, read_json, written_since
+from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, SOURCES, read_json, written_since
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.inputs.native_graph import cmake_edge, read_native_graph
 from forge.build.reuse import (
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from forge.build.inputs.input_manifest import InputManifest
 
-_SOURCES, _DROPPED = "sources.json", "dropped.json"
+_DROPPED = "dropped.json"
 _KEPT = (
     *(BUILD_RESULT, TEST_RESULT, TEST_SCRATCH_DIR, "test_results", "Testing"),
     *("pytest.xml", "unittest.xml", ".coverage", "coverage.html", "coverage.xml", ".pytest_cache"),
@@ -108,7 +108,7 @@ def prepare_build_dir(
         _begin_empty(build, decision, inputs.kept)
     folder = build / SCRATCH_DIR
     (folder / ENDED).unlink(missing_ok=True)
-    write_manifest(folder / _SOURCES, inputs.sources)
+    write_manifest(folder / SOURCES, inputs.sources)
     note = {
         "began": time.time_ns(),
         "base": inputs.base,
@@ -155,7 +155,7 @@ _NOTHING = Decision(Reuse.NOTHING)
 
 def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconfigure: bool) -> Decision:
     note, ended = read_json(build / SCRATCH_DIR / BEGUN), read_json(build / SCRATCH_DIR / ENDED)
-    then = read_manifest(build / SCRATCH_DIR / _SOURCES)
+    then = read_manifest(build / SCRATCH_DIR / SOURCES)
     known = then is not None and isinstance(note.get("began"), int) and note.get("base") == inputs.base
     if not known or then is None or _in_future(build, note["began"]):
         return _NOTHING

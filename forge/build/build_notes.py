@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 BEGUN, ENDED = "begun.json", "ended.json"
 EXTERNALS = "externals.json"
+SOURCES = "sources.json"
+"""The sources at the start of the last build, successful or not."""
 
 
 @frozen

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from forge.build.inputs.input_manifest import Changes
+    from forge.build.inputs.input_manifest import Changes, InputManifest
 
 _KEPT = 8
 """The number of states kept per package: dependents may have been built with different ones."""
@@ -42,6 +42,10 @@ class InstalledStates:
         for path in newest_first[_KEPT:]:
             path.unlink(missing_ok=True)
 
+    def contents(self, name: str, digest: str) -> InputManifest | None:
+        """Return the installed files of a package in one of its states, None if it is not known."""
+        return read_manifest(self._home / name / f"{digest}.json")
+
     def changes(self, name: str, then: str, now: str) -> Changes | None:
         """Return how two states of a package differ, by their digests; None when one of them is not known.
 
@@ -49,10 +53,7 @@ class InstalledStates:
         """
         key = (name, then, now)
         if key not in self._compared:
-            one, other = (
-                read_manifest(self._home / name / f"{digest}.json") if digest else {}
-                for digest in (then, now)
-            )
+            one, other = (self.contents(name, digest) if digest else {} for digest in (then, now))
             self._compared[key] = None if one is None or other is None else compare(one, other)
         return self._compared[key]
 
@@ -64,7 +65,7 @@ class InstalledStates:
         changes = self.changes(name, then, now)
         if not changes or changes.names:
             return False
-        one, other = (read_manifest(self._home / name / f"{digest}.json") or {} for digest in (then, now))
+        one, other = (self.contents(name, digest) or {} for digest in (then, now))
         known = _read_interfaces(self._home / name / _INTERFACES)
         return all(
             SHARED_LIBRARY.search(path)

@@ -10,6 +10,8 @@ from forge.base.frozen import Pairs, frozen
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from forge.build.up_to_date import InputChange
+
 
 @frozen
 class Fingerprint:
@@ -88,15 +90,16 @@ class Snapshot:
     """The current state on disk, beside the records of earlier builds.
 
     `sources` and `installed` are current fingerprints, the latter of the files listed in the record.
-    `changed_externals` maps a package to one changed input outside it. `listed` are the files that install
-    manifests in a package's build folder list. `present` are the packages whose prefix is marked as complete.
-    `changed_files` maps a package to its changed source files, for explanations.
+    `listed` are the files that install manifests in a package's build folder list. `present` are the packages
+    whose prefix is marked as complete. `changed_externals`, `source_changes` and `installed_changes` name
+    what changed for a package: inputs outside it, its sources, its installed files.
     """
 
     records: Mapping[str, BuildRecord] = field(default_factory=dict)
     sources: Mapping[str, Fingerprint] = field(default_factory=dict)
     installed: Mapping[str, Fingerprint] = field(default_factory=dict)
-    changed_externals: Mapping[str, str] = field(default_factory=dict)
+    changed_externals: Mapping[str, InputChange] = field(default_factory=dict)
     listed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     present: frozenset[str] = frozenset()
-    changed_files: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    source_changes: Mapping[str, str] = field(default_factory=dict)
+    installed_changes: Mapping[str, str] = field(default_factory=dict)

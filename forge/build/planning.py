@@ -18,8 +18,8 @@ from forge.build.up_to_date import (
     FOR_COMPILERS,
     DependencyHashes,
     ExtraInputs,
-    changed_input_reason,
-    unconditional_reason,
+    changed_input,
+    reason_to_build,
 )
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def finalize_task(
     task = replace(task, inputs=replace(task.inputs, needs=need_hashes or ()))
     if reads_other:
         return task
-    if task.conditional and record is not None and changed_input_reason(task.inputs, record.inputs) is None:
+    if task.conditional and record is not None and changed_input(task.inputs, record.inputs) is None:
         return None
     return task
 
@@ -169,7 +169,12 @@ def make_whole_plan(  # noqa: PLR0913, PLR0917  (the parameters of make_plan and
     """
     plan, hashes = make_plan(names, resolution, snapshot, context, global_inputs)
     while found := overwritten(plan):
-        snapshot = replace(snapshot, installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())})
+        changes = dict.fromkeys(found, "another package that is built overwrites one of its files")
+        snapshot = replace(
+            snapshot,
+            installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())},
+            installed_changes={**snapshot.installed_changes, **changes},
+        )
         plan, hashes = make_plan(names, resolution, snapshot, context, global_inputs)
     return plan, hashes
 
@@ -194,13 +199,10 @@ def _reason(
 ) -> str | None:
     """Return why the package must be built; None if it need not be or that depends on pending packages."""
     record = snapshot.records.get(name)
-    reason = unconditional_reason(name, record, snapshot)
-    if reason is not None or record is None:
-        return reason
-    if need_hashes is None:
+    if need_hashes is None and record is not None:
         inputs = replace(inputs, needs=record.inputs.needs)
-    different = changed_input_reason(inputs, record.inputs, snapshot.changed_files.get(name, ()))
-    return different or (f"requested by {forced}" if forced else None)
+    change = reason_to_build(name, inputs, record, snapshot)
+    return change.text if change else (f"requested by {forced}" if forced else None)
 
 
 def _task(

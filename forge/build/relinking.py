@@ -21,7 +21,7 @@ from forge.build.reuse import (
     read_or_nothing,
     would_only_link,
 )
-from forge.build.up_to_date import changed_input_reason
+from forge.build.up_to_date import changed_input
 from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -41,9 +41,7 @@ def relinking_is_redundant(
     which succeeded. `needs` has a digest of what each dependency has installed, `prefixes` are the absolute
     paths of their prefixes.
     """
-    only_needs_changed = (
-        changed_input_reason(replace(task.inputs, needs=record.inputs.needs), record.inputs) is None
-    )
+    only_needs_changed = changed_input(replace(task.inputs, needs=record.inputs.needs), record.inputs) is None
     if task.package.build_type not in CMAKE_TYPES or not only_needs_changed:
         return False
     build = task.build_dir

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
+from forge.build.change_texts import changed_external_files, changed_installed_files, changed_sources
 from forge.build.inputs.fingerprints import (
-    DIR_LISTING_SUFFIX,
     contents_of,
     digest_of,
     fingerprint_files,
@@ -14,6 +14,7 @@ from forge.build.inputs.fingerprints import (
     stamp_files,
 )
 from forge.build.install_manifests import ManifestFiles, installed_links
+from forge.build.installed_states import InstalledStates
 from forge.build.model import Snapshot
 
 if TYPE_CHECKING:
@@ -31,23 +32,40 @@ def take_snapshot(
 ) -> Snapshot:
     """Return the state of `packages`, whose paths are relative to `root` unless they are absolute."""
     records = dict(journal.records)
-    sources, installed, changed_files, present = {}, {}, {}, set()
+    sources, installed, source_changes, installed_changes, present = {}, {}, {}, {}, set()
     changed_externals = find_changed_externals(journal, table)
-    changed_before = tuple(table.changed_files)  # also sources, which other packages read
+    recent = tuple(table.changed_files)
+    states = InstalledStates(layout.build)
     for package in packages:
         name = package.name
         record = records.get(name)
-        home = str(root / package.path)
-        table.changed_files.clear()
+        home, build = str(root / package.path), layout.build_dir(name)
         sources[name] = fingerprint_tree(home, table, record.sources if record else None)
-        changed = {*table.changed_files, *(path for path in changed_before if path.startswith(f"{home}/"))}
-        changed_files[name] = tuple(path[len(home) + 1 :] for path in sorted(changed))
         if record:
+            if sources[name].digest != record.sources.digest:
+                source_changes[name] = changed_sources(home, build, record, table)
             installed[name] = fingerprint_files((*record.files, *record.folders), table, record.installed)
+            if installed[name].digest != record.installed.digest:
+                then = states.contents(name, record.installed.digest)
+                of_sources = source_changes.get(name, "")
+                installed_changes[name] = changed_installed_files(record, then, table, root, of_sources)
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
     listed = ManifestFiles(layout, _unrecorded_links(root, packages, layout, records))
-    return Snapshot(records, sources, installed, changed_externals, listed, frozenset(present), changed_files)
+    externals = {
+        name: changed_external_files(layout.build_dir(name), records[name], table, root, recent)
+        for name in changed_externals
+    }
+    return Snapshot(
+        records,
+        sources,
+        installed,
+        externals,
+        listed,
+        frozenset(present),
+        source_changes,
+        installed_changes,
+    )
 
 
 def _unrecorded_links(
@@ -64,23 +82,19 @@ def _unrecorded_links(
     return {name: paths for name, paths in links.items() if name not in records}
 
 
-def find_changed_externals(journal: Journal, table: FileTable) -> dict[str, str]:
-    """Return one changed external input for each affected package.
+def find_changed_externals(journal: Journal, table: FileTable) -> tuple[str, ...]:
+    """Return the packages with a changed external input.
 
     Packages share most of these files, so a single stamp of all files covers the common case.
     """
     paths = journal.externals
     table.changed_files.clear()
     if journal.stamp and stamp_files(paths) == journal.stamp:
-        return {}
+        return ()
     journal.clear_stamp()
     contents = contents_of(paths, table)
-    changed_externals: dict[str, str] = {}
-    for name, record in journal.records.items():
-        digest = digest_of(record.externals, contents)
-        if record.external and digest != record.external:
-            changed = [path for path in record.externals if path in table.changed_files]
-            changed_externals[name] = (
-                changed[0] if changed else "a file outside the workspace"
-            ).removesuffix(DIR_LISTING_SUFFIX)
-    return changed_externals
+    return tuple(
+        name
+        for name, record in journal.records.items()
+        if record.external and digest_of(record.externals, contents) != record.external
+    )

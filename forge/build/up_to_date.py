@@ -8,6 +8,7 @@ dependents remain up to date.
 
 from __future__ import annotations
 
+import enum
 import hashlib
 import re
 from typing import TYPE_CHECKING
@@ -79,77 +80,161 @@ class DependencyHashes:
         return hashlib.blake2b("\0".join(parts).encode(), digest_size=16).hexdigest()
 
 
-def unconditional_reason(name: str, record: BuildRecord | None, snapshot: Snapshot) -> str | None:
-    """Return why the package must be built regardless of its inputs, or None."""
+UNKNOWN_SOURCES = "its sources changed"
+UNKNOWN_INSTALLED = "an installed file was changed or removed"
+"""The reasons if it is not known which files changed."""
+
+
+class InputKind(enum.Enum):
+    """What kind of input changed."""
+
+    OWN = "own"
+    """The package itself, its dependencies or its results: what somebody did in the workspace."""
+    FORGE = "forge"
+    TOOL = "tool"
+    VARIABLE = "variable"
+    OPTION = "option"
+    OUTSIDE = "outside"
+    """A file outside the workspace."""
+    OTHER = "other"
+    """What else packages share: folders, interpreter, underlays."""
+
+
+@frozen
+class InputChange:
+    """The most significant change of a package's inputs: a sentence, and the names of all of its kind.
+
+    `added` are those names that the last build did not have.
+    """
+
+    kind: InputKind
+    text: str
+    names: tuple[str, ...] = ()
+    added: frozenset[str] = frozenset()
+
+
+def reason_to_build(
+    name: str, now: BuildInputs, record: BuildRecord | None, snapshot: Snapshot
+) -> InputChange | None:
+    """Return why a package must be built, or None."""
     if record is None:
-        return "not built yet"
+        return InputChange(InputKind.OWN, "not built yet")
     if not record.complete:
-        return "the last build did not finish successfully"
+        return InputChange(InputKind.OWN, "the last build did not finish successfully")
+    # First the folders: otherwise, the files in the former ones would seem to be removed.
+    return _changed_common_option(now.options, record.inputs.options) or (
+        _changed_file(name, record, snapshot)
+        or changed_input(now, record.inputs, snapshot.source_changes.get(name, UNKNOWN_SOURCES))
+    )
+
+
+def _changed_file(name: str, record: BuildRecord, snapshot: Snapshot) -> InputChange | None:
+    """Return a change of files besides the sources: installed, outside the package, or during the build."""
     if name not in snapshot.present or snapshot.installed[name].digest != record.installed.digest:
-        return "an installed file was changed or removed"
+        return InputChange(InputKind.OWN, snapshot.installed_changes.get(name, UNKNOWN_INSTALLED))
     if name in snapshot.changed_externals:
-        return f"the external input '{snapshot.changed_externals[name]}' changed"
+        return snapshot.changed_externals[name]
     if record.saved:
-        return f"'{record.saved[0]}' was modified during the last build"
+        return InputChange(InputKind.OWN, f"'{record.saved[0]}' was modified during the last build")
     return None
 
 
-def changed_input_reason(
-    now: BuildInputs, then: BuildInputs, changed_files: tuple[str, ...] = ()
-) -> str | None:
+def changed_input(
+    now: BuildInputs, then: BuildInputs, source_changes: str = UNKNOWN_SOURCES
+) -> InputChange | None:
     """Return the most significant difference between current and recorded inputs, or None."""
     if now.forge != then.forge:
-        return "forge itself changed"
-    for before, after, message in (
-        (then.tools, now.tools, "the tool '{}' changed"),
-        (then.environment, now.environment, "the environment variable '{}' changed"),
-    ):
-        name = _first_difference(after, before)
-        if name:
-            return message.format(name)
+        return InputChange(InputKind.FORGE, _forge_change(now.forge, then.forge))
+    change = _changed_pairs(InputKind.TOOL, now.tools, then.tools)
+    if change := change or _changed_pairs(InputKind.VARIABLE, now.environment, then.environment):
+        return change
     if now.options != then.options:
-        return _option(now.options, then.options)
+        return _changed_options(now.options, then.options)
+    text = None
     if now.sources != then.sources:
-        return source_changes(changed_files)
-    need = _first_difference(now.needs, then.needs)
-    if need:
-        return f"the dependency '{need}' changed"
-    return "packages were added to or removed from an underlay" if now.underlays != then.underlays else None
+        text = source_changes
+    elif need := _differences(now.needs, then.needs):
+        text = f"the dependency '{need[0]}' changed"
+    elif now.underlays != then.underlays:
+        return InputChange(InputKind.OTHER, "packages were added to or removed from an underlay")
+    return InputChange(InputKind.OWN, text) if text else None
 
 
-def _first_difference(now: Pairs, then: Pairs) -> str | None:
+FOUND_BY_PATH = "PATH"
+"""The recorded name of the packages that CMake finds beside the folders of PATH."""
+
+
+def _differences(now: Pairs, then: Pairs) -> tuple[str, ...]:
     before, after = dict(then), dict(now)
-    return next((name for name in sorted(before | after) if before.get(name) != after.get(name)), None)
+    return tuple(name for name in sorted(before | after) if before.get(name) != after.get(name))
 
 
-def _option(now: Sequence[str], then: Sequence[str]) -> str:
-    """Describe the most significant difference between options as the user knows them."""
-    count = len(COMMON_OPTIONS)
-    common = _common_option(now[:count], then[:count])
-    if common:
+def _changed_pairs(kind: InputKind, now: Pairs, then: Pairs) -> InputChange | None:
+    names = _differences(now, then)
+    if not names:
+        return None
+    text = (
+        "the packages that CMake finds beside the folders of 'PATH' changed"
+        if kind is InputKind.VARIABLE and names[0] == FOUND_BY_PATH
+        else f"the {'tool' if kind is InputKind.TOOL else 'environment variable'} '{names[0]}' changed"
+    )
+    return InputChange(kind, text, names, frozenset(names) - dict(then).keys())
+
+
+def _forge_change(now: str, then: str) -> str:
+    """Describe another forge; the stamps have the parts of `forge.cli.preparation.forge_stamp`."""
+    match then.split("\n"), now.split("\n"):
+        case [old, _, _, _], [new, _, _, _] if old != new:
+            return f"forge changed from version {old} to {new}"
+        case [_, _, old, old_folder], [_, _, new, folder] if (old, old_folder) != (new, folder):
+            return f"forge now runs in '{folder}' with Python {new}, not in '{old_folder}' with Python {old}"
+        case _:
+            return "forge itself changed"
+
+
+def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
+    """Describe the differences between options as the user knows them."""
+    if common := _changed_common_option(now, then):
         return common
-    before, after = _definitions(then[count:]), _definitions(now[count:])
-    added = next((option for option in after if option not in before), None)
-    if added is not None and added.startswith((MANIFEST, NAMED_FILE, BUILD_TYPE, RUST)):
-        return f"{added.rpartition(' ')[0]} changed"
-    removed = next((option for option in before if option not in after), None)
-    if added is not None:
-        return _NEGATIVE[added][0] if added in _NEGATIVE else f"the option '{added}' was added"
-    if removed is not None:
-        return _NEGATIVE[removed][1] if removed in _NEGATIVE else f"the option '{removed}' was removed"
-    return "the order of its options changed"
+    before, after = _own_options(then), _own_options(now)
+    added = [option for option in after if option not in before]
+    removed = [option for option in before if option not in after]
+    digested = next((option for option in (*added, *removed) if option.startswith(_DIGESTED)), None)
+    added, removed = (
+        [option for option in options if not option.startswith(_DIGESTED)] for options in (added, removed)
+    )
+    texts = [_NEGATIVE.get(option, (f"the option '{option}' was added",))[0] for option in added]
+    texts += [_NEGATIVE.get(option, ("", f"the option '{option}' was removed"))[1] for option in removed]
+    if not texts:
+        text = f"{digested.rpartition(' ')[0]} changed" if digested else "the order of its options changed"
+        return InputChange(InputKind.OTHER if digested else InputKind.OPTION, text)
+    if added and removed and added[0].startswith(ROSDISTRO) and removed[0].startswith(ROSDISTRO):
+        old, new = removed[0].removeprefix(ROSDISTRO), added[0].removeprefix(ROSDISTRO)
+        return InputChange(InputKind.OTHER, f"the ROS distribution changed from '{old}' to '{new}'")
+    replaced = {option.partition("=")[0] for option in added}
+    names = [_NEGATIVE[option][2] if option in _NEGATIVE else option for option in added]
+    names += [
+        _NEGATIVE[option][3] if option in _NEGATIVE else f"{option} (removed)"
+        for option in removed
+        if option.partition("=")[0] not in replaced
+    ]
+    return InputChange(InputKind.OPTION, texts[0], tuple(names))
 
 
-def _common_option(now: Sequence[str], then: Sequence[str]) -> str | None:
-    """Describe a difference between the options of every package; the layout explains other differences."""
-    pairs = list(zip(COMMON_OPTIONS, then, now, strict=True))
+def _own_options(options: Sequence[str]) -> list[str]:
+    """Return the options after those of every package, with that for links first."""
+    links = [SYMLINK_INSTALL] if options[_LAYOUT].endswith(LINKS) else []
+    return [*links, *_definitions(options[len(COMMON_OPTIONS) :])]
+
+
+def _changed_common_option(now: Sequence[str], then: Sequence[str]) -> InputChange | None:
+    """Return a difference between the options of every package; the layout explains other differences."""
+    pairs = list(zip(COMMON_OPTIONS, then, now, strict=False))
     for name, before, after in sorted(pairs, key=lambda pair: pair[0] != INSTALL_LAYOUT):
-        if before == after:
-            continue
-        if name == INSTALL_LAYOUT and before.removesuffix(LINKS) == after.removesuffix(LINKS):
-            return f"the option '--symlink-install' was {'added' if after.endswith(LINKS) else 'removed'}"
-        before, after = before.removesuffix(LINKS), after.removesuffix(LINKS)  # noqa: PLW2901
-        return f"the {name} changed from '{before}' to '{after}'"
+        old, new = before.removesuffix(LINKS), after.removesuffix(LINKS)
+        if old != new:
+            # Paths of folders differ from package to package, the name does not.
+            return InputChange(InputKind.OTHER, f"the {name} changed from '{old}' to '{new}'", (name,))
     return None
 
 
@@ -169,24 +254,27 @@ COMMON_OPTIONS = (
 )
 """The meaning of the first recorded options of every package."""
 
+_LAYOUT = COMMON_OPTIONS.index(INSTALL_LAYOUT)
+SYMLINK_INSTALL = "--symlink-install"
+ROSDISTRO = "--rosdistro="
 PATH_MAPS, FAST_ROSIDL = "path maps", "fast rosidl"
+_NO_FAST_ROSIDL = "--no-fast-rosidl"
 _NEGATIVE = {
-    PATH_MAPS: ("a package cache is now used", "the package cache is no longer used"),
-    FAST_ROSIDL: ("the option '--no-fast-rosidl' was removed", "the option '--no-fast-rosidl' was added"),
+    PATH_MAPS: (
+        *("a package cache is now used", "the package cache is no longer used"),
+        *("--cache", "--cache (removed)"),
+    ),
+    FAST_ROSIDL: (
+        *(f"the option '{_NO_FAST_ROSIDL}' was removed", f"the option '{_NO_FAST_ROSIDL}' was added"),
+        *(f"{_NO_FAST_ROSIDL} (removed)", _NO_FAST_ROSIDL),
+    ),
 }
-"""Recorded words that are no options of the user: what was added or removed instead."""
-
-
-def source_changes(changed_files: tuple[str, ...]) -> str:
-    """Describe what changed in the sources of a package; `changed_files` are those with new content."""
-    if not changed_files:
-        return "source files were added, removed or renamed"
-    rest = f" and {len(changed_files) - 1} more" if len(changed_files) > 1 else ""
-    return f"'{changed_files[0]}'{rest} changed"
+"""Recorded words that are no options of the user: sentences and options if they were added or removed."""
 
 
 MANIFEST, NAMED_FILE, BUILD_TYPE = "the evaluated package.xml", "the file ", "the build type "
 RUST = "the Rust toolchain"
+_DIGESTED = (MANIFEST, NAMED_FILE, BUILD_TYPE, RUST)
 """Prefixes of recorded options that end with a digest, RUST after a space."""
 
 

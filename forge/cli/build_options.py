@@ -164,7 +164,7 @@ class BuildOptions:
         metavar="DIR",
     )
     explain: bool = option(
-        "explain why each package is built or up to date: the file, option, tool or dependency",
+        "explain why each package is built: the file, option, variable, tool or dependency that changed",
         default=False,
         group=_OUTPUT,
     )

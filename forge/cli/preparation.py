@@ -394,9 +394,10 @@ def _names_below(prefixes: Sequence[Path]) -> str:
 
 
 def forge_stamp() -> str:
-    """Return an identification of this forge: its version, and the stats of its code and templates.
+    """Return an identification of this forge: its version, the stats of its code, its Python and folder.
 
-    The stats also detect changes of a development checkout.
+    The stats of code and templates also detect changes of a development checkout.
     """
     files = [path for folder in own_folders() for path in source_files(str(folder), NO_CODE)]
-    return f"{__version__} {stamp_files(files)}"
+    python = ".".join(map(str, sys.version_info[:3]))
+    return "\n".join((__version__, stamp_files(files), python, str(PACKAGE)))

@@ -19,18 +19,17 @@ if TYPE_CHECKING:
 def explain(
     plan: BuildPlan, packages: Mapping[str, Package], named: frozenset[str] = frozenset()
 ) -> Iterator[str]:
-    """Yield a line for each package of the plan with the reason, packages of the workspace first.
+    """Yield a line with the reason for each package that is built, packages of the workspace first.
 
-    Embedded packages that are up to date share one line, except those that the user `named`.
+    Packages that are up to date are only counted, except those that the user `named`.
     """
-    for name in plan.fresh:
-        if name in named or not packages[name].embedded:
-            yield f"{name}: up to date"
     for name, task in sorted(plan.tasks.items(), key=lambda item: item[1].embedded):
         yield f"{name}: {'maybe build' if task.conditional else 'build'}, {task.reason}"
-    count = sum(packages[name].embedded and name not in named for name in plan.fresh)
-    if count:
-        yield f"{count} embedded package{'' if count == 1 else 's'}: up to date"
+    yield from (f"{name}: up to date" for name in plan.fresh if name in named)
+    for kind, embedded in (("", False), ("embedded ", True)):
+        count = sum(packages[name].embedded is embedded and name not in named for name in plan.fresh)
+        if count:
+            yield f"{count} {kind}package{'' if count == 1 else 's'}: up to date"
 
 
 def commands(plan: BuildPlan) -> Iterator[str]:

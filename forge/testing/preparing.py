@@ -11,12 +11,12 @@ from forge.base.graph import closures, ordered_names
 from forge.base.layout import FILE_TABLE, TEST_SCRATCH_DIR
 from forge.base.text import listed
 from forge.build.build_types import build_type_of, unknown_types
+from forge.build.change_texts import changed_sources
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
 from forge.build.tests.detection import inspect_tests
 from forge.build.tests.recipes import TestContext, framework
-from forge.build.up_to_date import source_changes
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.execution.job_pool import JobPool
@@ -146,9 +146,8 @@ def changed_since_build(
         if package is None or package.embedded or record is None or not record.complete:
             continue
         home = str(loaded.workspace.root / package.path)
-        table.changed_files.clear()
         if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:
-            what = source_changes(tuple(os.path.relpath(path, home) for path in sorted(table.changed_files)))
+            what = changed_sources(home, layout.build_dir(name), record, table)
             message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
             many = "{} have changed since their last build, so that tests use outdated files"
             kind = Several(many, name, "forge build")

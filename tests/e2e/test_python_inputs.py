@@ -76,8 +76,10 @@ class Workspace:
         """Build, and return why the package was built, or '' for a fresh one."""
         ran = self._forge("build", "--explain", *self._options, cwd=self.root, env=self._env)
         assert ran.code == 0, ran.err
-        said = next(line for line in (ran.out + ran.err).splitlines() if line.startswith("talk: "))
-        return "" if said == "talk: up to date" else said.removeprefix("talk: build, ")
+        said = (
+            line.removeprefix("talk: build, ") for line in ran.out.splitlines() if line.startswith("talk: ")
+        )
+        return next(said, "")
 
     def is_as_clean(self) -> None:
         """Hold what is installed against what a clean build installs."""
@@ -137,7 +139,7 @@ def test_a_file_outside_that_setup_py_reads(reader: str, tree: Tree, forge: Forg
 
     ask = "print(open('../../VERSION').read())"
     workspace = Workspace(tree(package(reader, **version("1.0"), **{"src/talk/ask.py": ask})), forge)
-    assert workspace.change(version("2.0")).startswith("the external input ")
+    assert workspace.change(version("2.0")).startswith(("'VERSION' ", "'shared/version."))
 
 
 def test_a_file_that_was_looked_for_in_vain_appears(tree: Tree, forge: Forge) -> None:
@@ -298,7 +300,7 @@ def test_what_a_build_writes_among_its_sources_is_no_reason_for_ever(tree: Tree,
     """The first build changes the sources, as the second one finds; that leaves them as they were."""
     root = tree(package("open('talk/made.py', 'w').write('made = 1')"))
     assert forge("build", cwd=root).code == 0
-    assert "files were added" in forge("build", "--explain", cwd=root).out
+    assert "'talk/made.py' was added" in forge("build", "--explain", cwd=root).out
     workspace = Workspace(root, forge, first=False)
     shutil.rmtree(root / "build")
     assert workspace.build() == "not built yet"

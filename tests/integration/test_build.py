@@ -215,13 +215,13 @@ def test_a_change_stops_where_what_is_installed_stays_the_same(forge: Forge, wor
     [
         (
             lambda root: (root / "install/b/share/b/b.txt").unlink(),
-            "an installed file was changed or removed",
+            "'install/b/share/b/b.txt' was removed",
         ),
         (
             lambda root: (root / "install/b/share/b/b.txt").write_text("x"),
-            "an installed file was changed or removed",
+            "'install/b/share/b/b.txt' changed",
         ),
-        (lambda root: (root / "src/b/new.txt").write_text("x"), "'new.txt' changed"),
+        (lambda root: (root / "src/b/new.txt").write_text("x"), "'new.txt' was added"),
         (
             lambda root: (root / "src/b/CMakeLists.txt").write_text(CMAKE.format(name="b", more="#")),
             "'CMakeLists",
@@ -235,7 +235,8 @@ def test_every_damage_is_noticed_and_explained(
     damage(workspace)
     ran = forge("build", "--explain", cwd=workspace)
     assert f"b: build, {reason}" in ran.out
-    assert "a: up to date\n" in ran.out
+    assert "a: up to date\n" not in ran.out, "reasons are not lost among packages that are not built"
+    assert "1 package: up to date\n" in ran.out
     assert "c: maybe build, one of its dependencies is being rebuilt and may change" in ran.out
     assert (workspace / "install/b/share/b/b.txt").read_text() == "b\n"
     assert built(forge, workspace) == []
@@ -261,10 +262,10 @@ def test_a_dry_run_prints_every_command_and_runs_none(forge: Forge, workspace: P
 
 def test_the_log_level_says_why_and_what(forge: Forge, workspace: Path) -> None:
     assert "a: build, it was" not in forge("build", "--packages-select", "a", cwd=workspace).err
-    assert "a: up to date\n" in forge("--log-level", "info", "build", cwd=workspace).err
+    assert "1 package: up to date\n" in forge("--log-level", "info", "build", cwd=workspace).err
     ran = forge("build", "--force", "--log-level", "10", cwd=workspace)
     assert f"cd {workspace}/build/a && " in ran.err
-    assert forge("build", cwd=workspace, env={"COLCON_LOG_LEVEL": "INFO"}).err.startswith("a: up to date\n")
+    assert forge("build", cwd=workspace, env={"COLCON_LOG_LEVEL": "INFO"}).err.startswith("3 packages: up")
     ran = forge("build", "--log-level", "chatty", cwd=workspace)
     assert (ran.code, "unknown log level 'chatty'" in ran.err) == (2, True)
 

@@ -382,7 +382,9 @@ def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: T
     ran = forge("test", "--packages-select", "above", cwd=root)
     assert ran.code == 0
     changed = "'below' has changed since its last build, so that tests use outdated files"
-    assert ran.err.startswith(f"src/below: warning: {changed}: 'CMakeLists.txt' and 1 more changed\nhint: ")
+    assert ran.err.startswith(
+        f"src/below: warning: {changed}: 'CMakeLists.txt' changed, 'new.txt' was added\nhint: "
+    )
     # Its tests run in its source folder.
     assert "has changed since" not in forge("test", "--packages-select", "p", cwd=root).err
     assert forge("build", cwd=root).code == 0

@@ -112,7 +112,8 @@ def test_a_copy_in_the_place_of_its_underlay_is_not_its_own_underlay(forge: Forg
     shutil.rmtree(low)
     subprocess.run(["cp", "-a", top, low], check=True)
     ran = forge("build", cwd=low)
-    assert (ran.code, ran.err) == (0, "")
+    assert ran.code == 0
+    assert "underlay" not in ran.err
     assert recorded_underlays(low / "install") == ()
     assert forge("build", "--explain", cwd=low).err == ""
 

@@ -25,7 +25,7 @@ from forge.build.inputs.named_entries import (
     encode_entry,
     is_text,
 )
-from forge.build.up_to_date import WITHOUT_EFFECT, ExtraInputs, is_relevant
+from forge.build.up_to_date import FOUND_BY_PATH, WITHOUT_EFFECT, ExtraInputs, is_relevant
 from forge.toolchain.program_lookup import ProgramLookup
 from forge.toolchain.programs import definitions, programs_in
 
@@ -95,7 +95,7 @@ class ReferencedInputs:
         ]
         if uses.configs:
             found = "; ".join(f"{name} in {folder}" for name, folder in sorted(uses.configs))
-            environment.append(("PATH", found))
+            environment.append((FOUND_BY_PATH, found))
         programs = [(word, self._lookup.identity(word)) for word in sorted(uses.programs)]
         return ExtraInputs(
             arguments.options, self._without_shared((*programs, *arguments.tools)), tuple(sorted(environment))

@@ -12,7 +12,7 @@ from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
 from forge.build.recipes import ament_scripts, component_nodes, fast_rosidl, project_include
 from forge.build.recipes.context import Recipe, common_options
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS
+from forge.build.up_to_date import FAST_ROSIDL, PATH_MAPS, ROSDISTRO
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def ament_options(package: Package, context: BuildContext) -> tuple[str, ...]:
     """Return the options that require a configure run when they change."""
     test_results = (f"--test-result-base={value}" for _, value in _test_results(context))
     fast = (FAST_ROSIDL,) if _is_accelerated(package, context) else ()
-    distribution = (f"--rosdistro={value}" for _, value in _distribution(package, context))
+    distribution = (f"{ROSDISTRO}{value}" for _, value in _distribution(package, context))
     return (*plain_options(package, context), *test_results, *distribution, *context.ament_cmake_args, *fast)
 
 

@@ -93,8 +93,11 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         lock_build_dir(layout.build, wait=not options.folders.no_wait),
         closing(open_state(root, layout, interpreter)) as state,
     ):
-        plan = _make_plan(options, loaded, names, context, variables, state)
+        plan, announcements = _make_plan(options, loaded, names, context, variables, state)
         check_plan(plan, loaded, context, variables, mode.warn)
+        if not mode.quiet:
+            for line in announcements:
+                print(line, file=sys.stderr, flush=True)
         if plan.tasks or not mode.silent_if_up_to_date:
             _print_plan(plan, options, loaded.packages)
         if options.dry_run:
@@ -132,8 +135,11 @@ def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)
     context: BuildContext,
     variables: Mapping[str, str],
     state: BuildState,
-) -> BuildPlan:
-    """Compare inputs with the journal; returns the tasks to run, and records what is up to date."""
+) -> tuple[BuildPlan, tuple[str, ...]]:
+    """Compare inputs with the journal, and record what is up to date.
+
+    Returns the tasks to run, and the announcements of those whose sources did not change.
+    """
     snapshot = take_snapshot(
         context.root, loaded.packages.values(), context.layout, state.journal, state.table
     )
@@ -143,7 +149,11 @@ def _make_plan(  # noqa: PLR0913, PLR0917  (what the first stages found)
     )
     named_inputs.save()
     state.confirm_up_to_date(plan, snapshot, hashes)
-    return plan
+    if not plan.tasks:
+        return plan, ()
+    from forge.build.announcing import announcements  # noqa: PLC0415  (not needed if all is up to date)
+
+    return plan, tuple(announcements(plan, snapshot))
 
 
 def _cross_build(options: BuildOptions, layout: Layout, variables: Mapping[str, str]) -> CrossBuild | None:

@@ -14,7 +14,7 @@ from forge.build.model import BuildInputs, BuildRecord, Fingerprint, Snapshot
 from forge.build.planning import GlobalInputs, finalize_task, make_plan, names_to_build
 from forge.build.recipes.context import COMPILING, BuildContext
 from forge.build.tasks import BuildPlan
-from forge.build.up_to_date import DependencyHashes, ExtraInputs, changed_input_reason
+from forge.build.up_to_date import DependencyHashes, ExtraInputs, InputChange, InputKind, changed_input
 from forge.workspace.model import Package, Selection
 from forge.workspace.resolve import DependencyResolution
 from tests.packages import package
@@ -127,8 +127,11 @@ MAYBE = "maybe one of its dependencies is being rebuilt and may change"
         ),
         (replace(AFTER, present=frozenset({"a"})), "an installed file was changed or removed"),
         (
-            replace(AFTER, changed_externals={"e": "/usr/include/x.h"}),
-            "the external input '/usr/include/x.h' changed",
+            replace(
+                AFTER,
+                changed_externals={"e": InputChange(InputKind.OUTSIDE, "the external input '/x.h' changed")},
+            ),
+            "the external input '/x.h' changed",
         ),
         (
             replace(AFTER, records={**AFTER.records, "e": replace(AFTER.records["e"], saved=("x.cpp",))}),
@@ -138,13 +141,13 @@ MAYBE = "maybe one of its dependencies is being rebuilt and may change"
             replace(
                 AFTER,
                 sources={**SOURCES, "e": Fingerprint("", "other")},
-                changed_files={"e": ("x.cpp", "y.cpp")},
+                source_changes={"e": "'x.cpp' and 1 more changed"},
             ),
             "'x.cpp' and 1 more changed",
         ),
         (
             replace(AFTER, sources={**SOURCES, "e": Fingerprint("", "other")}),
-            "source files were added, removed or renamed",
+            "its sources changed",
         ),
     ],
 )
@@ -262,18 +265,23 @@ def inputs(*cmake_args: str, context: BuildContext = CONTEXT) -> BuildInputs:
     ],
 )
 def test_an_option_less(before: BuildInputs, reason: str) -> None:
-    assert str(changed_input_reason(inputs(), before)).startswith(reason)
+    change = changed_input(inputs(), before)
+    assert change is not None
+    assert change.text.startswith(reason)
 
 
 def test_interfaces_are_generated_in_another_way() -> None:
     fast = replace(inputs(), options=(*inputs().options, "fast rosidl"))
-    assert changed_input_reason(inputs(), fast) == "the option '--no-fast-rosidl' was added"
-    assert changed_input_reason(fast, inputs()) == "the option '--no-fast-rosidl' was removed"
+    kind, word = InputKind.OPTION, "--no-fast-rosidl"
+    assert changed_input(inputs(), fast) == InputChange(kind, f"the option '{word}' was added", (word,))
+    assert changed_input(fast, inputs()) == InputChange(
+        kind, f"the option '{word}' was removed", (f"{word} (removed)",)
+    )
 
 
 def test_options_in_another_order() -> None:
-    reason = changed_input_reason(inputs("-DX=1", "-DY=1"), inputs("-DY=1", "-DX=1"))
-    assert reason == "the order of its options changed"
+    change = changed_input(inputs("-DX=1", "-DY=1"), inputs("-DY=1", "-DX=1"))
+    assert change == InputChange(InputKind.OPTION, "the order of its options changed")
 
 
 def test_a_conditional_task_is_decided_by_the_results_of_its_dependencies() -> None:

@@ -20,15 +20,15 @@ def plan(*built: str, fresh: tuple[str, ...]) -> BuildPlan:
     return BuildPlan(tasks, fresh)
 
 
-def test_embedded_packages_come_last_and_share_a_line_if_they_are_up_to_date() -> None:
+def test_packages_that_are_built_come_first_and_others_are_only_counted() -> None:
     assert list(explain(plan("g", "b", fresh=("e", "f", "a")), PACKAGES)) == [
-        "a: up to date",
         "b: build, b changed",
         "g: build, g changed",
+        "1 package: up to date",
         "2 embedded packages: up to date",
     ]
     assert list(explain(plan("b", fresh=("e", "f")), PACKAGES, frozenset({"f"}))) == [
-        "f: up to date",
         "b: build, b changed",
+        "f: up to date",
         "1 embedded package: up to date",
     ]

@@ -1,0 +1,118 @@
+"""Names what differs between the last build of a package and now: sources, installed files, external inputs.
+
+The digests of the journal tell that something changed. Which files those are is read from the manifests in
+the build folders, since the file table only knows what changed since the last run of forge.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from forge.base.layout import SCRATCH_DIR
+from forge.build.build_notes import EXTERNALS, SOURCES
+from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, contents_of, tree_manifest
+from forge.build.inputs.input_manifest import Changes, compare, read_manifest
+from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from forge.build.inputs.fingerprints import FileTable
+    from forge.build.inputs.input_manifest import InputManifest
+    from forge.build.model import BuildRecord
+
+_MISSING = "missing"
+UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
+
+
+def changed_sources(home: str, build: Path, record: BuildRecord, table: FileTable) -> str:
+    """Return which sources of a package below `home` changed since its last build."""
+    then = _manifest(build, SOURCES, record)
+    if then is None:
+        return UNKNOWN_SOURCES
+    changes = compare(then, tree_manifest(home, table))
+    return described(changes, lambda path: path.removeprefix(f"{home}/")) or UNKNOWN_SOURCES
+
+
+def changed_installed_files(
+    record: BuildRecord, then: InputManifest | None, table: FileTable, root: Path, sources: str
+) -> str:
+    """Return which installed files differ from those of the last build, whose contents were `then`.
+
+    Links to sources change with them: then `sources`, the change of the package's sources, is the reason.
+    """
+    paths = (*record.files, *record.folders)
+    now = contents_of(paths, table)
+    if then is None or not all(path in then for path in paths):
+        gone = frozenset(path for path in paths if not os.path.lexists(path))
+        return described(Changes(removed=gone), _from(root)) or UNKNOWN_INSTALLED
+    changed = {path for path in paths if then[path].content != now[path]}
+    linked = {path for path in changed if _leads_as_before(path, then[path].content)}
+    if linked == changed and sources:
+        return sources
+    changed = {os.path.realpath(path) if path in linked else path for path in changed}
+    gone = frozenset(path for path in changed if not os.path.lexists(path))
+    return described(Changes(removed=gone, modified=frozenset(changed) - gone), _from(root))
+
+
+def changed_external_files(
+    build: Path, record: BuildRecord, table: FileTable, root: Path, recent: Iterable[str]
+) -> InputChange:
+    """Return which files outside the package changed; `recent` are files known to have changed lately."""
+    now = contents_of(record.externals, table)
+    then = _manifest(build, EXTERNALS, record)
+    if then is not None:
+        before = {path: then[path].content for path in record.externals if path in then}
+        changed = {path for path in before if before[path] != now[path]}
+    else:
+        before = {}
+        gone = {path for path in record.externals if now[path] == _MISSING}
+        changed = gone or {*record.externals}.intersection(recent)
+    inside = bool(changed) and all(path.startswith(f"{root}/") for path in changed)
+    kind = InputKind.OWN if inside else InputKind.OUTSIDE
+    files = sorted(path for path in changed if not path.endswith(DIR_LISTING_SUFFIX))
+    if not files:
+        shown = _from(root)
+        folders = [shown(path.removesuffix(DIR_LISTING_SUFFIX)) for path in sorted(changed)]
+        named = f"files were added to or removed from {_named(folders)}"
+        return InputChange(kind, named if folders else UNKNOWN_EXTERNAL)
+    added = frozenset(path for path in files if before.get(path) == _MISSING)
+    removed = frozenset(path for path in files if now[path] == _MISSING)
+    text = described(Changes(added, removed, frozenset(files) - added - removed), _from(root))
+    return InputChange(kind, text if inside else f"the external input {text}")
+
+
+def described(changes: Changes, shown: Callable[[str], str]) -> str:
+    """Return the changes as a sentence, '' for none; folders are only named without files."""
+    parts = []
+    for paths, verb in ((changes.modified, ""), (changes.added, "added"), (changes.removed, "removed")):
+        files = sorted(path for path in paths if not path.endswith("/")) or sorted(paths)
+        if files:
+            were = f"{'was' if len(files) == 1 else 'were'} {verb}" if verb else "changed"
+            parts.append(f"{_named([shown(path) for path in files])} {were}")
+    return ", ".join(parts)
+
+
+def _named(names: list[str]) -> str:
+    rest = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return f"'{names[0]}'{rest}"
+
+
+def _from(root: Path) -> Callable[[str], str]:
+    """Return a function that shows paths in the workspace relative to its root."""
+    return lambda path: path.removeprefix(f"{root}/")
+
+
+def _leads_as_before(path: str, content: str) -> bool:
+    """Tell whether a path was and is a link to the same file, which then is what changed."""
+    try:
+        return content.startswith(f"link {os.readlink(path)} ")  # noqa: PTH115
+    except OSError:
+        return False
+
+
+def _manifest(build: Path, name: str, record: BuildRecord) -> InputManifest | None:
+    """Return a manifest of the last build, None for a package that the cache restored."""
+    return read_manifest(build / SCRATCH_DIR / name) if record.began else None
