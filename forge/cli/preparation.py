@@ -12,16 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge import __version__
+from forge.base.ament_index import INDEX
 from forge.base.distributions import VARIABLE, distribution_in
 from forge.base.errors import (
     EnvironmentFault,
     Problem,
+    Several,
     WorkspaceError,
     print_problem,
     raise_if_any,
     share_hints,
 )
-from forge.base.graph import closures, ordered_names
+from forge.base.graph import closure, closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
 from forge.build.build_types import leave_out
 from forge.build.certain_failures import CMakeSearch
@@ -34,7 +36,7 @@ from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import RUST, relevant_environment
 from forge.cli.build_mode import has_many_wheels
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
-from forge.environment.prefixes import find_underlays, spellings
+from forge.environment.prefixes import PACKAGES, find_underlays, spellings
 from forge.environment.underlay_python import lacks_modules
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
@@ -172,6 +174,41 @@ def check_before_planning(
     return buildable
 
 
+def with_packages_of_underlays(
+    loaded: LoadedWorkspace,
+    names: Sequence[str],
+    layout: Layout,
+    variables: Mapping[str, str],
+    warn: WarningReporter,
+) -> LoadedWorkspace:
+    """Return the workspace without dependencies on unbuilt packages that are in an underlay.
+
+    As in colcon, `names` are built with the packages of the underlay if those of the workspace are not there.
+    """
+    resolution = loaded.resolution
+    others = closure(resolution.needs, names) - frozenset(names)
+    prefixes = find_underlays(variables, layout.install).prefixes if others else ()
+    found = {
+        name: prefix
+        for name in sorted(others)
+        if not (layout.prefix(name) / "share" / name / "package.sh").is_file()
+        for prefix in prefixes[::-1]
+        if any((prefix / index / name).is_file() for index in (PACKAGES, INDEX / "packages"))
+    }
+    if not found:
+        return loaded
+    warn(
+        Problem(
+            f"'{name}' of the workspace is not built yet; using the one in '{prefix}'",
+            hint=f"build it too (--packages-up-to), or ignore it: --packages-ignore {' '.join(found)}",
+            several=Several("{} of the workspace are not built yet; using those of the underlays", name),
+        )
+        for name, prefix in found.items()
+    )
+    needs = {name: below.difference(found) for name, below in resolution.needs.items()}
+    return replace(loaded, resolution=replace(resolution, needs=needs))
+
+
 def report_left_out(names: Sequence[str], buildable: Sequence[str]) -> int:
     """Report the packages that were not built for lack of dependencies; returns 1 if there are any."""
     left_out = sorted({*names} - {*buildable})
@@ -244,9 +281,10 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
     cmake = options.cmake
     cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
     warn(suspicious_arguments(cmake_args))
-    raise_if_any(unset_definitions(cmake_args))
+    if any(package.build_type in CMAKE_TYPES for package in packages):
+        raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
-    tools = find_tools(packages, variables, launcher, has_compiler=cross is not None)
+    tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
     interpreter = _interpreter(options.python, layout, variables, warn)
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)

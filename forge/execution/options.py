@@ -28,6 +28,12 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _workers(text: str) -> int:
+    if not text.isdigit():
+        raise ValueError(f"'{text}' is not a number of packages; 0 is the number of jobs")
+    return int(text)
+
+
 def _memory_limit(text: str) -> MemoryLimit:
     try:
         return memory_limit(text)
@@ -57,7 +63,7 @@ class JobOptions:
     parallel_workers: int = option(
         "maximum number of packages to process in parallel (default: the number of jobs)",
         default=0,
-        parse=int,
+        parse=_workers,
         metavar="N",
     )
     memory_limit: MemoryLimit | None = option(

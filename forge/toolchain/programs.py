@@ -16,6 +16,7 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.toolchain.compiler_launchers.choice import not_found
 from forge.toolchain.program_lookup import ProgramLookup
+from forge.workspace.cmake_text import calls
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,6 +32,10 @@ _CMAKE_HINT = (
     "install it with forge, `pip install 'ros-forge[cmake]'`, or with your distribution's cmake package"
 )
 _COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
+_BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message", "set"})
+_PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
+_NAMES_COMPILER = re.compile(r"COMPILER|TOOLCHAIN|INCLUDE|--toolchain|--preset|(?:^| )-C")
+_NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|(?:^| )-[CG]")
 _PROJECT = re.compile(r"^\s*project\s*\(([^)]*)\)", re.IGNORECASE | re.MULTILINE)
 
 
@@ -54,16 +59,18 @@ def find_tools(
     launcher: str = "",
     *,
     has_compiler: bool = False,
+    cmake_args: Sequence[str] = (),
 ) -> Tools | None:
     """Return the programs to build `packages`, None if none of them needs CMake.
 
     `launcher` is the name of the compiler launcher, if any; `has_compiler` if a compiler need not be on PATH.
-    Raises EnvironmentFault with all missing
-    programs.
+    Raises EnvironmentFault with all programs that are certainly missing: `cmake_args` and a package's own
+    arguments may name others.
     """
     needy = [package for package in packages if package.build_type in CMAKE_TYPES]
     if not needy:
         return None
+    arguments = {package.name: " ".join((*cmake_args, *_own_arguments(package))) for package in needy}
     cmake = find_cmake(variables)
     ninja = find_ninja(variables)
     make = find_program("make", variables)
@@ -71,18 +78,27 @@ def find_tools(
     if cmake is None:
         problems.append(no_cmake(needy))
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
-        problems.append(no_builder(needy))
+        without = [package for package in needy if not _NAMES_BUILDER.search(arguments[package.name])]
+        problems += [no_builder(without)] if without else []
     before_compilers = find_program(launcher, variables) if launcher else None
     if launcher and before_compilers is None:
         problems.append(not_found(launcher))
     texts = [(package, _project_text(package)) for package in needy if not package.embedded]
-    compiled = [package for package, text in texts if _compiles(text)]
-    if compiled and not (has_compiler or _has_compiler(variables)):
-        problems.append(no_compiler(compiled))
+    if not (has_compiler or _has_compiler(variables) or "CMAKE_TOOLCHAIN_FILE" in variables):
+        compiled = [
+            package
+            for package, text in texts
+            if _certainly_compiles(text) and not _NAMES_COMPILER.search(arguments[package.name])
+        ]
+        problems += [no_compiler(compiled)] if compiled else []
     raise_if_any(problems, EnvironmentFault)
     assert cmake is not None  # noqa: S101  (checked above)
     only_make = frozenset(package.name for package, text in texts if calls_make(text))
     return Tools(cmake, ninja, make, only_make, before_compilers)
+
+
+def _own_arguments(package: Package) -> tuple[str, ...]:
+    return (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
 
 
 def no_cmake(needy: Sequence[Package]) -> Problem:
@@ -308,6 +324,18 @@ def _compiles(text: str) -> bool:
     """Tell whether project() enables a language, which it does unless it specifies NONE."""
     project = _PROJECT.search(text)
     return bool(text) and (project is None or "NONE" not in project.group(1).split())
+
+
+def _certainly_compiles(text: str) -> bool:
+    """Tell whether project() enables C or C++, and no command before it may choose a compiler."""
+    for call in calls(text):
+        if call.command == "project" and not call.conditions:
+            following = call.words[1] if call.words[1:] else "VERSION"
+            named = not {"C", "CXX"}.isdisjoint(call.words)
+            return named or (following in _PROJECT_DETAILS and "LANGUAGES" not in call.words)
+        if call.command not in _BEFORE_PROJECT or "COMPILER" in str(call.words):
+            return False
+    return False
 
 
 def _dependents(packages: Sequence[Package]) -> str:

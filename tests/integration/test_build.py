@@ -93,6 +93,32 @@ def test_options_that_lead_to_a_package_let_it_be_found(forge: Forge, tree: Tree
     assert ran.code == 0, ran.err
 
 
+def test_an_unbuilt_package_may_come_from_an_underlay(forge: Forge, tree: Tree) -> None:
+    root = tree({f"under/{path}": text for path, text in files("a").items()})
+    tree({f"over/{p}": text for p, text in {**files("a"), **files("b", "<depend>a</depend>")}.items()})
+    assert forge("build", cwd=root / "under").code == 0
+    sourced = {"CMAKE_PREFIX_PATH": str(root / "under/install/a")}
+    ran = forge("build", "--packages-select", "b", cwd=root / "over", env=sourced)
+    assert ran.code == 0, ran.err
+    assert f"'a' of the workspace is not built yet; using the one in '{root}/under/install/a'" in ran.err
+    again = forge("build", "--packages-select", "b", cwd=root / "over", env=sourced)
+    assert "Starting" not in again.out
+
+
+@pytest.mark.parametrize("number", ["-1", "x", "1.5"])
+def test_a_number_of_packages_is_not_negative(forge: Forge, workspace: Path, number: str) -> None:
+    ran = forge("build", f"--parallel-workers={number}", cwd=workspace)
+    assert (ran.code, "is not a number of packages" in ran.err) == (2, True)
+
+
+def test_definitions_concern_only_cmake(forge: Forge, tree: Tree) -> None:
+    manifest = manifest_text("p", build_type="ament_python")
+    setup = "from setuptools import setup\nsetup(name='p', version='1')\n"
+    root = tree({"src/p/package.xml": manifest, "src/p/setup.py": setup, **files("c")})
+    assert forge("build", "--packages-select", "p", "--cmake-args", "-DX", cwd=root).code == 0
+    assert forge("build", "--packages-select", "c", "--cmake-args", "-DX", cwd=root).code == 2
+
+
 def test_selected_packages_need_theirs_installed(forge: Forge, workspace: Path) -> None:
     ran = forge("build", "--packages-select", "c", cwd=workspace)
     assert ran.code == 2

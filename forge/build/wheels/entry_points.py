@@ -45,6 +45,12 @@ def invalid_scripts(text: str, source: Path) -> Iterator[Problem]:
             yield _problem(point, _place(source, name, target))
 
 
+def without_invalid_scripts(text: str) -> str:
+    """Return an entry_points.txt with only the valid scripts."""
+    valid = (f"{name} = {target}" for name, target in scripts(text))
+    return "\n".join(("[console_scripts]", *filter(_VALID.fullmatch, valid), ""))
+
+
 def invalid_scripts_of_setup(setup: Path) -> Iterator[Problem]:
     """Yield a problem for each invalid script that a setup.py without syntax errors spells out."""
     text = text_or_nothing(setup)

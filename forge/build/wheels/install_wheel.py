@@ -21,12 +21,12 @@ from installer.exceptions import InstallerError
 from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
-from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, naming, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.build.observed_writes import note_written
 from forge.build.wheels.backends import build_wheel
-from forge.build.wheels.entry_points import ENTRY_POINTS, invalid_scripts
+from forge.build.wheels.entry_points import ENTRY_POINTS, without_invalid_scripts
 from forge.build.wheels.links import Wheel, link_to_sources
 from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
 
@@ -64,7 +64,7 @@ class WheelInstall:
 
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     """Build and install a package; return warnings. Raises ForgeError."""
-    refuse_what_no_backend_reads(options.source)
+    refuse_what_no_backend_reads(options.source, Path(options.site_packages))
     wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
     schemes = _schemes(options)
     if options.target:
@@ -99,11 +99,7 @@ def _schemes(options: WheelInstall) -> dict[str, str]:
 def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tuple[Path, ...]:
     """Install the wheel's files into the prefix and return their paths."""
     site = options.prefix / options.site_packages
-    with WheelFile.open(wheel) as source:
-        if ENTRY_POINTS in source.dist_info_filenames:
-            # The library only has an assertion for them.
-            points = source.read_dist_info(ENTRY_POINTS)
-            raise_if_any(invalid_scripts(points, options.source), WorkspaceError)
+    with _Wheel.open(wheel) as source:
         _remove_links(options.build / MANIFEST)
         destination = _Prefix(
             schemes,
@@ -121,6 +117,15 @@ def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tupl
     # CSV (PEP 376): a name may have line breaks.
     with record.open(encoding="utf-8", newline="") as stream:
         return tuple(Path(os.path.normpath(site / line[0])) for line in csv.reader(stream) if line)
+
+
+class _Wheel(WheelFile):
+    """A wheel without entry points that no program can start; the library has an assertion for them."""
+
+    def read_dist_info(self, filename: str) -> str:
+        """Return the text of a file of the metadata."""
+        text = super().read_dist_info(filename)
+        return without_invalid_scripts(text) if filename == ENTRY_POINTS else text
 
 
 class _Prefix(SchemeDictionaryDestination):

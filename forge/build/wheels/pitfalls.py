@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, text_or_nothing
 from forge.base.names import did_you_mean
-from forge.build.wheels.entry_points import ENTRY_POINTS, defining_file, scripts
+from forge.build.wheels.entry_points import ENTRY_POINTS, defining_file, invalid_scripts, scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,11 +20,11 @@ _VERSION = re.compile(r"python3\.(\d+)")
 _POINT = re.compile(r"([\w.]+)\s*:\s*(\w+)")
 
 
-def refuse_what_no_backend_reads(source: Path) -> None:
+def refuse_what_no_backend_reads(source: Path, site: Path) -> None:
     """Raise WorkspaceError for a folder without build configuration, or an invalid setup.py."""
     setup = source / "setup.py"
     if setup.is_file():
-        problem = _syntax_problem(setup, setup)
+        problem = _syntax_problem(setup, setup) if _same_version(site) else None
         raise_if_any((problem,) if problem else (), WorkspaceError)
     elif not (source / "pyproject.toml").is_file() and not _is_named(source / "setup.cfg"):
         hint = "'forge pkg create --build-type ament_python NAME' creates a complete package"
@@ -50,6 +50,7 @@ def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Itera
                 broken.add(name)
                 yield problem
     points = next((path for path in installed if path.name == ENTRY_POINTS), None)
+    yield from invalid_scripts(text_or_nothing(points) if points else "", source)
     for script, module, function in _entry_points(points):
         if module in modules and module not in broken:
             yield from _missing_function(source, script, module, function, modules[module])

@@ -29,6 +29,7 @@ from forge.cli.preparation import (
     prepare,
     report_left_out,
     warn_of_underlays,
+    with_packages_of_underlays,
 )
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir
@@ -83,6 +84,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     mode.warn(loaded.warnings)
     selected = packages_to_build(loaded, options, mode.warn)
     names = check_before_planning(loaded, selected, layout, options, variables)
+    loaded = with_packages_of_underlays(loaded, names, layout, variables, mode.warn)
     cross = _cross_build(options, layout, variables)
     variables |= cross.variables if cross else {}
     context, interpreter = prepare(options, loaded, names, layout, variables, mode.warn, cross)

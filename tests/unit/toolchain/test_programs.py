@@ -133,3 +133,37 @@ def test_the_wheels_own_cmake_is_found_behind_its_script(tree: Tree, monkeypatch
     assert tools is not None
     assert tools.cmake == root / "site/cmake/data/bin/cmake"
     assert tools.ninja == root / "venv/bin/ninja"
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("project(a)", ("-DCMAKE_CXX_COMPILER=/opt/gcc/bin/g++",)),
+        ("project(a)", ("-DCMAKE_TOOLCHAIN_FILE=/x.cmake",)),
+        ("project(a)", ("-C", "x.cmake")),
+        ("set(CMAKE_CXX_COMPILER /opt/x)\nproject(a)", ()),
+        ("include(x.cmake)\nproject(a)", ()),
+        ("project(a LANGUAGES CUDA)", ()),
+        ("project(a Fortran)", ()),
+        ("#[[\nproject(a)\n]]\nproject(a NONE)", ()),
+        ("if(x)\nproject(a)\nelse()\nproject(a NONE)\nendif()", ()),
+    ],
+)
+def test_a_compiler_that_is_named_elsewhere_need_not_be_on_path(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch, text: str, arguments: tuple[str, ...]
+) -> None:
+    root = tree({"bin/cmake": PROGRAM, "bin/make": PROGRAM})
+    beside_nothing(monkeypatch, root)
+    made, variables = compiled(root, text), {"PATH": str(root / "bin")}
+    assert find_tools([made], variables, cmake_args=arguments) is not None
+    made = replace(made, settings={"cmake-args": list(arguments)})
+    assert find_tools([made], variables) is not None
+
+
+def test_a_build_program_that_is_named_need_not_be_on_path(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree({"bin/cmake": PROGRAM})
+    beside_nothing(monkeypatch, root)
+    named = ("-DCMAKE_MAKE_PROGRAM=/opt/ninja",)
+    assert find_tools([package("a")], {"PATH": str(root / "bin")}, cmake_args=named) is not None
