@@ -41,8 +41,21 @@ OWN_CACHE_DIR = ".forge_own"
 """What would be in the user's cache folder, if there is none."""
 TEMPLATES_DIR = ".forge_templates"
 """Compiled templates, if the user has no cache folder."""
+SET_ASIDE_DIR = ".forge_set_aside"
+"""The earlier build folders of packages that are being configured anew."""
+TRASH_DIR = ".forge_trash"
+"""Build folders that are being removed."""
 STYLES_FILE = "styles.json"
 """The jobserver styles that ninja and make support; in the user's cache folder if there is one."""
+
+BUILT_BY = ".built_by"
+"""Names the tool that created the build folder; the same file as colcon's."""
+BUILD_BASE_FILES = (
+    *(BUILT_BY, IGNORE_MARK, JOURNAL_FILE, FILE_TABLE, NAMED_INPUTS_FILE, INSTALLED_STATES_DIR),
+    *(TOOLCHAIN_DIR, COMPILE_COMMANDS, LOCK_FILE, PROCESSES_FILE, PROGRAMS_DIR, COMPILATIONS_FILE),
+    *(AUDIT_DIR, CLUSTER_DIR, OWN_CACHE_DIR, TEMPLATES_DIR, SET_ASIDE_DIR, TRASH_DIR, STYLES_FILE),
+)
+"""What forge and colcon create in the build folder of a workspace, beside the folders of packages."""
 
 # In the build folder of a package.
 SCRATCH_DIR = ".forge"

@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import BUILD_RESULT, SCRATCH_DIR, TEST_RESULT, TEST_SCRATCH_DIR, UNITS_FAILED_FILE
+from forge.base.layout import (
+    BUILD_RESULT,
+    SCRATCH_DIR,
+    SET_ASIDE_DIR,
+    TEST_RESULT,
+    TEST_SCRATCH_DIR,
+    TRASH_DIR,
+    UNITS_FAILED_FILE,
+)
 from forge.base.xml import mentions
 from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, SOURCES, read_json, written_since
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
@@ -141,13 +149,14 @@ def restore_outputs(build: Path) -> None:
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
     _touch_build_ninja(build)
+    _trash(build).parent.mkdir(exist_ok=True)
     before.rename(_trash(build))
     _discard(_trash(build))
 
 
 def set_aside_path(build: Path) -> Path:
     """Return the path of a build folder that was renamed so that its products can be restored."""
-    return build.with_name(f".{build.name}.before")
+    return build.parent / SET_ASIDE_DIR / build.name
 
 
 _NOTHING = Decision(Reuse.NOTHING)
@@ -222,8 +231,10 @@ def _begin_empty(build: Path, decision: Decision, more: tuple[str, ...]) -> None
     """Replace a build folder by an empty one, keeping the results of tests and files of other tools."""
     target = set_aside_path(build) if decision.reuse is Reuse.PRODUCTS else _trash(build)
     if build.is_dir() and not build.is_symlink():
+        target.parent.mkdir(exist_ok=True)
         build.rename(target)
-    build.mkdir(parents=True, exist_ok=True)
+    # The mark comes first: whenever this build is killed, the next one knows whose folder this is.
+    (build / SCRATCH_DIR).mkdir(parents=True, exist_ok=True)
     # A build that reuses nothing tries again whether generated sources compile together.
     kept = (*_KEPT, UNITS_FAILED_FILE) if decision.reuse is Reuse.PRODUCTS else _KEPT
     for name in (*kept, *more):
@@ -328,7 +339,7 @@ def _same(path: str, other: str) -> bool:
 
 
 def _trash(build: Path) -> Path:
-    return build.with_name(f".{build.name}.old")
+    return build.parent / TRASH_DIR / build.name
 
 
 def _discard(folder: Path) -> None:

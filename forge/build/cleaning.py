@@ -1,218 +1,338 @@
 """Find and remove the files that forge and colcon created in a workspace, and nothing else.
 
-Build folders, and prefixes of an isolated install, are removed as a whole. In a merged install, the records
-and install manifests determine which files belong to a package.
+A build folder is removed as a whole if it is forge's own (see forge.build.folder_marks). In a prefix, merged
+or isolated, lists, records and install manifests determine which files belong to a package; without them, an
+isolated prefix contains what is not newer than the package's own scripts, which builds write last. All other
+files stay, and so does whatever is mounted or lies behind a link.
 """
 
 from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import delete_tree, listed_paths
+from forge.base.files import listed_paths
 from forge.base.frozen import frozen
 from forge.base.layout import (
     BACKUP_DIR,
-    BUILD_RESULT,
-    COMPILE_COMMANDS,
+    BUILD_BASE_FILES,
     IGNORE_MARK,
     INSTALL_STATE_FILE,
     INSTALLED_LISTS_DIR,
     INSTALLED_STATES_DIR,
     LAYOUT_MARKER,
     SCRATCH_DIR,
-    TEST_RESULT,
-    TEST_SCRATCH_DIR,
 )
+from forge.base.mounts import mounts_below, remove_folder
 from forge.base.text import listed
 from forge.build.build_dir import set_aside_path
+from forge.build.folder_marks import (
+    has_package_marks,
+    is_own_build_base,
+    is_own_build_dir,
+    is_own_install_base,
+    is_own_log_base,
+    is_source_of,
+    is_usable_prefix,
+    recorded_layout,
+    sources_in,
+)
 from forge.build.install_manifests import MANIFESTS
-from forge.build.markers import remove_file
-from forge.build.prefix import leftover_backups
+from forge.build.journal import open_journal
+from forge.build.markers import remove_empty, remove_file
+from forge.build.prefix import (
+    PrefixExchange,
+    foreign_entries,
+    leftover_backups,
+    package_markers,
+    read_installed_list,
+    tidy,
+    write_installed_list,
+)
 from forge.environment.prefixes import PACKAGES
+from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from forge.base.layout import Layout
     from forge.build.model import BuildRecord
+    from forge.workspace.model import Package
 
 BASES = ("build", "install", "log")
 
-_BUILD_MARKS = (
-    "CMakeCache.txt",
-    "cmake_args.last",
-    BUILD_RESULT,
-    TEST_RESULT,
-    "colcon_command_prefix_build.sh",
-    SCRATCH_DIR,
-    TEST_SCRATCH_DIR,
-    "install_manifest.txt",
-)
-_BUILD_FILES = (".built_by", IGNORE_MARK, COMPILE_COMMANDS, "forge_*", ".forge_*")
+_EXTENSIONS = (*SHELLS, "ps1")
+_SCRIPTS = tuple(f"package.{extension}" for extension in (*_EXTENSIONS, "dsv", "xml"))
 _INSTALL_FILES = (
-    *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_*.py"),
-    *("setup.*", "local_setup.*", BACKUP_DIR, INSTALLED_LISTS_DIR),
+    *(LAYOUT_MARKER, IGNORE_MARK, INSTALL_STATE_FILE, "_local_setup_util_sh.py", "_local_setup_util_ps1.py"),
+    *(f"{name}.{extension}" for name in ("setup", "local_setup") for extension in _EXTENSIONS),
 )
-_LOG_FILES = (IGNORE_MARK, "latest", "latest_*")
 _RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
+_RUN_FILES = ("logger_all.log", "events.log", "events.jsonl")
 
 
 @frozen
 class Removable:
     """Files, links and folders below `base` to remove together; `label` describes them.
 
-    `records` are folders with forge's own data about them, which is removed with them.
+    `records` are files and folders with forge's own data about them, which are removed with them. `prefix` is
+    the isolated prefix that contains the files, in `layout`.
     """
 
     label: str
     base: Path
     paths: tuple[Path, ...]
     records: tuple[Path, ...] = ()
+    prefix: Path | None = None
+    layout: Layout | None = None
 
 
 def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
     """Return the packages with files in the build or install folder."""
-    built = {entry.name for entry in _folders(layout.build) if _is_build(entry)}
-    if layout.merged:
-        installed = {entry.name for entry in _entries(layout.install / PACKAGES) if entry.is_file()}
-    else:
-        installed = {entry.name for entry in _folders(layout.install) if _is_prefix(entry)}
-    return frozenset(records) | built | installed
+    found = set(records)
+    if is_own_build_base(layout.build):
+        found |= {entry.name for entry in _folders(layout.build) if is_own_build_dir(entry)}
+    if is_own_install_base(layout.install):
+        found |= {entry.name.partition(".")[0] for entry in _entries(layout.install / BACKUP_DIR)}
+        if layout.merged:
+            found |= {entry.name for entry in _entries(layout.install / PACKAGES) if entry.is_file()}
+        else:
+            found |= {entry.name for entry in _folders(layout.install) if has_package_marks(entry)}
+    return frozenset(found)
 
 
 def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:
     """Yield the build folder of a package and its installed files."""
-    build = layout.build_dir(name)
-    files = _installed(name, layout, records) if layout.merged else ()
-    if os.path.lexists(build) and (name in records or _is_build(build)):
+    build, record = layout.build_dir(name), records.get(name)
+    if is_own_build_base(layout.build) and is_own_build_dir(build) and not is_source_of(build, record):
         beside = (layout.build / INSTALLED_STATES_DIR / name, set_aside_path(build))
         yield Removable(
             f"build folder of '{name}'", layout.build, (build,), tuple(filter(Path.exists, beside))
         )
-    prefix = layout.prefix(name)
-    lists = tuple(filter(Path.exists, (layout.install / INSTALLED_LISTS_DIR / f"{name}.json",)))
-    if layout.merged and files:
-        count = len(files)
-        label = f"{count} installed file{'' if count == 1 else 's'} of '{name}'"
-        yield Removable(label, layout.install, (*files, *lists))
-    elif not layout.merged and os.path.lexists(prefix):
-        yield Removable(f"prefix of '{name}'", layout.install, (prefix,), lists)
+    if not is_own_install_base(layout.install):
+        return
+    if layout.merged:
+        if files := _existing(_installed(name, layout, records), layout.install):
+            count = len(files)
+            label = f"{count} installed file{'' if count == 1 else 's'} of '{name}'"
+            yield Removable(label, layout.install, files, _lists(name, layout))
+    else:
+        yield from _of_prefix(name, layout, records)
     if aside := leftover_backups(name, layout):
         yield Removable(f"backup of '{name}' from a killed build", layout.install, tuple(aside))
 
 
 def workspace_removables(
-    layout: Layout, records: Mapping[str, BuildRecord], bases: Iterable[str]
+    layout: Layout, records: Mapping[str, BuildRecord], bases: Collection[str]
 ) -> Iterator[Removable]:
     """Yield everything that was created below the chosen bases, packages first."""
     names = sorted(built_packages(layout, records))
-    for base, chosen, files in (
-        ("build", layout.build, _BUILD_FILES),
-        ("install", layout.install, _INSTALL_FILES),
+    found = [removable for name in names for removable in package_removables(name, layout, records)]
+    for base, chosen, is_own, files in (
+        ("build", layout.build, is_own_build_base, BUILD_BASE_FILES),
+        ("install", layout.install, is_own_install_base, _INSTALL_FILES),
     ):
-        if base in bases:
-            found = [removable for name in names for removable in package_removables(name, layout, records)]
+        if base in bases and is_own(chosen):
             yield from (removable for removable in found if removable.base == chosen)
-            yield from _of_targets(base, chosen)
-            yield from _own_files(base, chosen, files)
-    if "log" in bases and layout.logs is not None and (layout.logs / IGNORE_MARK).exists():
-        runs = tuple(entry for entry in _folders(layout.logs) if _RUN.fullmatch(entry.name))
+            for target in _targets(layout):
+                below = open_journal(target.build).records
+                for removable in workspace_removables(target, below, (base,)):
+                    yield replace(removable, label=f"{removable.label}, for '{target.target}'")
+            yield from _own_files(base, chosen, (chosen / name for name in files))
+    if "log" in bases and layout.logs is not None and is_own_log_base(layout.logs):
+        runs = tuple(filter(_is_run, _folders(layout.logs)))
         if runs:
             yield Removable(f"logs of {len(runs)} run{'' if len(runs) == 1 else 's'}", layout.logs, runs)
-        yield from _own_files("log", layout.logs, _LOG_FILES)
+        links = (path for path in layout.logs.glob("latest*") if path.is_symlink())
+        yield from _own_files("log", layout.logs, (layout.logs / IGNORE_MARK, *links))
+
+
+def restore_backups(layout: Layout, names: Iterable[str]) -> None:
+    """Restore the backups of killed builds, so that files of the user in them return to their prefix."""
+    for name in names:
+        if is_own_install_base(layout.install) and leftover_backups(name, layout):
+            PrefixExchange(name, layout).roll_back()
+    tidy(layout)
 
 
 def remove(removables: Iterable[Removable]) -> None:
-    """Remove everything, and folders that become empty; links are removed, not followed."""
+    """Remove everything, and folders that become empty; neither links nor mounts are entered."""
     bases = []
     for removable in removables:
         bases.append(removable.base)
         for path in (*removable.paths, *removable.records):
-            if path.is_dir() and not path.is_symlink():
-                delete_tree(path)
-            else:
+            if not path.is_dir() or path.is_symlink():
                 remove_file(path, removable.base)
-    for base in dict.fromkeys(bases):
+            elif removable.prefix is None:
+                remove_folder(str(path), last=SCRATCH_DIR)
+            else:
+                remove_empty(path, removable.base)
+        if removable.prefix is not None and removable.layout is not None:
+            remove_empty(removable.prefix, removable.base)
+            if removable.prefix.is_dir():
+                # The next build then knows that it may install here, and that all of this stays.
+                write_installed_list(removable.prefix.name, removable.layout, {}, ())
+    for base in sorted(dict.fromkeys(bases), key=lambda base: -len(base.parts)):
         if base.is_dir() and not base.is_symlink() and not any(base.iterdir()):
             base.rmdir()
 
 
-def remaining_entries(layout: Layout, bases: Iterable[str]) -> tuple[Path, ...]:
-    """Return the remaining entries of the bases, which neither forge nor colcon created."""
+def remaining_entries(layout: Layout, bases: Iterable[str]) -> Iterator[tuple[Path, str]]:
+    """Yield what remains in the bases, and in prefixes with files of the user, with the reasons."""
     folders = {"build": layout.build, "install": layout.install, "log": layout.logs}
-    chosen = (folder for base in bases if (folder := folders[base]) is not None)
-    return tuple(entry for folder in chosen for entry in _entries(folder))
+    for base in bases:
+        for entry in _entries(folders[base]):
+            if entry.name == INSTALLED_LISTS_DIR:
+                continue
+            if base == "install" and _lists(entry.name, layout):
+                yield from remaining_in_prefix(entry)
+            else:
+                yield entry, _reason(entry)
 
 
-def _own_files(base_name: str, base: Path, patterns: Iterable[str]) -> Iterator[Removable]:
+def remaining_in_prefix(prefix: Path) -> Iterator[tuple[Path, str]]:
+    """Yield what remains in a prefix from which a package was removed, with the reason."""
+    files, empty = foreign_entries(str(prefix))
+    for path in map(Path, sorted((*files, *empty))):
+        yield path, _reason(path)
+
+
+def _reason(path: Path) -> str:
+    if mount := next(mounts_below(str(path)), None):
+        return f"'{mount}' is mounted there"
+    if path.is_dir() and (found := sources_in(path)):
+        return f"it contains '{found}'"
+    return "forge did not create it"
+
+
+def _own_files(base_name: str, base: Path, paths: Iterable[Path]) -> Iterator[Removable]:
     """Yield the files that belong to no package: markers, scripts, journals."""
-    found = tuple(path for pattern in patterns for path in sorted(base.glob(pattern)))
+    found = tuple(path for path in paths if os.path.lexists(path))
     if found:
         yield Removable(f"forge's own files in '{base_name}'", base, found)
 
 
-def _of_targets(base_name: str, base: Path) -> Iterator[Removable]:
-    """Yield the folders of other platforms, of which each has the markers of a build or install folder."""
-    marker = ".built_by" if base_name == "build" else LAYOUT_MARKER
-    for folder in _folders(base):
-        if (folder / marker).is_file():
-            yield Removable(f"{base_name} folder for '{folder.name}'", base, (folder,))
+def _targets(layout: Layout) -> Iterator[Layout]:
+    """Yield the layouts of other platforms, whose folders are marked below those of this machine."""
+    names = {entry.name for entry in _folders(layout.build) if is_own_build_base(entry)}
+    names |= {entry.name for entry in _folders(layout.install) if is_own_install_base(entry)}
+    for name in sorted(names if not layout.target else ()):
+        build, install = layout.build / name, layout.install / name
+        if not is_own_build_dir(build) and not has_package_marks(install):
+            merged = recorded_layout(install) == "merged"
+            yield replace(layout, build=build, install=install, target=name, merged=merged)
 
 
-def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> tuple[Path, ...]:
-    """Return the files in a merged install that belong to this package only."""
-    found = set(records[name].files) if name in records else set()
-    for manifest in MANIFESTS:
-        found.update(listed_paths(layout.build_dir(name) / manifest))
-    share = layout.install / "share" / name
-    own = [*share.glob("package.*"), *share.glob("hook/*"), layout.install / PACKAGES / name]
-    found.update(map(str, (*own, *(layout.install / INDEX).glob(f"*/{name}"))))
-    for record in (record for other, record in records.items() if other != name):
-        found.difference_update(record.files)
-    inside = [Path(path) for path in found if Path(path).is_relative_to(layout.install)]
-    compiled = [cached for path in inside if path.suffix == ".py" for cached in _bytecode(path)]
-    return tuple(sorted({path for path in (*inside, *compiled) if os.path.lexists(path)}))
+def _is_run(folder: Path) -> bool:
+    """Tell whether a folder of a log folder contains the log of one run."""
+    if folder.is_symlink() or not _RUN.fullmatch(folder.name):
+        return False
+    return not any(folder.iterdir()) or any((folder / name).is_file() for name in _RUN_FILES)
 
 
-def _bytecode(path: Path) -> Iterator[Path]:
-    return (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc")
+def _of_prefix(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:
+    """Yield the files that builds installed into an isolated prefix, or the link that is there instead."""
+    prefix, record = layout.prefix(name), records.get(name)
+    if not prefix.is_dir() or not is_usable_prefix(prefix, layout, lambda: records):
+        return
+    if prefix.is_symlink():
+        yield Removable(f"link to the prefix of '{name}'", layout.install, (prefix,))
+        return
+    files, empty = foreign_entries(str(prefix))
+    installed, kept = _installed(name, layout, records), read_installed_list(name, layout)
+    if kept is not None or (record is not None and record.files):
+        known = {
+            *(kept.folders if kept else ()),
+            *(path.rstrip("/") for path in (record.folders if record else ())),
+        }
+        own = [*(path for path in files if path in installed), *(path for path in empty if path in known)]
+    else:
+        scripts = (*package_markers(name, layout), *map(str, (prefix / "share" / name).glob("package.*")))
+        last = max((os.lstat(path).st_ctime_ns for path in scripts if os.path.lexists(path)), default=0)
+        own = [path for path in (*files, *empty) if path in installed or os.lstat(path).st_ctime_ns <= last]
+    paths = _existing(own, prefix)
+    if paths or not (files or empty):
+        count = len(files) + len(empty) - len(own)
+        rest = f", except {count} file{'' if count == 1 else 's'} that no build installed" if count else ""
+        label = f"prefix of '{name}'{rest}"
+        yield Removable(label, layout.install, paths, _lists(name, layout), prefix=prefix, layout=layout)
 
 
-def _is_build(folder: Path) -> bool:
-    return any((folder / mark).exists() for mark in _BUILD_MARKS)
+def _lists(name: str, layout: Layout) -> tuple[Path, ...]:
+    path = layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
+    return (path,) if path.is_file() else ()
 
 
-def _is_prefix(folder: Path) -> bool:
-    name = folder.name
-    marks = (PACKAGES / name, INDEX / "packages" / name, Path("share") / name / "package.xml")
-    return any((folder / mark).exists() for mark in marks)
+def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> set[str]:
+    """Return the files in a prefix that belong to this package only."""
+    kept = read_installed_list(name, layout)
+    found = {*(kept.files if kept else ()), *(records[name].files if name in records else ())}
+    if is_own_build_dir(layout.build_dir(name)):
+        for manifest in MANIFESTS:
+            found.update(listed_paths(layout.build_dir(name) / manifest))
+    prefix = layout.prefix(name)
+    share = prefix / "share" / name
+    hooks = (path for path in share.glob("hook/*") if path.suffix[1:] in {*_EXTENSIONS, "dsv"})
+    own = (*(share / script for script in _SCRIPTS), *hooks, prefix / PACKAGES / name)
+    found.update(map(str, (*own, *(prefix / INDEX).glob(f"*/{name}"))))
+    if layout.merged:
+        for record in (record for other, record in records.items() if other != name):
+            found.difference_update(record.files)
+    return found - (kept.unclaimed if kept else frozenset())
+
+
+def _existing(paths: Iterable[str], prefix: Path) -> tuple[Path, ...]:
+    """Return which of these files exist in a prefix, with their bytecode; none behind a link or mount."""
+    real, mounts = os.path.realpath(prefix), tuple(mounts_below(str(prefix)))
+    inside: dict[str, bool] = {}
+    found = set[Path]()
+    for path in paths:
+        folder = os.path.dirname(path)  # noqa: PTH120  (each installed file)
+        if folder not in inside:
+            expected = real + folder[len(str(prefix)) :]
+            inside[folder] = (
+                f"{folder}/".startswith(f"{prefix}/")
+                and os.path.realpath(folder) == expected
+                and not any(f"{folder}/".startswith(f"{mount}/") for mount in mounts if mount != str(prefix))
+            )
+        if inside[folder] and os.path.lexists(path):
+            found.add(Path(path))
+            if path.endswith(".py"):
+                found.update((Path(folder) / "__pycache__").glob(f"{Path(path).stem}.*.pyc"))
+    return tuple(sorted(found))
 
 
 def _folders(base: Path) -> Iterator[Path]:
     return (entry for entry in _entries(base) if entry.is_dir() and not entry.name.startswith("."))
 
 
-def _entries(base: Path) -> list[Path]:
-    return sorted(base.iterdir()) if base.is_dir() else []
+def _entries(base: Path | None) -> list[Path]:
+    return sorted(base.iterdir()) if base is not None and base.is_dir() else []
 
 
 def stale_package_warnings(
-    records: Mapping[str, BuildRecord], names: Collection[str], layout: Layout
+    records: Mapping[str, BuildRecord], packages: Mapping[str, Package], layout: Layout, root: Path
 ) -> Iterator[Problem]:
     """Yield a problem for packages removed from the workspace whose installed files may still be found.
 
-    `names` are the discovered packages. A package that was merely not discovered, for example because of
-    '--base-paths', is not removed: its folder exists and is not ignored.
+    `packages` are the discovered ones. A package that was merely not discovered, for example because of
+    '--base-paths', is not removed: its folder exists, is not ignored, and contains no other package.
     """
+    missing = {
+        name: record
+        for name, record in records.items()
+        if name not in packages and record.complete and record.source
+    }
+    taken = {str(root / package.path) for package in packages.values()} if missing else set()
     gone = sorted(
         name
-        for name, record in records.items()
-        if name not in names and record.complete and is_removed_package(Path(record.inputs.options[0]))
+        for name, record in missing.items()
+        if record.source in taken or is_removed_package(Path(record.source))
     )
     if gone:
         verb, possessive = ("is", "its") if len(gone) == 1 else ("are", "their")

@@ -6,17 +6,15 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError
-from forge.base.files import read_text, write_if_changed
-from forge.base.layout import IGNORE_MARK, INSTALL_STATE_FILE, LAYOUT_MARKER
+from forge.base.files import write_if_changed
+from forge.base.layout import BUILT_BY, IGNORE_MARK, INSTALL_STATE_FILE, LAYOUT_MARKER
+from forge.build.folder_marks import BUILDERS, builder, recorded_layout
 from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
-
-
-_BUILDERS = ("colcon", "forge")
 
 
 def create_output_folders(layout: Layout) -> None:
@@ -28,7 +26,7 @@ def create_output_folders(layout: Layout) -> None:
     if layout.target:
         # The folders around them are marked, too: they identify the workspace and contain no packages.
         _make_ignored(layout.of_host.install)
-        write_if_changed(layout.of_host.build / ".built_by", "colcon\n")
+        write_if_changed(layout.of_host.build / BUILT_BY, "colcon\n")
         _make_ignored(layout.of_host.build)
     for check in (_begin_build, _begin_install):
         try:
@@ -44,18 +42,16 @@ def create_output_folders(layout: Layout) -> None:
 
 def foreign_build(layout: Layout) -> Problem | None:
     """Return a problem if the build folder was created by another tool."""
-    marker = layout.build / ".built_by"
-    builder = read_text(marker).strip() if marker.exists() else None
-    if builder in {None, *_BUILDERS}:
+    tool = builder(layout.build)
+    if tool in {None, *BUILDERS}:
         return None
-    hint = "remove the folder, or choose another with '--build-base'"
-    return Problem(f"the build folder '{layout.build}' was created by '{builder}'", hint=hint)
+    hint = "choose another folder with '--build-base'"
+    return Problem(f"the build folder '{layout.build}' was created by '{tool}'", hint=hint)
 
 
 def other_layout(layout: Layout) -> Problem | None:
     """Return a problem if the install folder has the other layout (merged or isolated)."""
-    marker = layout.install / LAYOUT_MARKER
-    layout_name = read_text(marker).strip() if marker.exists() else None
+    layout_name = recorded_layout(layout.install)
     if layout_name in {None, layout.word}:
         return None
     change = "remove '--merge-install'" if layout.merged else "add '--merge-install'"
@@ -74,13 +70,19 @@ def workspace_scripts(root: Path) -> list[str]:
 def remove_file(path: Path, root: Path) -> None:
     """Remove a file and its parent folders that become empty, up to but not including `root`."""
     path.unlink(missing_ok=True)
-    for folder in path.parents:
-        if folder == root:
-            break
+    remove_empty(path.parent, root)
+
+
+def remove_empty(folder: Path, root: Path) -> None:
+    """Remove a folder if it is empty, and parents that become empty, up to but not including `root`."""
+    while folder != root:
         try:
             folder.rmdir()
+        except FileNotFoundError:
+            pass
         except OSError:
             break
+        folder = folder.parent
 
 
 def _begin_build(layout: Layout) -> Problem | None:
@@ -89,7 +91,7 @@ def _begin_build(layout: Layout) -> Problem | None:
     if problem:
         return problem
     _make_ignored(layout.build)
-    write_if_changed(layout.build / ".built_by", "colcon\n")
+    write_if_changed(layout.build / BUILT_BY, "colcon\n")
     return None
 
 

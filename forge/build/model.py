@@ -74,6 +74,11 @@ class BuildRecord:
     read_from: tuple[str, ...] = ()
     folders: tuple[str, ...] = ()
 
+    @property
+    def source(self) -> str:
+        """The folder from which the package was built, '' if no build got that far."""
+        return self.inputs.options[0] if self.inputs.options else ""
+
 
 @frozen
 class CachedBuild:

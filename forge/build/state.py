@@ -72,8 +72,9 @@ class BuildState:
         gone = sorted(self.journal.records.keys() & set(names))
         if not gone:
             return
-        from forge.build.cleaning import package_removables, remove  # noqa: PLC0415  (only a change of underlays)
+        from forge.build.cleaning import package_removables, remove, restore_backups  # noqa: PLC0415  (only a change of underlays)
 
+        restore_backups(self.layout, gone)
         for name in gone:
             remove(tuple(package_removables(name, self.layout, self.journal.records)))
             self.journal.forget(name)

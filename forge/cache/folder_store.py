@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
+import re
 import shlex
 import stat
 from functools import cached_property
@@ -31,6 +32,8 @@ _CLONE = 0x40049409
 """The Linux ioctl FICLONE: a new file shares the blocks of another if the file system supports it."""
 
 
+DRAFT = re.compile(r"\..*\.forge-draft")
+_SUBFOLDER = re.compile(r"[0-9a-f]{2}")
 PRIVATE = 0o700
 """The permissions of private folders."""
 _SHARED = stat.S_ISGID | stat.S_IRWXG
@@ -46,6 +49,15 @@ class FolderStore:
         self.name = str(folder)
         self._checked: set[Path] = set()
         """Existing folders whose permissions have been checked."""
+
+    def foreign_entry(self) -> Path | None:
+        """Return an entry of the folder where results and blobs belong that forge did not make, or None."""
+        for folder in (self.folder / "ac", self.folder / "cas"):
+            for entry in sorted(folder.iterdir()) if folder.is_dir() else ():
+                named = _SUBFOLDER.fullmatch(entry.name) and entry.is_dir() and not entry.is_symlink()
+                if not (named or DRAFT.fullmatch(entry.name)):
+                    return entry
+        return None
 
     def result(self, key: str) -> ActionResult | None:
         """Return the result stored for a key, or None.

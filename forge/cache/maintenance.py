@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
 from forge.cache.action_result import decode
+from forge.cache.folder_store import DRAFT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 DEFAULT_SIZE = 20 << 30
 """The default maximum size of a folder store in bytes."""
 
+_STORED = re.compile(r"[0-9a-f]{64}")
 _YOUNG_SECONDS = 3600.0
 """Unreferenced blobs younger than this are kept: a running build may not have written their result yet."""
 
@@ -98,15 +100,16 @@ def _blobs(result: StoredFile) -> set[str]:
 
 
 def _files(folder: Path) -> Iterator[StoredFile]:
+    """Yield the files that are named as forge names them; others in the folder are their owner's."""
     for folder_path, _, names in os.walk(folder):
+        above = os.path.basename(folder_path)  # noqa: PTH119  (each file of a cache)
         for name in names:
+            if not (DRAFT.fullmatch(name) or (_STORED.fullmatch(name) and name[:2] == above)):
+                continue
             path = Path(folder_path, name)
             with contextlib.suppress(FileNotFoundError):
                 status = path.stat()
                 yield StoredFile(path, status.st_size, status.st_mtime)
-
-
-_DRAFT = re.compile(r"\..*\.forge-draft")
 
 
 @frozen
@@ -132,7 +135,7 @@ def verify(store: FolderStore) -> VerifyResult:
 
 def _corrupt_blobs(contents: StoreContents) -> Iterator[tuple[Path, str]]:
     for name, file in contents.blobs.items():
-        if _DRAFT.fullmatch(name):
+        if DRAFT.fullmatch(name):
             continue  # of a running or killed build; pruning removes it by age
         with contextlib.suppress(FileNotFoundError), file.path.open("rb") as stream:
             found = hashlib.sha256()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import cache_home
-from forge.base.errors import Problem
+from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.options import option
 from forge.toolchain.resources import memory_limit
@@ -77,7 +77,9 @@ class CacheOptions:
         return bool(self.remote_cache) or self.cache is not None
 
     def check(self) -> None:
-        """Raise ForgeError if the URL of the remote cache is invalid."""
+        """Raise ForgeError for a folder that is no cache, or an invalid URL of the remote cache."""
+        if self.wanted:
+            raise_if_any(foreign_store(cache_folder(self.cache, os.environ)), SelectionError)
         if self.remote_cache:
             from forge.cache.remote import check_url  # noqa: PLC0415  (only needed with a remote cache)
 
@@ -87,6 +89,15 @@ class CacheOptions:
 def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
     """Return the cache folder: the option's value, else $FORGE_CACHE_DIR/packages, else the user's cache."""
     return Path(option).expanduser().absolute() if option else cache_home(variables) / "packages"
+
+
+def foreign_store(folder: Path) -> Iterator[Problem]:
+    """Yield a problem if a folder contains other files where a cache has its results."""
+    from forge.cache.folder_store import FolderStore  # noqa: PLC0415  (only needed with a cache)
+
+    if entry := FolderStore(folder).foreign_entry():
+        hint = "choose another folder with '--cache'"
+        yield Problem(f"the folder '{folder}' is not a package cache: it contains '{entry}'", hint=hint)
 
 
 @contextmanager

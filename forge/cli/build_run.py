@@ -345,7 +345,7 @@ def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
     missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys).warnings
-    stale = stale_package_warnings(state.journal.records, loaded.packages, layout)
+    stale = stale_package_warnings(state.journal.records, loaded.packages, layout, loaded.workspace.root)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
 
 

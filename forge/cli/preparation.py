@@ -35,6 +35,7 @@ from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.up_to_date import RUST, relevant_environment
 from forge.cli.build_mode import has_many_wheels
+from forge.cli.output_checks import output_problems
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings
 from forge.environment.underlay_python import lacks_modules
@@ -159,11 +160,18 @@ def check_before_planning(
     search = CMakeSearch(loaded.resolution, layout, variables, cmake_args)
     missing = missing_dependencies(loaded.resolution, names, options.skip_keys, search.certainly_missing)
     problems = list(loaded.workspace.problems)
-    if not problems:
+    if not (problems or loaded.workspace.packages):
+        raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
     problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
     buildable = _without(names, missing.unbuildable, loaded)
+    problems += output_problems(
+        loaded,
+        layout,
+        buildable,
+        {"--test-result-base": options.test_result_base, "--cache": options.cache.cache},
+    )
     if not options.continue_on_error:
         problems += _with_remedy(
             missing.errors, sum(not loaded.packages[name].embedded for name in buildable)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import gzip
 import os
 import tarfile
+import zlib
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError
+from forge.base.files import text_or_nothing
 from forge.base.layout import LAYOUT_MARKER
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
         if platforms:
             hint = f"pass the platform that it was built for: --target {' or '.join(platforms)}"
         raise WorkspaceError(Problem(f"'{install}' contains no installed packages", hint=hint))
-    merged = (install / LAYOUT_MARKER).read_text(encoding="utf-8").strip() == "merged"
+    merged = text_or_nothing(install / LAYOUT_MARKER).strip() == "merged"
     members = [
         path
         for path in _walk(install, "")
@@ -42,7 +44,10 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
     if lost:
         hint = "the linked files no longer exist; build again"
         raise WorkspaceError(*(Problem(f"dangling link '{install / path}'", hint=hint) for path in lost))
-    draft = output.with_name(f".{output.name}.draft")
+    if os.path.lexists(output) and not _is_bundle(output):
+        hint = "move it away, or choose another file with '--output'"
+        raise WorkspaceError(Problem(f"'{output}' exists, and forge did not write it", hint=hint))
+    draft = output.with_name(f".{output.name}.{os.urandom(4).hex()}.forge-draft")
     try:
         with (
             draft.open("wb") as stream,
@@ -55,6 +60,18 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
     finally:
         draft.unlink(missing_ok=True)
     return len(members), output.stat().st_size
+
+
+def _is_bundle(path: Path) -> bool:
+    """Tell whether a file is an archive of an earlier run, by the time of its members, or empty."""
+    if path.is_symlink() or not path.is_file():
+        return False
+    try:
+        with tarfile.open(path, "r:gz") as archive:
+            member = archive.next()
+            return member is None or member.mtime == _TIME
+    except (OSError, tarfile.TarError, EOFError, zlib.error):
+        return path.stat().st_size == 0
 
 
 def for_building(path: str) -> bool:

@@ -26,7 +26,7 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
     Raises WorkspaceError if the folder is locked and `wait` is False, OSError if it is not writable.
     """
     descriptor = os.open(build / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
-    with os.fdopen(descriptor, "r+", encoding="utf-8") as lock:
+    with os.fdopen(descriptor, "r+", encoding="utf-8", errors="replace") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -109,26 +109,28 @@ def test_a_broken_manifest_makes_nothing_stale(forge: Forge, workspace: Path) ->
 def test_it_asks_first(
     forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch, answer: str, gone: object
 ) -> None:
-    root = tree({"src/x": "", "build/a/colcon_build.rc": "0"})
+    root = tree({"src/x": "", "build/.built_by": "colcon", "build/a/colcon_build.rc": "0"})
     monkeypatch.setattr(sys, "stdin", io.StringIO(answer))
     ran = forge("clean", "workspace", cwd=root)
     assert ran.code == 0
-    assert ran.out.startswith("- build/a (build folder of 'a')\nRemove these 1 items? [y/N] ")
+    assert ran.out.startswith("- build/a (build folder of 'a')\n- forge's own files in 'build' in build\n")
+    assert "\nRemove these 2 items? [y/N] " in ran.out
     assert (root / "build").exists() is not gone
 
 
 def test_without_words_it_says_what_it_would_do(forge: Forge, tree: Tree) -> None:
-    root = tree(dict.fromkeys(("build/gone/CMakeCache.txt", "install/.colcon_install_layout", "src/x"), ""))
+    names = ("build/gone/cmake_args.last", "install/.colcon_install_layout", "src/x")
+    root = tree({**dict.fromkeys(names, ""), "build/.built_by": "colcon"})
     ran = forge("clean", cwd=root)
     assert (ran.code, ran.err) == (0, "")
     assert ran.out == (
-        "- 1 item in build\n- 1 item in install\n"
+        "- 2 items in build\n- 1 item in install\n"
         "Nothing was removed. These commands list what they remove and ask first:\n"
         "  forge clean workspace         all of the above\n"
         "  forge clean packages PKG ...  the results of these packages\n"
         "  forge clean stale             the results of packages that left the workspace: 'gone'\n"
     )
-    assert (root / "build/gone/CMakeCache.txt").exists()
+    assert (root / "build/gone/cmake_args.last").exists()
     assert forge("clean", "-y", "workspace", cwd=root).code == 0
     assert forge("clean", cwd=root).out == "nothing to remove\n"
     assert "argument what: invalid choice: 'all'" in forge("clean", "-y", "all", cwd=root).err
@@ -136,7 +138,7 @@ def test_without_words_it_says_what_it_would_do(forge: Forge, tree: Tree) -> Non
 
 
 def test_words_that_make_no_sense(forge: Forge, tree: Tree) -> None:
-    root = tree({"build/a/colcon_build.rc": "0"})
+    root = tree({"build/.built_by": "colcon", "build/a/colcon_build.rc": "0"})
     assert forge("clean", "packages", cwd=root).code == 2
     assert forge("clean", "workspace", "a", cwd=root).code == 2
     ran = forge("clean", "packages", "aa", cwd=root)
@@ -147,7 +149,7 @@ def test_words_that_make_no_sense(forge: Forge, tree: Tree) -> None:
 
 
 def test_links_are_removed_and_not_followed(forge: Forge, tree: Tree) -> None:
-    root = tree({"src/x": "", "elsewhere/kept": "", "build/.built_by": "colcon", "elsewhere/.forge": ""})
+    root = tree({"src/x": "", "elsewhere/kept": "", "build/.built_by": "colcon", "elsewhere/.forge/x": ""})
     (root / "build/a").symlink_to(root / "elsewhere")
     assert forge("clean", "workspace", "-y", cwd=root).code == 0
     assert (root / "elsewhere/kept").is_file()
@@ -163,3 +165,63 @@ def test_names_may_stand_before_and_after_options(
     assert not (workspace / "build/a").exists()
     assert not (workspace / "build/b").exists()
     assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=workspace).code == 2
+
+
+def test_files_that_no_build_installed_stay_and_are_named(forge: Forge, workspace: Path, tree: Tree) -> None:
+    merged = (workspace / "install/share/a").is_dir()
+    prefix = "install" if merged else "install/a"
+    mine = (f"{prefix}/share/a/mine.yaml", f"{prefix}/mine/deep/x", f"{prefix}/share/a/package.notes")
+    tree(dict.fromkeys(mine, ""))
+    (workspace / prefix / "empty").mkdir()
+    ran = forge("clean", "packages", "a", "-y", cwd=workspace)
+    assert ran.code == 0
+    assert all((workspace / name).is_file() for name in mine)
+    assert (workspace / prefix / "empty").is_dir()
+    if not merged:
+        assert f"not removed, because forge did not create it: {mine[0]}\n" in ran.err
+        assert not (workspace / "install/a/share/a/package.dsv").exists()
+    options = ["--merge-install"] if merged else []
+    assert forge("build", *options, cwd=workspace).code == 0
+    assert all((workspace / name).is_file() for name in mine)
+    ran = forge("clean", "workspace", "-y", cwd=workspace)
+    assert ran.code == 0
+    assert all((workspace / name).is_file() for name in mine)
+    assert left(workspace) - {"install/.forge_files/a.json"} == set(mine)
+
+
+def test_without_records_a_prefix_keeps_what_is_newer_than_its_package(
+    forge: Forge, workspace: Path, tree: Tree
+) -> None:
+    shutil.rmtree(workspace / "build")
+    if (workspace / "install/share/a").is_dir():
+        return
+    tree({"install/a/mine": ""})
+    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
+    assert left(workspace) == {"install/a/mine", "install/.forge_files/a.json"}
+
+
+def test_nothing_behind_a_link_is_removed(forge: Forge, workspace: Path, tree: Tree) -> None:
+    merged = (workspace / "install/share/a").is_dir()
+    share = workspace / ("install" if merged else "install/a") / "share"
+    tree({"precious/keep": ""})
+    shutil.copytree(share / "a", workspace / "precious/a")
+    shutil.rmtree(share / "a")
+    (share / "a").symlink_to(workspace / "precious/a")
+    before = sorted((workspace / "precious").rglob("*"))
+    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
+    assert sorted((workspace / "precious").rglob("*")) == before
+    assert (share / "a").is_symlink()
+
+
+def test_a_folder_of_logs_without_logs_of_a_run_stays(forge: Forge, workspace: Path, tree: Tree) -> None:
+    mine = ("log/run_2024-01-01_00-00-00/x.log", "log/latest_notes")
+    tree(dict.fromkeys(mine, ""))
+    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
+    assert all((workspace / name).is_file() for name in mine)
+
+
+def test_only_files_of_exactly_these_names_are_forges_own(forge: Forge, workspace: Path, tree: Tree) -> None:
+    mine = ("install/setup.py", "install/local_setup.md", "build/forge_notes.txt", "build/.forge_x/y")
+    tree(dict.fromkeys(mine, ""))
+    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
+    assert left(workspace) == set(mine)

@@ -13,6 +13,7 @@ from forge.base.env_vars import compiled_templates
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
+from forge.build.folder_marks import is_own_install_base
 from forge.build.markers import create_output_folders
 from forge.build.planning import make_whole_plan
 from forge.build.snapshot import take_snapshot
@@ -76,7 +77,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     _check_output(options, layout)
     if options.print_command:
         return _print_last_command(layout, options.print_command)
-    if options.reset_underlays and not options.dry_run:
+    if options.reset_underlays and not options.dry_run and is_own_install_base(layout.install):
         forget_underlays(layout.install)
     variables = build_variables(layout, os.environ, options.rosdistro)
     warn_of_underlays(layout, os.environ, variables, mode.warn)

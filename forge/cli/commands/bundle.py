@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, print_warnings
 from forge.cli.options import TargetOptions, add_options, read_options
+from forge.cli.output_checks import check_bases
 from forge.environment.bundling import write_bundle
 from forge.environment.install_state import recorded_underlays
+from forge.workspace.selection import SearchPaths
 
 if TYPE_CHECKING:
     import argparse
@@ -41,6 +43,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the archive and print a summary; returns 0."""
     target = read_options(TargetOptions, options).target
     base = Path(options.install_base).absolute()
+    check_bases(Path.cwd(), SearchPaths(), {"--install-base": base})
     install = base / target.triple if target else base
     name = f"{Path.cwd().name}-{target.triple}" if target else Path.cwd().name
     output = Path(os.path.abspath(options.output or f"{name}.tar.gz"))  # noqa: PTH100  (no '..' in it)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Problem
+from forge.base.errors import EnvironmentFault, Problem, SelectionError, raise_if_any
 from forge.cache.folder_store import FolderStore
 from forge.cache.maintenance import DEFAULT_SIZE, prune, read_counts, scan_store, verify
-from forge.cache.opening import byte_count, cache_folder
+from forge.cache.opening import byte_count, cache_folder, foreign_store
 from forge.cli.options import argument_type
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def register(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the verb; returns 0, or 1 if the cache contained corrupt entries."""
     store = FolderStore(cache_folder(options.cache, os.environ))
+    raise_if_any(foreign_store(store.folder), SelectionError)
     try:
         code: int = options.verb(store, options)
     except OSError as error:

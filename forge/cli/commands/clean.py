@@ -9,8 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
-from forge.base.layout import LAYOUT_MARKER
+from forge.base.errors import (
+    Problem,
+    SelectionError,
+    WorkspaceError,
+    print_warnings,
+    raise_if_any,
+)
 from forge.base.names import did_you_mean
 from forge.base.text import listed
 from forge.build.cleaning import (
@@ -18,14 +23,22 @@ from forge.build.cleaning import (
     built_packages,
     package_removables,
     remaining_entries,
+    remaining_in_prefix,
     remove,
+    restore_backups,
     workspace_removables,
 )
 from forge.build.compile_commands import merge_compile_commands
+from forge.build.folder_marks import (
+    bases_of,
+    is_own_build_base,
+    recorded_layout,
+)
 from forge.build.installation import finish_workspace
 from forge.build.journal import open_journal
 from forge.cli import options as shared
 from forge.cli import package_options
+from forge.cli.output_checks import check_bases
 from forge.cli.preparation import build_variables
 from forge.environment.install_state import recorded_path
 from forge.execution.lock import lock_build_dir
@@ -41,6 +54,10 @@ if TYPE_CHECKING:
     from forge.build.journal import Journal
     from forge.cli.main import Parser
     from forge.workspace.load import LoadedWorkspace
+
+
+_MOST = 20
+"""So many entries that remain are listed."""
 
 
 def register(parser: Parser) -> None:
@@ -74,15 +91,13 @@ def run(options: argparse.Namespace) -> int:
     """Show what will be removed, ask, and remove it; returns 0 even if the user declines."""
     root = Path.cwd()
     layout = _as_installed(shared.layout_of(options, root))
+    check_bases(root, package_options.query_of(options).search, bases_of(layout))
     with _locked(layout, wait=not options.no_wait), closing(open_journal(layout.build)) as journal:
         names = _names(options, root, layout, journal)
         if options.what is None:
             _preview(options, layout, journal, names)
             return 0
-        if options.what == "workspace":
-            litters = list(workspace_removables(layout, journal.records, options.base_select))
-        else:
-            litters = [found for name in names for found in package_removables(name, layout, journal.records)]
+        litters = _litters(options, layout, journal, names)
         if not litters:
             print("nothing to remove")
             return 0
@@ -91,6 +106,8 @@ def run(options: argparse.Namespace) -> int:
         if not (options.yes or shared.confirmed(f"Remove these {len(litters)} items? [y/N] ")):
             print("nothing was removed")
             return 0
+        restore_backups(layout, names or built_packages(layout, journal.records))
+        litters = _litters(options, layout, journal, names)
         for name in names:
             journal.forget(name)
         journal.close()
@@ -98,9 +115,20 @@ def run(options: argparse.Namespace) -> int:
     if options.what == "workspace":
         _report_rest(remaining_entries(layout, options.base_select), options)
     else:
+        kept = (entry for litter in litters if litter.prefix for entry in remaining_in_prefix(litter.prefix))
+        _report_rest(kept, options)
         _write_scripts(layout)
-        merge_compile_commands(layout.build, force=True)
+        if is_own_build_base(layout.build):
+            merge_compile_commands(layout.build, force=True)
     return 0
+
+
+def _litters(
+    options: argparse.Namespace, layout: Layout, journal: Journal, names: Sequence[str]
+) -> list[Removable]:
+    if options.what == "workspace":
+        return list(workspace_removables(layout, journal.records, options.base_select))
+    return [found for name in names for found in package_removables(name, layout, journal.records)]
 
 
 def _preview(options: argparse.Namespace, layout: Layout, journal: Journal, stale: Sequence[str]) -> None:
@@ -166,20 +194,18 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWork
 
 def _locked(layout: Layout, *, wait: bool) -> AbstractContextManager[None]:
     """Return a lock of the build folder, or a null context for a folder that forge did not create."""
-    return (
-        lock_build_dir(layout.build, wait=wait) if (layout.build / ".built_by").is_file() else nullcontext()
-    )
+    return lock_build_dir(layout.build, wait=wait) if is_own_build_base(layout.build) else nullcontext()
 
 
 def _as_installed(layout: Layout) -> Layout:
     """Return the layout with the merge setting recorded in the install folder."""
-    marker = layout.install / LAYOUT_MARKER
-    if not marker.is_file():
-        return layout
-    return replace(layout, merged=marker.read_text(encoding="utf-8").strip() == "merged")
+    word = recorded_layout(layout.install)
+    return layout if word is None else replace(layout, merged=word == "merged")
 
 
 def _shown(litter: Removable, options: argparse.Namespace) -> str:
+    if litter.prefix is not None:
+        return f"{_displayed(litter.prefix, options)} ({litter.label})"
     if len(litter.paths) > 1:
         return f"{litter.label} in {_displayed(litter.base, options)}"
     return f"{_displayed(litter.paths[0], options)} ({litter.label})"
@@ -191,9 +217,13 @@ def _displayed(path: Path, options: argparse.Namespace) -> str:
     )
 
 
-def _report_rest(paths: Iterable[Path], options: argparse.Namespace) -> None:
-    for path in paths:
-        print(f"not removed, because forge did not create it: {_displayed(path, options)}", file=sys.stderr)
+def _report_rest(entries: Iterable[tuple[Path, str]], options: argparse.Namespace) -> None:
+    """Print what was not removed, with the reasons."""
+    found = list(entries)
+    for path, reason in found[:_MOST]:
+        print(f"not removed, because {reason}: {_displayed(path, options)}", file=sys.stderr)
+    if len(found) > _MOST:
+        print(f"not removed: {len(found) - _MOST} more", file=sys.stderr)
 
 
 def _write_scripts(layout: Layout) -> None:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL
-from forge.base.errors import WarningReporter, WorkspaceError, print_problem
+from forge.base.errors import WarningReporter, WorkspaceError, print_problem, raise_if_any
 from forge.build.events import Finished
 from forge.build.markers import create_output_folders
 from forge.build.tests.options import TestOptions
 from forge.cli import package_options
 from forge.cli.options import FolderOptions, add_options, displayed, read_options
+from forge.cli.output_checks import output_problems
 from forge.cli.preparation import build_variables, require_packages
 from forge.cli.session import open_session
 from forge.execution.lock import lock_build_dir
@@ -72,12 +73,14 @@ def run(namespace: argparse.Namespace) -> int:
     loaded = load_workspace(root, query, variables, embedded=True, install=layout.install)
     warn(loaded.warnings)
     names = tested_names(loaded, warn)
+    results = {"--test-result-base": options.test_result_base}
+    raise_if_any(output_problems(loaded, layout, names, results, prefixes=False), WorkspaceError)
     require_packages(loaded)
     needs = needs_of_tests(names, loaded)
-    create_output_folders(layout)
     absent = absent_problems(needs, layout, variables)
     if absent and len(absent) == len(names):
         raise WorkspaceError(*nothing_built(absent))
+    create_output_folders(layout)
     built = [name for name in names if name not in absent]
     warn(not_built_here(built, loaded, layout))
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))

@@ -125,7 +125,7 @@ def _gone(base: Path) -> frozenset[str]:
     lost = {
         name
         for name, record in open_journal(base).records.items()
-        if record.inputs.options and is_removed_package(Path(record.inputs.options[0]))
+        if record.source and is_removed_package(Path(record.source))
     }
     # A package may have been moved within the workspace.
     return frozenset(lost - discover(Path.cwd(), ["."], os.environ).packages.keys() if lost else ())

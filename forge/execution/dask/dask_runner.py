@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
+import contextlib
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
+from forge.base.layout import SCRATCH_DIR
+from forge.base.mounts import remove_folder
 from forge.build.events import Aborted, Finished, StepStarted
 from forge.execution.dask.messages import RemoteTask
 from forge.execution.dask.step_runner import try_lock
@@ -78,7 +80,8 @@ class DaskRunner:
         """Remove partial results of a lost worker; return the environment of the steps."""
         _await_release(lock)
         self._lifecycle.undo(task)
-        shutil.rmtree(task.build_dir, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            remove_folder(str(task.build_dir), last=SCRATCH_DIR)
         return self._lifecycle.open(task)
 
 

@@ -83,7 +83,7 @@ def test_folders_begin_with_their_markers(merged: bool, tmp_path: Path) -> None:
             "isolated",
             (
                 "error: the build folder 'W/build' was created by 'catkin'\n"
-                "hint: remove the folder, or choose another with '--build-base'"
+                "hint: choose another folder with '--build-base'"
             ),
         ),
         (

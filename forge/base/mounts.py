@@ -1,0 +1,67 @@
+"""Finds mount points, such as container volumes, and removes folders without what is mounted in them."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.files import read_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_MOUNTS = "/proc/self/mountinfo"
+_ESCAPE = re.compile(rb"\\([0-7]{3})")
+
+
+def mount_points() -> frozenset[str]:
+    """Return the mount points of this process; only these tell bind mounts of the same file system."""
+    try:
+        lines = read_file(_MOUNTS).splitlines()
+    except OSError:
+        return frozenset()
+    fields = (line.split(b" ", 5)[4] for line in lines if line.count(b" ") > 4)  # noqa: PLR2004  (the fifth field)
+    names = (_ESCAPE.sub(lambda match: bytes((int(match[1], 8),)), field) for field in fields)
+    return frozenset(map(os.fsdecode, names))
+
+
+def mounts_below(folder: str) -> Iterator[str]:
+    """Yield the mount points at or below a folder, which is spelled as the caller spells it."""
+    real = os.path.realpath(folder)
+    for point in sorted(mount_points()):
+        if point == real or point.startswith(f"{real.rstrip('/')}/"):
+            yield folder + point[len(real) :]
+
+
+def remove_folder(folder: str, last: str = "") -> None:
+    """Remove a folder, but neither what is mounted in it nor anything behind a link.
+
+    The entry called `last` is the mark of the folder: it goes last, and stays if the folder stays. Raises
+    OSError as the system does.
+    """
+    mounts = set(mounts_below(folder))
+    _remove(folder, mounts, {parent for mount in mounts for parent in _parents(mount, folder)}, last)
+
+
+def _remove(folder: str, mounts: set[str], above: set[str], last: str = "") -> None:
+    if folder in mounts:
+        return
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name == last)
+    for entry in entries:
+        if entry.name == last and folder in above:
+            return
+        if entry.is_dir(follow_symlinks=False):
+            _remove(entry.path, mounts, above)
+        else:
+            os.unlink(entry.path)  # noqa: PTH108  (each file of a build folder)
+    if folder not in above:
+        os.rmdir(folder)  # noqa: PTH106
+
+
+def _parents(path: str, top: str) -> Iterator[str]:
+    """Yield the folders above a path, up to and including `top`."""
+    while path != top and path.startswith(top):
+        path = os.path.dirname(path)  # noqa: PTH120
+        yield path

@@ -1,0 +1,328 @@
+"""Decide whose a folder is: only what carries a mark of forge or colcon is emptied, replaced or removed.
+
+A path alone proves nothing: '--build-base src' names folders as '--build-base build' does. A folder of a
+package belongs to forge if it does not exist, is empty, or has a mark that forge makes before anything else,
+or one of colcon's below a base that is marked, too. Sources are never forge's, whatever marks they carry.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from forge.base.ament_index import INDEX
+from forge.base.errors import Problem
+from forge.base.files import listed_paths, text_or_nothing
+from forge.base.layout import (
+    BACKUP_DIR,
+    BUILD_RESULT,
+    BUILT_BY,
+    IGNORE_MARK,
+    INSTALLED_LISTS_DIR,
+    JOURNAL_FILE,
+    LAYOUT_MARKER,
+    SCRATCH_DIR,
+    SET_ASIDE_DIR,
+    TEST_RESULT,
+    TEST_SCRATCH_DIR,
+)
+from forge.base.mounts import mount_points
+from forge.build.install_manifests import MANIFESTS
+from forge.environment.prefixes import PACKAGES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.build.model import BuildRecord
+
+BUILDERS = ("colcon", "forge")
+_OWN_MARKS = (SCRATCH_DIR, TEST_SCRATCH_DIR)
+_COLCON_MARKS = (BUILD_RESULT, TEST_RESULT, "cmake_args.last", "colcon_command_prefix_*.sh")
+_HOME_OF_CMAKE = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
+_WORD = re.compile(r"[A-Za-z][\w.+-]*")
+_LEVELS = 3
+"""How deep a folder that is to become a base is searched for sources that no command discovered."""
+
+
+def builder(build: Path) -> str | None:
+    """Return the tool that created a build folder; None without a mark, or with one that was damaged."""
+    word = text_or_nothing(build / BUILT_BY).strip()
+    damaged = not _WORD.fullmatch(word) or (build / JOURNAL_FILE).is_file()
+    return word if word in BUILDERS or not damaged else None
+
+
+def is_own_build_base(build: Path) -> bool:
+    """Tell whether forge or colcon created the build folder of a workspace."""
+    return builder(build) in BUILDERS or ((build / BUILT_BY).is_file() and (build / JOURNAL_FILE).is_file())
+
+
+def is_own_install_base(install: Path) -> bool:
+    """Tell whether forge or colcon created the install folder of a workspace."""
+    return (install / LAYOUT_MARKER).is_file()
+
+
+def recorded_layout(install: Path) -> str | None:
+    """Return the layout of an install folder; if its marker is damaged, as the packages in it say."""
+    word = text_or_nothing(install / LAYOUT_MARKER).strip()
+    if word in {"merged", "isolated"} or not is_own_install_base(install):
+        return word or None
+    if (install / PACKAGES).is_dir():
+        return "merged"
+    return "isolated" if any(install.glob(f"*/{PACKAGES}")) else None
+
+
+def is_own_log_base(logs: Path) -> bool:
+    """Tell whether forge or colcon created a log folder."""
+    return (logs / IGNORE_MARK).is_file()
+
+
+def is_own_build_dir(build: Path) -> bool:
+    """Tell whether a folder has the marks of a package's build folder, and is not a source folder."""
+    if sources_in(build):
+        return False
+    if any((build / mark).is_dir() for mark in _OWN_MARKS):
+        return True
+    return is_own_build_base(build.parent) and (
+        any(path.is_file() for mark in _COLCON_MARKS for path in build.glob(mark))
+        or (build.parent / SET_ASIDE_DIR / build.name).is_dir()
+    )
+
+
+def has_package_marks(prefix: Path) -> bool:
+    """Tell whether an isolated prefix has the marks of the package that it is named after."""
+    share = prefix / "share" / prefix.name
+    marks = (prefix / PACKAGES, prefix / INDEX / "packages")
+    return any((mark / prefix.name).is_file() for mark in marks) or (share / "package.dsv").is_file()
+
+
+def is_own_prefix(prefix: Path) -> bool:
+    """Tell whether a folder is the isolated prefix of a package, perhaps with files of others in it.
+
+    Its base has a list of what forge installed in it, or what a killed build left.
+    """
+    base, name = prefix.parent, prefix.name
+    notes = (
+        INSTALLED_LISTS_DIR + f"/{name}.json",
+        *(f"{BACKUP_DIR}/{name}{end}" for end in ("", ".part", ".state")),
+    )
+    return is_own_install_base(base) and (
+        has_package_marks(prefix) or any((base / note).exists() for note in notes)
+    )
+
+
+def sources_in(folder: Path) -> str:
+    """Return the name at the top of a folder that shows that it contains sources, '' if none does.
+
+    CMake may generate a package.xml in a build folder, which is then not the source folder of its cache;
+    colcon links one into the build folders of Python packages.
+    """
+    if os.path.lexists(folder / ".git"):
+        return ".git"
+    manifest = folder / "package.xml"
+    if not manifest.is_file() or manifest.is_symlink():
+        return ""
+    home = _HOME_OF_CMAKE.search(text_or_nothing(folder / "CMakeCache.txt"))
+    generated = home is not None and not _same_folder(home[1], folder)
+    return "" if generated else "package.xml"
+
+
+def is_source_of(folder: Path, record: BuildRecord | None) -> bool:
+    """Tell whether a package was built from this folder, which then is no output, whatever is in it."""
+    return record is not None and bool(record.source) and _same_folder(record.source, folder)
+
+
+def contents(folder: Path) -> str:
+    """Return a short description of what a folder contains, the most telling names first."""
+    names = sorted(os.listdir(folder), key=lambda name: (name not in {".git", "package.xml"}, name))  # noqa: PTH208
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return f"'{names[0]}'{more}" if names else "nothing"
+
+
+class SourceFolders:
+    """The folders that can be no output: sources of packages, the home folder, the file system's root.
+
+    A package at the root of the workspace may have the bases beside its own files. Paths are compared
+    without links.
+    """
+
+    def __init__(self, root: Path, sources: Iterable[Path], home: Path | None = None) -> None:
+        """Resolve the absolute folders of packages, `sources`."""
+        self._top = os.path.realpath(root)
+        self._home = os.path.realpath(home) if home else ""
+        self._sources: dict[str, str] = {}
+        folders: dict[str, str] = {}
+        for path in map(str, sources):
+            parent, _, name = path.rpartition("/")
+            if name in {"", ".", ".."} or os.path.islink(path):  # noqa: PTH114
+                real = os.path.realpath(path)
+            else:
+                # Hundreds of packages have few parents.
+                above = folders[parent] if parent in folders else os.path.realpath(parent or "/")
+                folders[parent] = above
+                real = f"{above.rstrip('/')}/{name}"
+            self._sources[real] = path
+
+    def conflict(self, folder: Path) -> str:
+        """Return what is wrong with an output folder, as the end of a sentence; '' if nothing is."""
+        real, sources = os.path.realpath(folder), self._sources
+        if real == os.sep:
+            return "is the root of the file system"
+        if self._home and f"{self._home}/".startswith(f"{real}/"):
+            return "is the home folder" if real == self._home else "contains the home folder"
+        if real in sources:
+            return f"is the source folder of a package: '{sources[real]}'"
+        inside = next((path for path in sources if path.startswith(f"{real}/")), None)
+        if inside:
+            return f"contains the sources of a package: '{sources[inside]}'"
+        above = real
+        while above != os.sep:
+            above = os.path.dirname(above)  # noqa: PTH120
+            if above in sources and above != self._top:
+                return f"lies in the sources of a package: '{sources[above]}'"
+        return ""
+
+
+def bases_of(layout: Layout) -> dict[str, Path]:
+    """Return the bases of a workspace by the options that name them."""
+    own = layout.of_host
+    bases = {"--build-base": own.build, "--install-base": own.install}
+    return {**bases, "--log-base": layout.logs} if layout.logs else bases
+
+
+def base_problems(
+    bases: Mapping[str, Path], sources: SourceFolders, *, thorough: bool = False
+) -> Iterator[Problem]:
+    """Yield a problem for each base that must not be one; `bases` maps options to folders.
+
+    Marked bases are searched for sources, which a mark hides from discovery, only if it must be `thorough`.
+    """
+    for option, base in bases.items():
+        top = f"contains '{found}'" if (found := sources_in(base)) else ""
+        deep = _unfit_base(base, thorough=thorough) if option in _MARKED else ""
+        if reason := sources.conflict(base) or top or deep:
+            hint = f"choose another folder with '{option}'"
+            yield Problem(f"the {_KINDS[option]} folder '{base}' {reason}", hint=hint)
+
+
+_MARKED = ("--build-base", "--install-base", "--log-base")
+_KINDS = {
+    "--build-base": "build",
+    "--install-base": "install",
+    "--log-base": "log",
+    "--test-result-base": "test result",
+    "--cache": "cache",
+    "FORGE_CACHE_DIR": "cache",
+}
+
+
+def _unfit_base(base: Path, *, thorough: bool) -> str:
+    """Return why an existing folder cannot be a base, as the end of a sentence; '' if it can."""
+    if not base.is_dir():
+        return ""
+    marked = any(os.path.lexists(base / mark) for mark in (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK))
+    if marked and not thorough:
+        return ""
+    real = os.path.realpath(base)
+    if not marked and not _is_free(base) and real in mount_points():
+        return f"is the root of a mount that contains {contents(base)}"
+    # Sources that this command does not discover would not be discovered by any other from now on.
+    waiting = [(real, 0)]
+    while waiting:
+        folder, level = waiting.pop()
+        try:
+            entries = {entry.name: entry for entry in os.scandir(folder)}
+        except OSError:
+            continue
+        found = next((name for name in (".git", "package.xml") if name in entries), "")
+        if found and not entries[found].is_symlink():
+            return f"contains sources: '{folder}/{found}'"
+        if level < _LEVELS and "CMakeCache.txt" not in entries:
+            folders = (entry for entry in entries.values() if entry.is_dir(follow_symlinks=False))
+            waiting += [
+                (e.path, level + 1) for e in folders if e.name != "share" and not e.name.startswith(".")
+            ]
+    return ""
+
+
+def nesting_problems(layout: Layout, names: Iterable[str]) -> Iterator[Problem]:
+    """Yield a problem if one base is another one, or lies where a package of these names has its files."""
+    build, install = os.path.realpath(layout.build), os.path.realpath(layout.install)
+    hint = "choose another folder with '--build-base' or '--install-base'"
+    if build == install:
+        yield Problem(f"the build folder and the install folder are the same: '{layout.build}'", hint=hint)
+        return
+    known = frozenset(names)
+    for kind, outer, other, inner in (
+        ("build", build, "install", install),
+        ("install", install, "build", build),
+    ):
+        if kind == "install" and layout.merged:
+            continue
+        part = inner[len(outer) + 1 :].partition("/")[0] if inner.startswith(f"{outer}/") else ""
+        if part in known:
+            yield Problem(f"the {other} folder '{inner}' lies in the {kind} folder of '{part}'", hint=hint)
+
+
+def folder_problems(
+    names: Iterable[str],
+    layout: Layout,
+    sources: SourceFolders,
+    records: Callable[[], Mapping[str, BuildRecord]],
+    *,
+    prefixes: bool = True,
+) -> Iterator[Problem]:
+    """Yield a problem for each build folder and isolated prefix of these packages that is not forge's.
+
+    `records` returns those of the journal, which is only read if a prefix has no marks.
+    """
+    for name in names:
+        folders = [("build", layout.build_dir(name))]
+        if prefixes and not layout.merged:
+            folders.append(("install", layout.prefix(name)))
+        for kind, folder in folders:
+            hint = f"move it away, or choose another folder with '--{kind}-base'"
+            what = f"the {kind} folder '{folder}' of '{name}'"
+            if folder.is_symlink() and (reason := sources.conflict(folder)):
+                yield Problem(f"{what} {reason}", hint=hint)
+            elif not (
+                is_own_build_dir(folder) if kind == "build" else is_usable_prefix(folder, layout, records)
+            ) and not _is_free(folder):
+                message = f"{what} was not created by forge or colcon: it contains {contents(folder)}"
+                yield Problem(message, hint=hint)
+
+
+def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping[str, BuildRecord]]) -> bool:
+    """Tell whether a build may replace the files of a package in a prefix that exists."""
+    name = prefix.name
+    if found := sources_in(prefix):
+        path = str(prefix / found)
+        build = layout.build_dir(name)
+        record = records().get(name)
+        if is_source_of(prefix, record):
+            return False
+        listed = any(path in listed_paths(build / manifest) for manifest in MANIFESTS)
+        installed = listed or (record is not None and path in record.files)
+        if not installed and (found == "package.xml" or not has_package_marks(prefix)):
+            return False
+    if is_own_prefix(prefix):
+        return True
+    # The marks of a package are written last: what failed before them belongs to the build that wrote it.
+    return is_own_install_base(prefix.parent) and (
+        name in records() or is_own_build_dir(layout.build_dir(name))
+    )
+
+
+def _is_free(folder: Path) -> bool:
+    """Tell whether nothing is lost if a folder is emptied: it is missing, empty, or reported as a file."""
+    try:
+        with os.scandir(folder) as entries:
+            return all(entry.name == "lost+found" for entry in entries)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+
+
+def _same_folder(one: str | Path, other: str | Path) -> bool:
+    return os.path.realpath(one) == os.path.realpath(other)

@@ -1,0 +1,213 @@
+"""No command empties, renames or removes what forge did not make, however a folder is named."""
+
+from __future__ import annotations
+
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.testable import cmake_package
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Forge, Tree
+
+COMMANDS = {
+    "build": ("build",),
+    "test": ("test",),
+    "clean": ("clean", "workspace", "-y"),
+    "clean packages": ("clean", "packages", "a", "-y"),
+    "clean stale": ("clean", "stale", "-y"),
+    "bundle": ("bundle",),
+    "prune": ("cache", "prune", "--size", "0"),
+    "verify": ("cache", "verify"),
+}
+BASES = {"bundle": ("install",), "prune": ("cache",), "verify": ("cache",)}
+WAYS = ("option", "link", "forge.toml", "defaults", "variable")
+SLIPS = ("src", "src/a", "src/a/out", ".", "..", "docs", "repository", "~")
+
+MINE = dict.fromkeys(
+    [
+        *("src/a/notes.txt", "src/a/.git/HEAD", "src/a/out/mine", "src/mine", "mine", "docs/thesis.txt"),
+        *("docs/a/thesis.txt", "docs/ac/no/te", "docs/cas/no/te", "repository/.git/HEAD", "repository/a/x"),
+        *("build/a/mine", "install/a/mine", "log/mine", "log/build_2024-01-01_00-00-00/mine"),
+        *("a/CMakeCache.txt", "home/a/mine", "home/packages/cas/mine"),
+    ],
+    "mine",
+)
+
+
+def everything(root: Path) -> dict[str, tuple[int, str]]:
+    """Return modes and contents of all files, links and folders."""
+    found = {}
+    for path in root.rglob("*"):
+        text = str(path.readlink()) if path.is_symlink() else ""
+        if path.is_file() and not text:
+            text = path.read_text(encoding="utf-8", errors="replace")
+        found[str(path.relative_to(root))] = (path.lstat().st_mode, text)
+    return found
+
+
+def cases() -> list[tuple[str, str, str, str]]:
+    """Return command, base, way and slip; without what is not possible."""
+    return [
+        (command, base, way, slip)
+        for command in COMMANDS
+        for base in BASES.get(command, ("build", "install", "log"))
+        for way in WAYS
+        for slip in SLIPS
+        if (way != "variable" or base in {"log", "cache"})
+        and (base != "cache" or way in {"option", "link", "variable"})
+        and (slip != "." or way != "link")
+    ]
+
+
+@pytest.mark.parametrize("case", cases(), ids="-".join)
+def test_a_slip_of_a_base_changes_nothing_of_the_user(
+    forge: Forge, tree: Tree, case: tuple[str, str, str, str]
+) -> None:
+    command, base, way, slip = case
+    root = tree({f"ws/{name}": text for name, text in {**cmake_package("a"), **MINE}.items()}) / "ws"
+    for name in ("build/a", "install/a", "log/build_2024-01-01_00-00-00"):
+        shutil.rmtree(root / name)  # the usual bases are free in this test
+    (root / "log/mine").unlink()
+    words, variables = [*COMMANDS[command]], {"HOME": str(root / "home"), "COLCON_HOME": str(root / "none")}
+    folder = slip.replace("~", str(root / "home"))
+    if way == "link":
+        (root / "link").symlink_to(root / folder)
+        folder = "link"
+    if way == "variable":
+        variables["FORGE_CACHE_DIR" if base == "cache" else "COLCON_LOG_PATH"] = folder
+    elif way == "forge.toml":
+        (root / "forge.toml").write_text(f"[{words[0]}]\n{base}-base = '{folder}'\n")
+    elif way == "defaults":
+        (root / "defaults.yaml").write_text(f"{words[0]}: {{{base}-base: '{folder}'}}\n")
+        variables["COLCON_DEFAULTS_FILE"] = str(root / "defaults.yaml")
+    else:
+        words += ["--cache" if base == "cache" else f"--{base}-base", folder]
+    before = everything(root.parent)
+    ran = forge(*words, cwd=root, env=variables)
+    assert "Traceback" not in ran.err
+    after = everything(root.parent)
+    made = after.keys() - before.keys()
+    assert {name: state for name, state in after.items() if name not in made} == before
+    if ran.code == 2:
+        assert not made, ran.err
+    if slip.startswith("src") or slip in {".", "..", "repository", "~"}:
+        assert ran.code == 2 or words[0] == "cache", (ran.out, ran.err)
+
+
+@pytest.mark.parametrize("kind", ["build", "install"])
+@pytest.mark.parametrize("name", ["notes.txt", ".git/HEAD", "package.xml", "CMakeCache.txt", "deep/er/x"])
+def test_a_folder_in_the_way_is_reported_before_anything_is_written(
+    forge: Forge, tree: Tree, kind: str, name: str
+) -> None:
+    root = tree({**cmake_package("a"), f"{kind}/a/{name}": "mine"})
+    before = everything(root)
+    ran = forge("build", cwd=root)
+    assert ran.code == 2
+    assert f"the {kind} folder '{root}/{kind}/a' of 'a' was not created by forge or colcon: it " in ran.err
+    assert f"contains '{name.partition('/')[0]}'" in ran.err
+    assert f"hint: move it away, or choose another folder with '--{kind}-base'" in ran.err
+    assert everything(root) == before
+
+
+def test_all_folders_in_the_way_are_reported_at_once(forge: Forge, tree: Tree) -> None:
+    mine = dict.fromkeys(("build/a/x", "build/b/x", "install/b/x"), "")
+    root = tree({**cmake_package("a"), **cmake_package("b"), **mine})
+    assert forge("build", cwd=root).err.count("was not created by forge or colcon") == len(mine)
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_after_a_build_that_failed_the_folders_are_recognized(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    text = (root / "src/a/CMakeLists.txt").read_text()
+    (root / "src/a/CMakeLists.txt").write_text(f"{text}\nmessage(FATAL_ERROR stop)\n")
+    assert forge("build", cwd=root).code == 1
+    assert forge("build", cwd=root).code == 1
+    (root / "src/a/CMakeLists.txt").write_text(text)
+    assert forge("build", cwd=root).code == 0
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_after_a_build_sources_in_the_way_are_still_reported(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    assert forge("build", cwd=root).code == 0
+    tree({"build/a/.git/HEAD": "mine"})
+    before = everything(root / "build/a")
+    for words in (("build", "--force"), ("test",)):
+        assert "it contains '.git'" in forge(*words, cwd=root).err
+    assert forge("clean", "workspace", "-y", cwd=root).code == 0
+    assert everything(root / "build/a") == before
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_manifest_that_cmake_generates_is_no_source(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    with (root / "src/a/CMakeLists.txt").open("a") as stream:
+        stream.write("configure_file(package.xml package.xml)\n")
+    assert forge("build", cwd=root).code == 0
+    assert forge("build", "--force", cwd=root).code == 0
+    assert forge("clean", "workspace", "-y", cwd=root).code == 0
+    assert not (root / "build").exists()
+
+
+@pytest.mark.needs("cmake", "ninja")
+@pytest.mark.parametrize("text", ["", "garbage \0\1", "col"])
+@pytest.mark.parametrize("marker", ["build/.built_by", "install/.colcon_install_layout"])
+def test_a_damaged_marker_of_a_folder_that_is_otherwise_known_is_written_anew(
+    forge: Forge, tree: Tree, marker: str, text: str
+) -> None:
+    root = tree(cmake_package("a"))
+    assert forge("build", cwd=root).code == 0
+    before = (root / marker).read_text()
+    (root / marker).write_text(text)
+    ran = forge("build", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
+    assert (root / marker).read_text() == before
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_package_at_the_root_keeps_its_folders_beside_its_files(forge: Forge, tree: Tree) -> None:
+    root = tree({name.removeprefix("src/a/"): text for name, text in cmake_package("a").items()})
+    assert forge("build", cwd=root).code == 0
+    assert forge("build", "--build-base", ".", cwd=root).code == 2
+    assert forge("clean", "workspace", "-y", cwd=root).code == 0
+    assert sorted(path.name for path in root.iterdir()) == ["CMakeLists.txt", "package.xml"]
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_one_folder_for_build_and_install_results_is_refused(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    assert "are the same" in forge("build", "--install-base", "build", cwd=root).err
+    assert "lies in the build folder of 'a'" in forge("build", "--install-base", "build/a/i", cwd=root).err
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_bundle_overwrites_only_a_bundle(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("a"), "mine": "mine"})
+    assert forge("build", cwd=root).code == 0
+    assert forge("bundle", "-o", "b.tar.gz", cwd=root).code == 0
+    assert forge("bundle", "-o", "b.tar.gz", cwd=root).code == 0
+    ran = forge("bundle", "-o", "mine", cwd=root)
+    assert (ran.code, (root / "mine").read_text()) == (2, "mine")
+
+
+def test_pruning_removes_only_what_is_named_as_a_cache_names_it(forge: Forge, tree: Tree) -> None:
+    root = tree({"c/cas/ab/notes": "mine", "c/ac/ab/notes": "mine"})
+    for verb in (("prune", "--size", "0"), ("verify",)):
+        assert forge("cache", *verb, "--cache", str(root / "c"), cwd=root).code == 0
+    assert (root / "c/cas/ab/notes").is_file()
+    assert (root / "c/ac/ab/notes").is_file()
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_renamed_package_is_reported_as_stale(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a"))
+    assert forge("build", cwd=root).code == 0
+    for name in ("package.xml", "CMakeLists.txt"):
+        path = root / "src/a" / name
+        path.write_text(path.read_text().replace("<name>a<", "<name>z<"))
+    assert "'a' is no longer in the workspace" in forge("build", cwd=root).err
