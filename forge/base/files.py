@@ -182,16 +182,18 @@ def tree_below(root: str) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
     return files, empty
 
 
-def mount_below(path: str | Path) -> str:
-    """Return a mount point in a folder, '' if there is none; bind mounts have the device of their parent."""
-    folder = os.path.realpath(path)
+def mount_points() -> Iterator[str]:
+    """Yield the mount points of this process; bind mounts have the device of their parent."""
     with contextlib.suppress(OSError), open("/proc/self/mountinfo", "rb") as mounts:  # noqa: PTH123
         for line in mounts:
             escaped = line.split(b" ")[4]
-            point = os.fsdecode(re.sub(rb"\\(\d{3})", lambda match: bytes([int(match[1], 8)]), escaped))
-            if point.startswith(f"{folder}/"):
-                return point
-    return ""
+            yield os.fsdecode(re.sub(rb"\\(\d{3})", lambda match: bytes([int(match[1], 8)]), escaped))
+
+
+def mount_below(path: str | Path) -> str:
+    """Return a mount point in a folder, '' if there is none."""
+    folder = os.path.realpath(path)
+    return next((point for point in mount_points() if point.startswith(f"{folder}/")), "")
 
 
 def delete_tree(path: str | Path) -> None:

@@ -3,27 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from typing import TYPE_CHECKING
 
-from forge.base.files import read_file
+from forge.base.files import mount_points
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-_MOUNTS = "/proc/self/mountinfo"
-_ESCAPE = re.compile(rb"\\([0-7]{3})")
-
-
-def mount_points() -> frozenset[str]:
-    """Return the mount points of this process; only these tell bind mounts of the same file system."""
-    try:
-        lines = read_file(_MOUNTS).splitlines()
-    except OSError:
-        return frozenset()
-    fields = (line.split(b" ", 5)[4] for line in lines if line.count(b" ") > 4)  # noqa: PLR2004  (the fifth field)
-    names = (_ESCAPE.sub(lambda match: bytes((int(match[1], 8),)), field) for field in fields)
-    return frozenset(map(os.fsdecode, names))
 
 
 def mounts_below(folder: str) -> Iterator[str]:
