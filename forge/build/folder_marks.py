@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import listed_paths, text_or_nothing
+from forge.base.files import listed_paths, mount_points, text_or_nothing
 from forge.base.layout import (
     BACKUP_DIR,
     BUILD_RESULT,
@@ -27,7 +27,6 @@ from forge.base.layout import (
     TEST_RESULT,
     TEST_SCRATCH_DIR,
 )
-from forge.base.mounts import mount_points
 from forge.build.install_manifests import MANIFESTS
 from forge.environment.prefixes import PACKAGES
 
