@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 BUILDERS = ("colcon", "forge")
 _OWN_MARKS = (SCRATCH_DIR, TEST_SCRATCH_DIR)
 _COLCON_MARKS = (BUILD_RESULT, TEST_RESULT, "cmake_args.last", "colcon_command_prefix_*.sh")
+_BASE_MARKS = (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK, INSTALLED_LISTS_DIR)
 _HOME_OF_CMAKE = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z][\w.+-]*")
 _LEVELS = 3
@@ -59,8 +60,11 @@ def is_own_build_base(build: Path) -> bool:
 
 
 def is_own_install_base(install: Path) -> bool:
-    """Tell whether forge or colcon created the install folder of a workspace."""
-    return (install / LAYOUT_MARKER).is_file()
+    """Tell whether forge or colcon created the install folder of a workspace.
+
+    The lists of installed files stay if 'forge clean' keeps files of others in prefixes.
+    """
+    return (install / LAYOUT_MARKER).is_file() or (install / INSTALLED_LISTS_DIR).is_dir()
 
 
 def recorded_layout(install: Path) -> str | None:
@@ -221,11 +225,16 @@ def _unfit_base(base: Path, *, thorough: bool) -> str:
     """Return why an existing folder cannot be a base, as the end of a sentence; '' if it can."""
     if not base.is_dir():
         return ""
-    marked = any(os.path.lexists(base / mark) for mark in (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK))
+    marked = any(os.path.lexists(base / mark) for mark in _BASE_MARKS)
     if marked and not thorough:
         return ""
     real = os.path.realpath(base)
-    if not marked and not _is_free(base) and real in mount_points():
+    if (
+        not marked
+        and not any(base.glob(f"*/{SCRATCH_DIR}"))
+        and not _is_free(base)
+        and real in mount_points()
+    ):
         return f"is the root of a mount that contains {contents(base)}"
     # Sources that this command does not discover would not be discovered by any other from now on.
     waiting = [(real, 0)]
@@ -277,9 +286,13 @@ def folder_problems(
 
     `records` returns those of the journal, which is only read if a prefix has no marks.
     """
+    prefixes = prefixes and not layout.merged
+    is_own_install = prefixes and is_own_install_base(layout.install)
     for name in names:
-        folders = [("build", layout.build_dir(name))]
-        if prefixes and not layout.merged:
+        folders = []
+        if not _is_plain(f"{layout.build}/{name}", SCRATCH_DIR):
+            folders.append(("build", layout.build_dir(name)))
+        if prefixes and not (is_own_install and _is_plain(f"{layout.install}/{name}", f"{PACKAGES}/{name}")):
             folders.append(("install", layout.prefix(name)))
         for kind, folder in folders:
             hint = f"move it away, or choose another folder with '--{kind}-base'"
@@ -291,6 +304,16 @@ def folder_problems(
             ) and not _is_free(folder):
                 message = f"{what} was not created by forge or colcon: it contains {contents(folder)}"
                 yield Problem(message, hint=hint)
+
+
+def _is_plain(folder: str, mark: str) -> bool:
+    """Tell quickly whether a folder, no link, has a mark and nothing that needs a closer look."""
+    exists = os.path.lexists
+    return (
+        exists(f"{folder}/{mark}")
+        and not os.path.islink(folder)  # noqa: PTH114  (each package of every build: no Path for each)
+        and not (exists(f"{folder}/package.xml") or exists(f"{folder}/.git"))
+    )
 
 
 def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping[str, BuildRecord]]) -> bool:

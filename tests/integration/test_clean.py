@@ -187,6 +187,8 @@ def test_files_that_no_build_installed_stay_and_are_named(forge: Forge, workspac
     assert ran.code == 0
     assert all((workspace / name).is_file() for name in mine)
     assert left(workspace) - {"install/.forge_files/a.json"} == set(mine)
+    assert forge("build", *options, cwd=workspace).code == 0
+    assert all((workspace / name).is_file() for name in mine)
 
 
 def test_without_records_a_prefix_keeps_what_is_newer_than_its_package(
