@@ -253,10 +253,21 @@ def _not_installed(
 ) -> Iterable[Problem]:
     """Yield a problem for each selected package with a dependency that is neither installed nor planned."""
     available = snapshot.present | frozenset(names)
+    without_tests = cache(partial(_without_tests, resolution))
     for name in names:
         absent = sorted(need for need in below[name] if need not in available and need in resolution.packages)
         if absent:
             quoted = ", ".join(f"'{need}'" for need in absent)
             verb = "is" if len(absent) == 1 else "are"
             message = f"'{name}' needs {quoted}, which {verb} not built yet"
-            yield Problem(message, hint=f"build them too: forge build --packages-up-to {name}")
+            hint = f"build them too: forge build --packages-up-to {name}"
+            if not (closure(without_tests(), {name}) & {*absent}):
+                hint += ", or pass '--no-test-dependencies': only tests need them"
+            yield Problem(message, hint=hint)
+
+
+def _without_tests(resolution: DependencyResolution) -> dict[str, frozenset[str]]:
+    """Return the dependencies that builds need."""
+    return {
+        name: needs - resolution.packages[name].only_tested_with for name, needs in resolution.needs.items()
+    }

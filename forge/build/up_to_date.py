@@ -154,7 +154,9 @@ def changed_input(
     if now.sources != then.sources:
         text = source_changes
     elif need := _differences(now.needs, then.needs):
-        text = f"the dependency '{need[0]}' changed"
+        before, after = (need[0] in dict(inputs.needs) for inputs in (then, now))
+        verb = "changed" if before and after else "was added" if after else "is no longer used"
+        text = f"the dependency '{need[0]}' {verb}"
     elif now.underlays != then.underlays:
         return InputChange(InputKind.OTHER, "packages were added to or removed from an underlay")
     return InputChange(InputKind.OWN, text) if text else None

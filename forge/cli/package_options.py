@@ -67,6 +67,11 @@ def _add_discovery(parser: Parser) -> None:
     )
     _names(group, "--packages-ignore", "ignore these packages, as if they did not exist")
     _patterns(group, "--packages-ignore-regex", "ignore packages whose name matches one of these patterns")
+    group.add_argument(
+        "--no-test-dependencies",
+        action="store_true",
+        help="ignore dependencies that only tests need; for build, do not build the tests that need them",
+    )
 
 
 def _add_selection(parser: Parser) -> None:
@@ -178,6 +183,7 @@ def query_of(options: argparse.Namespace) -> Query:
         start=options.packages_start,
         end=options.packages_end,
         strict=options.strict,
+        no_test_dependencies=options.no_test_dependencies,
         search=search_paths_of(options),
         filters=_filters_of(options),
     )
@@ -200,7 +206,9 @@ def has_selection(options: argparse.Namespace) -> bool:
     """Tell whether any option selects packages."""
     query = query_of(options)
     unlimited = PackageFilters(build_base=query.filters.build_base, since=query.filters.since)
-    return query != Query(search=query.search, filters=unlimited)
+    return query != Query(
+        search=query.search, filters=unlimited, no_test_dependencies=query.no_test_dependencies
+    )
 
 
 def _depth(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:

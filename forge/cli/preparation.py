@@ -329,6 +329,7 @@ def prepare(  # noqa: PLR0913, PLR0917  (what the first stages found)
         environment_generator=variables.get("CMAKE_GENERATOR"),
         path_maps=_path_maps(loaded.workspace.root, layout) if options.cache.wanted else (),
         cargo_args=options.cargo_args,
+        no_test_dependencies=options.query.no_test_dependencies,
         rust=_rust_toolchain(packages, loaded.workspace.root, variables, cross),
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )

@@ -26,6 +26,7 @@ from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
+from forge.toolchain.untested import was_built_without_tests
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -118,6 +119,11 @@ def not_built_here(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout
     if failed:
         message = f"skipping tests of {_quoted(failed)}: CMake failed in the last build"
         problems.append(Problem(message, hint=f"forge build --packages-select {' '.join(failed)}"))
+    without = [name for name in here if was_built_without_tests(layout.build_dir(name))]
+    if without:
+        message = f"{listed(without)} {'was' if len(without) == 1 else 'were'} built without tests"
+        hint = "build without -DBUILD_TESTING=OFF and '--no-test-dependencies' to test"
+        problems.append(Problem(message, hint=f"{hint} {'it' if len(without) == 1 else 'them'}"))
     return tuple(problems)
 
 

@@ -166,16 +166,18 @@ def identities(
 ) -> Pairs:
     """Return the programs whose replacement changes build results, each with its identity.
 
-    `arguments` are CMake's arguments for all packages.
+    `arguments` are CMake's arguments for all packages. Programs that no selected package needs count as well:
+    otherwise, the inputs of a package would depend on those with which it is selected.
     """
     found = {"python": _identity(python)}
     lookup = ProgramLookup(variables)
-    if tools:
-        found["cmake"] = _identity(tools.cmake)
-        for name, program in (("ninja", tools.ninja), ("make", tools.make)):
-            if program:
-                found[name] = _identity(program)
-    for name, variable in _COMPILING.items() if tools else ():
+    cmake = tools.cmake if tools else find_cmake(variables)
+    ninja = tools.ninja if tools else find_ninja(variables)
+    make = tools.make if tools else find_program("make", variables)
+    for name, program in (("cmake", cmake), ("ninja", ninja), ("make", make)):
+        if program:
+            found[name] = _identity(program)
+    for name, variable in _COMPILING.items():
         found |= _behind(name, variables.get(variable) or name, lookup)
     for variable in _NAMED_PROGRAMS:
         if variables.get(variable, "").strip():

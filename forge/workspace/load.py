@@ -30,7 +30,7 @@ from forge.workspace.selection import duplicate_node, ignored, select
 from forge.workspace.versions import unmet_versions
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.workspace.model import BrokenPackage, Workspace
@@ -57,20 +57,22 @@ class LoadedWorkspace:
     """In a listing also for unreadable manifests."""
 
 
-def load_workspace(
+def load_workspace(  # noqa: PLR0913  (three are options)
     root: Path,
     query: Query,
     variables: Mapping[str, str],
     *,
     embedded: bool = False,
     install: Path | None = None,
+    untested: Callable[[Package], bool] = lambda _: False,
 ) -> LoadedWorkspace:
     """Return the workspace described by the query, with warnings for the caller to print.
 
     `embedded` adds forge's embedded packages; `install` is the workspace's install folder, which is not used
     as an underlay. Commands without it list packages, including several with the same name and with invalid
-    manifests. Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same
-    name; SelectionError for names that cannot be selected.
+    manifests. `untested(package)` tells whether what only its tests need is left out. Raises WorkspaceError
+    for a cycle and, except in a listing, for selected packages with the same name; SelectionError for names
+    that cannot be selected.
     """
     found = find_packages(root, query.search, variables)
     every = found.packages.keys() | {broken.name for broken in found.broken}
@@ -81,6 +83,9 @@ def load_workspace(
         variables,
         install or root / "install",
         embedded=embedded,
+        untested=frozenset(
+            name for name, each in workspace.packages.items() if query.no_test_dependencies or untested(each)
+        ),
     )
     resolution, cycle_warnings = break_test_cycles(whole)
     listing = install is None
@@ -89,7 +94,7 @@ def load_workspace(
         **resolution.packages,
         **{duplicate_node(other.name, other.path): other for other in duplicates},
     }
-    needs = _needs(resolution, duplicates)
+    needs = _needs(resolution, duplicates, tested=not query.no_test_dependencies)
     limits, unsure = apply_filters(query.filters, root, {**workspace.packages, **broken}, resolution.needs)
     ordered = ordered_names(needs)
     selection, notes = select(query, ordered, needs, limits, every)
@@ -182,11 +187,19 @@ def _without(workspace: Workspace, names: frozenset[str]) -> Workspace:
 
 
 def resolve_workspace(
-    workspace: Workspace, variables: Mapping[str, str], install: Path, *, embedded: bool
+    workspace: Workspace,
+    variables: Mapping[str, str],
+    install: Path,
+    *,
+    embedded: bool,
+    untested: frozenset[str] = frozenset(),
 ) -> DependencyResolution:
-    """Return where the packages' dependencies come from; without `embedded`, only those in the workspace."""
+    """Return where the packages' dependencies come from; without `embedded`, only those in the workspace.
+
+    Dependencies that only the tests of `untested` need do not count.
+    """
     if not embedded:
-        return resolve_dependencies(workspace.packages, {}, lambda _: None)
+        return resolve_dependencies(workspace.packages, {}, lambda _: None, untested=untested)
     underlays = find_underlays(variables, install)
     # If this workspace is sourced, its own results are on PATH.
     system = tuple(path for path in system_prefixes(variables) if not path.is_relative_to(install))
@@ -198,6 +211,7 @@ def resolve_workspace(
         find,
         is_embedded=lambda name: (prefix := find(name)) is not None and is_embedded(prefix / "share" / name),
         events=has_service_events(rosdistro),
+        untested=untested,
     )
     hints: dict[str, str] = {}
     if GENERATORS not in resolution.withheld:
@@ -210,7 +224,9 @@ def resolve_workspace(
     )
 
 
-def _needs(resolution: DependencyResolution, duplicates: Iterable[Package]) -> Mapping[str, frozenset[str]]:
+def _needs(
+    resolution: DependencyResolution, duplicates: Iterable[Package], *, tested: bool
+) -> Mapping[str, frozenset[str]]:
     """Return the graph including duplicates of a name: dependents of the name depend on all of them."""
     others: dict[str, set[str]] = {}
     for other in duplicates:
@@ -219,7 +235,8 @@ def _needs(resolution: DependencyResolution, duplicates: Iterable[Package]) -> M
         return resolution.needs
     needs = dict(resolution.needs)
     for other in duplicates:
-        wanted = frozenset(other.manifest.names(ALL_KINDS)) - {other.name}
+        left_out = {other.name} if tested else {other.name, *other.only_tested_with}
+        wanted = frozenset(other.manifest.names(ALL_KINDS)) - left_out
         needs[duplicate_node(other.name, other.path)] = wanted & resolution.packages.keys()
     return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
 

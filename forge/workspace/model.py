@@ -117,6 +117,12 @@ class Package:
         """The type as colcon names it: ros.ament_cmake, or cmake for a package without package.xml."""
         return f"ros.{self.build_type}" if self.ros else self.build_type
 
+    @property
+    def only_tested_with(self) -> frozenset[str]:
+        """The dependencies that only its tests need."""
+        tested, used = (self.manifest.names(kinds) for kinds in (TEST_KINDS, BUILD_KINDS | RUN_KINDS))
+        return frozenset(tested) - frozenset(used)
+
     def option_values(self, option: str) -> tuple[str, ...]:
         """Return the package's own values of a list option."""
         value = self.settings.get(option, ())

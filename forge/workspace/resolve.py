@@ -17,7 +17,7 @@ from forge.base.names import nearest
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
 GENERATORS = "rosidl_default_generators"
 """The package that generates the code of interface packages."""
@@ -77,19 +77,21 @@ class DependencyResolution:
     known: Callable[[], Iterable[str]] = tuple
 
 
-def resolve_dependencies(
+def resolve_dependencies(  # noqa: PLR0913  (three are options)
     workspace: Mapping[str, Package],
     embedded: Mapping[str, Package],
     provider: Callable[[str], object | None],
     *,
     is_embedded: Callable[[str], bool] = lambda _: False,
     events: bool = False,
+    untested: Collection[str] = (),
 ) -> DependencyResolution:
     """Return the workspace's packages with the embedded ones that they depend on, recursively.
 
     `provider(name)` returns the prefix in which an underlay or the system has a package, else None;
     `is_embedded(name)` tells whether it is an embedded package that forge installed there. With `events`,
-    the embedded generators generate the events of services.
+    the embedded generators generate the events of services. Dependencies that only the tests of `untested`
+    need do not count.
     """
     reasons = _provided_families(workspace, provider, is_embedded)
     answers, withheld = _embedded_providers(embedded, reasons)
@@ -103,6 +105,9 @@ def resolve_dependencies(
         if name in needs:
             continue
         wanted = _wanted(packages[name], events=events)
+        if name in untested:
+            only_tested = packages[name].only_tested_with
+            wanted = tuple(other for other in wanted if other not in only_tested)
         found = {other: _resolve(other, workspace, answers, provider) for other in wanted}
         needs[name] = frozenset(other.name for other in found.values() if other and other.name != name)
         unmet = [
@@ -137,7 +142,7 @@ def break_test_cycles(
     """
     if order(resolution.needs) is not None:
         return resolution, ()
-    weak = {name: frozenset(_only_tested(package)) for name, package in resolution.packages.items()}
+    weak = {name: package.only_tested_with for name, package in resolution.packages.items()}
     dropped = weak_edges_on_cycles(resolution.needs, weak)
     needs = {name: wanted - dropped.get(name, frozenset()) for name, wanted in resolution.needs.items()}
     warnings = (
@@ -148,12 +153,6 @@ def break_test_cycles(
         for name, wanted in sorted(dropped.items())
     )
     return replace(resolution, needs=needs, postponed=dropped), tuple(warnings)
-
-
-def _only_tested(package: Package) -> set[str]:
-    """Return the dependencies that only tests need."""
-    manifest = package.manifest
-    return set(manifest.names(TEST_KINDS)) - set(manifest.names(BUILD_KINDS | RUN_KINDS))
 
 
 def quoted_names(names: Iterable[str]) -> str:

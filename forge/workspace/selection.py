@@ -71,6 +71,7 @@ class Query:
     ignore: tuple[str, ...] = ()
     ignore_regex: tuple[str, ...] = ()
     strict: bool = False
+    no_test_dependencies: bool = False
     search: SearchPaths = SearchPaths()
     filters: PackageFilters = PackageFilters()
 

@@ -229,3 +229,18 @@ def test_a_file_that_another_package_overwrites_is_not_called_changed(forge: For
     assert reasons(forge, root, "--merge-install")["two"] == (
         "another package that is built overwrites one of its files"
     )
+
+
+def test_what_else_is_selected_is_no_input(forge: Forge, tree: Tree) -> None:
+    """A Python package alone and with one of CMake, which needs more tools."""
+    root = tree(
+        {
+            **package("plain", "", languages="NONE"),
+            "src/script/package.xml": manifest_text("script", build_type="ament_python"),
+            "src/script/setup.py": "from setuptools import setup\nsetup(name='script', version='0.1.0')\n",
+        }
+    )
+    assert forge("build", "--packages-select", "script", cwd=root).code == 0
+    assert reasons(forge, root) == {"plain": "not built yet"}
+    assert announced(forge, root) == []
+    assert reasons(forge, root, "--packages-select", "script") == {}

@@ -14,6 +14,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import LINKS, MANIFEST
+from forge.toolchain.untested import VARIABLE, is_defined
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,6 +71,8 @@ class BuildContext:
     cargo_args: tuple[str, ...] = ()
     rust: str = ""
     """An option that stands for the Rust toolchain."""
+    no_test_dependencies: bool = False
+    """Do not build the tests of packages whose tests have dependencies of their own."""
     flags: Pairs = ()
     """For each of these languages, the flags set by the environment."""
 
@@ -91,14 +94,26 @@ class BuildContext:
                 path_maps=(),
             )
         if not package.settings:
-            return self
-        return replace(
+            return self.without_tests(package)
+        extended = replace(
             self,
             cmake_args=(*self.cmake_args, *package.option_values("cmake-args")),
             ament_cmake_args=(*self.ament_cmake_args, *package.option_values("ament-cmake-args")),
             target=self.target or next(iter(package.option_values("cmake-target")), None),
             skip_target=self.skip_target or bool(package.settings.get("cmake-target-skip-unavailable")),
         )
+        return extended.without_tests(package)
+
+    def without_tests(self, package: Package) -> BuildContext:
+        """Return the context with tests turned off if their dependencies may be missing.
+
+        Other packages have no such option, so that it does not rebuild them.
+        """
+        ament = self.ament_cmake_args if package.build_type == "ament_cmake" else ()
+        decided = is_defined((*self.cmake_args, *ament))
+        if decided or not (self.no_test_dependencies and package.only_tested_with):
+            return self
+        return replace(self, cmake_args=(*self.cmake_args, f"-D{VARIABLE}=OFF"))
 
 
 @frozen
@@ -129,13 +144,13 @@ def install_tree(package: Package, context: BuildContext, staged: Path) -> Step:
 
 
 COMPILING = (
-    r"CMAKE_(BUILD_TYPE|EXPORT_COMPILE_COMMANDS|VERBOSE_MAKEFILE|COLOR_(DIAGNOSTICS|MAKEFILE)"
+    r"BUILD_TESTING|CMAKE_(BUILD_TYPE|EXPORT_COMPILE_COMMANDS|VERBOSE_MAKEFILE|COLOR_(DIAGNOSTICS|MAKEFILE)"
     r"|(C|CXX|CUDA|Fortran)_(COMPILER|COMPILER_LAUNCHER|FLAGS|FLAGS_[A-Z]+|STANDARD|STANDARD_REQUIRED|EXTENSIONS)"
     r"|(EXE|SHARED|MODULE|STATIC)_LINKER_FLAGS(_[A-Z]+)?|POSITION_INDEPENDENT_CODE|INTERPROCEDURAL_OPTIMIZATION"
     r"|POLICY_DEFAULT_CMP0069"
     r"|UNITY_BUILD|LINKER_TYPE|BUILD_RPATH|INSTALL_RPATH|INSTALL_RPATH_USE_LINK_PATH)"
 )
-"""CMake variables that only affect compiling, linking, or the output meanwhile."""
+"""CMake variables that only affect compiling, linking, tests, or the output meanwhile."""
 
 
 def _without_compiling(arguments: Sequence[str]) -> Iterator[str]:

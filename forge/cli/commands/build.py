@@ -35,6 +35,7 @@ from forge.cli.preparation import (
 from forge.environment.install_state import forget_underlays
 from forge.execution.lock import lock_build_dir
 from forge.output.console import ConsoleReporter
+from forge.toolchain.untested import builds_no_tests
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -81,7 +82,15 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         forget_underlays(layout.install)
     variables = build_variables(layout, os.environ, options.rosdistro)
     warn_of_underlays(layout, os.environ, variables, mode.warn)
-    loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
+    cmake = options.cmake
+    loaded = load_workspace(
+        root,
+        options.query,
+        variables,
+        embedded=True,
+        install=layout.install,
+        untested=lambda package: builds_no_tests(package, cmake.cmake_args, cmake.ament_cmake_args),
+    )
     mode.warn(loaded.warnings)
     selected = packages_to_build(loaded, options, mode.warn)
     names = check_before_planning(loaded, selected, layout, options, variables)

@@ -30,7 +30,7 @@ from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.toolchain.os_release import os_release
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.load import load_workspace, resolve_workspace
-from forge.workspace.model import DependencyKind
+from forge.workspace.model import TEST_KINDS, DependencyKind
 from forge.workspace.resolve import provided_names
 
 if TYPE_CHECKING:
@@ -127,6 +127,8 @@ def run(options: argparse.Namespace) -> int:
     print_warnings(mistyped_distribution(rosdistro))
     variables = {**os.environ, "ROS_DISTRO": rosdistro} if rosdistro else dict(os.environ)
     kinds = _kinds(options.dependency_types or ())
+    if options.no_test_dependencies and not options.dependency_types:
+        kinds -= TEST_KINDS
     system = system_of(os_release(), options.os)
     names = find_package_names(read_databases(options.rosdep_file or ()), system, rosdistro, variables)
     loaded = load_workspace(root, package_options.query_of(options), variables)

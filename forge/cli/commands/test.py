@@ -36,6 +36,7 @@ from forge.testing.preparing import (
     tested_names,
 )
 from forge.testing.running import TestSetup, failures_of, total_counts, write_result_file
+from forge.toolchain.untested import was_built_without_tests
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
@@ -70,7 +71,14 @@ def run(namespace: argparse.Namespace) -> int:
     reports, query = read_options(ReportOptions, namespace), package_options.query_of(namespace)
     layout, warn = folders.layout(root), WarningReporter()
     variables = build_variables(layout, os.environ)
-    loaded = load_workspace(root, query, variables, embedded=True, install=layout.install)
+    loaded = load_workspace(
+        root,
+        query,
+        variables,
+        embedded=True,
+        install=layout.install,
+        untested=lambda package: was_built_without_tests(layout.build_dir(package.name)),
+    )
     warn(loaded.warnings)
     names = tested_names(loaded, warn)
     results = {"--test-result-base": options.test_result_base}
