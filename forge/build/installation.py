@@ -25,7 +25,7 @@ from forge.environment.sourcing import own_edits, package_edits, packages_in_ord
 from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -40,14 +40,16 @@ def install_package(
     layout: Layout,
     run_dependencies: tuple[str, ...],
     python: Interpreter,
-    installed: frozenset[Path] | None = None,
+    installed: Collection[str] | None = None,
 ) -> None:
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
-    `installed` are the package's files relative to the prefix; by default they are determined from disk.
+    `installed` are the absolute paths of the package's files; by default, `installed_files` finds them.
     """
     prefix = layout.prefix(package.name)
-    files = frozenset(_own_files(package.name, layout) if installed is None else map(str, installed))
+    paths = installed_files(package, layout).files if installed is None else installed
+    skip = len(f"{prefix}/")
+    files = frozenset(path[skip:] for path in paths if path.startswith(f"{prefix}/"))
     if _is_registered_by_forge(package):
         _write_implicit(package, prefix, symlink=layout.symlink)
     share = prefix / "share" / package.name
@@ -162,21 +164,6 @@ def finish_workspace(
         below = [_entry_script(underlay, shell) for underlay in chain]
         write_if_changed(root / f"setup.{shell}", scripts.setup(shell, root, below))
     return chain
-
-
-def _own_files(name: str, layout: Layout) -> Iterator[str]:
-    """Yield the files of a package relative to its prefix; duplicates are possible.
-
-    An isolated prefix contains nothing else. For a merged one, the install manifests of CMake, ament and
-    forge are used.
-    """
-    prefix = layout.prefix(name)
-    if not layout.merged:
-        skip = len(f"{prefix}/")
-        yield from (path[skip:] for path, _ in tree_below(str(prefix))[0])
-        return
-    listed = listed_files(layout.build_dir(name))
-    yield from (path.removeprefix(f"{prefix}/") for path in listed if path.startswith(f"{prefix}/"))
 
 
 def _is_registered_by_forge(package: Package) -> bool:

@@ -16,6 +16,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 import shutil
 import stat
 from pathlib import Path
@@ -26,6 +27,7 @@ from forge.base.errors import Problem
 from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
+from forge.build.install_manifests import MANIFESTS
 from forge.build.observed_writes import ObservedWrites, read_log
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
@@ -38,6 +40,10 @@ if TYPE_CHECKING:
 
 _LIST = "list.json"
 _VERSION = 1
+_OF_BASE = re.compile(
+    r"\.forge|(?:_?local_)?setup(?:_util_\w+)?\.\w+$|\.colcon_install_layout$|COLCON_IGNORE$"
+)
+"""What forge and colcon write at the top of an install folder."""
 _SCRIPTS = frozenset({".bash", ".bat", ".dsv", ".fish", ".ps1", ".sh", ".zsh"})
 _SMALL = 65536
 """The size in bytes up to which a file is copied; larger files are hard-linked in constant time."""
@@ -151,9 +157,10 @@ class PrefixExchange:
         self._name = name
         self._layout = layout
         self._prefix = str(layout.prefix(name))
-        self._moved, self._part, self._copies, self._others, self._state, self._list = (
-            _folder(name, layout, kind) for kind in ("", "part", "copies", "others", "state", "list")
+        self._moved, self._part, self._copies, self._state, self._list = (
+            _folder(name, layout, kind) for kind in ("", "part", "copies", "state", "list")
         )
+        self._others = _shared_others(layout) if layout.merged else _folder(name, layout, "others")
 
     def begin(self, earlier: Iterable[str], shared: Collection[str] = ()) -> None:
         """Move the package's files aside, unless a killed build has done so.
@@ -162,6 +169,8 @@ class PrefixExchange:
         packages also installed the `shared` ones.
         """
         listed = read_installed_list(self._name, self._layout) or InstalledList({})
+        # After a kill, install manifests may name files that a step had not yet written.
+        earlier = self.moved_files() if self._moved.is_dir() else earlier
         files = dict.fromkeys((*listed.files, *earlier, *_markers(self._name, self._layout)))
         for path in listed.unclaimed:
             files.pop(path, None)
@@ -194,6 +203,19 @@ class PrefixExchange:
     def writes(self) -> ObservedWrites:
         """Return what the steps have written below the prefix, as far as it was observed."""
         return read_log(written_log(self._name, self._layout), Path(self._prefix))
+
+    def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
+        """Yield a problem for each file of somebody else where the package is about to install one."""
+        others = self.others()
+        above = {parent: path for path in others for parent in _parents(path, self._prefix)}
+        for path in sorted(paths) if others else ():
+            blocking = next(
+                (other for other in (path, *_parents(path, self._prefix)) if other in others), None
+            )
+            if blocking and not (blocking != path and os.path.isdir(blocking)):  # noqa: PTH112
+                yield self._problem(path, blocking)
+            elif path in above:
+                yield self._problem(path, above[path])
 
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
         """Give back files of others that lay where the package has installed some; yield a problem for each.
@@ -244,6 +266,8 @@ class PrefixExchange:
         if self._part.is_dir():
             self._move_back(self._part)
         self._remove_written()
+        for manifest in MANIFESTS:
+            (self._layout.build_dir(self._name) / manifest).unlink(missing_ok=True)
         if self._moved.is_dir():
             self._move_back(self._moved)
         for path, mode in self._noted("folders").items():
@@ -262,7 +286,7 @@ class PrefixExchange:
         self._drop()
 
     def _drop(self) -> None:
-        for folder in (self._moved, self._copies, self._others):
+        for folder in (self._moved, self._copies, *(() if self._layout.merged else (self._others,))):
             if folder.is_dir():
                 trash = Path(f"{folder}.trash")
                 remove_tree(str(trash))
@@ -278,12 +302,21 @@ class PrefixExchange:
             # Killed while moving: all files are still those of the last successful build.
             self._move_back(self._part)
         if self._moved.is_dir():
+            if not self.writes().complete:
+                # Some files may be of the killed build: nobody knows which ones.
+                noted = {
+                    "state": {**self._noted("state"), "listed": False},
+                    "folders": self._noted("folders"),
+                }
+                replace_file(self._state, json.dumps(noted).encode())
             self._remove_written()
-        remove_tree(str(self._others))
+        if not self._layout.merged:
+            remove_tree(str(self._others))
 
     def _remove_written(self) -> None:
         """Remove what the steps wrote below the prefix; give back other files that they overwrote."""
-        others, writes = self.others(), self.writes()
+        writes = self.writes()
+        others = {**self.others(), **(self._of_other_packages() if writes.files else {})}
         markers = _markers(self._name, self._layout)
         for path in sorted({*writes.files, *markers}):
             if path in others or not path.startswith(f"{self._prefix}/"):
@@ -303,6 +336,14 @@ class PrefixExchange:
             copy = self._others / number
             if writes.contain(path) and _stats(path) != status and os.path.lexists(copy):
                 _restore_copy(copy, Path(path))
+
+    def _of_other_packages(self) -> dict[str, list[int]]:
+        """Return the files that other packages have installed into the same prefix."""
+        if not self._layout.merged:
+            return {}
+        own = _list_file(self._name, self._layout)
+        lists = (_read_list(file, self._prefix) for file in own.parent.glob("*.json") if file != own)
+        return {path: [] for found in lists if found for path in found.files}
 
     def _note_state(self, paths: Iterable[str]) -> None:
         """Record the package's folders, which may become empty and be removed, with their permissions."""
@@ -377,11 +418,10 @@ class PrefixExchange:
             _copy_all(self._others, (*files, *empty), all_kinds=True)
 
     def _problem(self, path: str, other: str) -> Problem:
-        where = "" if path == other else f", which contains '{other}'"
-        return Problem(
-            f"'{self._name}' installs '{path}'{where}, but forge did not install what is already there",
-            hint="move it away, or install to another name, then build again",
+        message = (
+            f"'{self._name}' installs '{path}', but forge did not install '{other}', which is in its place"
         )
+        return Problem(message, hint=f"move '{other}' away, or install to another name, then build again")
 
 
 def foreign_entries(root: str) -> tuple[list[str], list[str]]:
@@ -410,6 +450,33 @@ def foreign_entries(root: str) -> tuple[list[str], list[str]]:
         if len(files) + len(waiting) + len(empty) == count and folder != root:
             empty.append(folder)
     return sorted(files), sorted(empty)
+
+
+def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
+    """Copy what is in a merged prefix without being `owned`, once for all packages of a build.
+
+    Without lists of installed files, another tool or an older forge installed the packages, and nobody knows
+    which files are whose.
+    """
+    base, folder = str(layout.install), _shared_others(layout)
+    lists = (layout.install / INSTALLED_LISTS_DIR).glob("*.json")
+    listed = {path for file in lists if (found := _read_list(file, base)) for path in found.files}
+    files, empty = foreign_entries(base) if listed or not (layout.install / PACKAGES).is_dir() else ([], [])
+    listed.update(owned)
+    foreign = [
+        path for path in (*files, *empty) if path not in listed and not _OF_BASE.match(path, len(base) + 1)
+    ]
+    if foreign:
+        _copy_all(folder, foreign, all_kinds=True)
+
+
+def drop_others_of_merged(layout: Layout) -> None:
+    """Remove these copies at the end of a build."""
+    remove_tree(str(_shared_others(layout)))
+
+
+def _shared_others(layout: Layout) -> Path:
+    return layout.install / BACKUP_DIR / ".others"
 
 
 def remove_empty_tree(path: str) -> None:

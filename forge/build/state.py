@@ -16,6 +16,7 @@ from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, s
 from forge.build.installed_states import InstalledStates
 from forge.build.journal import open_journal
 from forge.build.planning import finalize_task
+from forge.build.prefix import copy_others_of_merged, drop_others_of_merged
 from forge.build.snapshot import find_changed_externals
 from forge.build.up_to_date import UNKNOWN
 from forge.build.workspace_scripts import WorkspaceScripts
@@ -57,6 +58,13 @@ class BuildState:
             now = replace(record, sources=snapshot.sources[name], installed=snapshot.installed[name])
             if now != record:
                 self.journal.set_record(name, now)
+
+    def begin(self) -> None:
+        """Copy the files of others in a merged prefix, which a package could overwrite."""
+        if self.layout.merged:
+            copy_others_of_merged(
+                self.layout, (path for record in self.journal.records.values() for path in record.files)
+            )
 
     def recover(self) -> None:
         """Remove partially written files if the last build was killed."""
@@ -136,6 +144,8 @@ class BuildState:
 
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
         """Write the workspace's scripts if they may have changed, and the stamps for the next build."""
+        if self.layout.merged and plan.tasks:
+            drop_others_of_merged(self.layout)
         self.scripts.write(self._interpreter.path, variables, built=self._ran or bool(plan.tasks))
         if self._ran:
             self.merged_prefix.refresh_stamps(plan, self.table)

@@ -80,6 +80,8 @@ class PreparedBuild:
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Run the plan and return the exit code."""
     _warn_of_packages(plan, build, state)
+    if plan.tasks:
+        state.begin()
     with _opened(plan, build, state) as opened:
         session = opened.session
         try:

@@ -68,9 +68,9 @@ def open_observer(
 ) -> Observer:
     """Return the observer of a build; compile its library into `folder` if a task needs it.
 
-    In a merged prefix the install manifests decide, and programs for another machine cannot load the library.
+    Programs for another machine cannot load it.
     """
-    if layout.merged or layout.target or not any(map(is_observed, tasks)):
+    if layout.target or not any(map(is_observed, tasks)):
         return Observer(layout, None)
     return Observer(layout, _library(folder, variables))
 

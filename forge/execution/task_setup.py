@@ -9,6 +9,7 @@ from contextlib import closing
 from dataclasses import field
 from typing import TYPE_CHECKING
 
+from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.build import installation
 from forge.build.prefix import PrefixExchange
@@ -132,6 +133,8 @@ class TaskSetup:
             return None
         with closing(found):
             self._back_up(task)
+            paths = (f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves)
+            raise_if_any(PrefixExchange(task.name, self.layout).in_the_way(paths), WorkspaceError)
             files, empty = self.cache.restore(task, found)
             record = self.recorder.restored_record(task, found.build, files, empty)
         self._commit(task)
@@ -148,7 +151,10 @@ class TaskSetup:
         # A dependency that an embedded package provides under another name is recorded by the package's name.
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
-        installation.install_package(task.package, self.layout, tuple(sorted(needs)), self.interpreter)
+        installed = installation.installed_files(task.package, self.layout, task.earlier).files
+        installation.install_package(
+            task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed
+        )
         record = self.recorder.make_record(task)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record

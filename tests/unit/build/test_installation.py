@@ -214,7 +214,7 @@ def test_in_a_merged_tree_a_package_has_the_hooks_of_its_own_files(tmp_path: Pat
 def test_a_caller_may_say_what_was_installed(tmp_path: Path) -> None:
     """The prefix is not searched then."""
     layout = layout_in(tmp_path)
-    install_package(package("p"), layout, (), PYTHON, frozenset({Path("bin/tool")}))
+    install_package(package("p"), layout, (), PYTHON, [str(layout.prefix("p") / "bin/tool")])
     assert files_below(layout.prefix("p") / "share/p/hook") == {"path.dsv"}
 
 

@@ -1,0 +1,340 @@
+"""Whatever a build did not install stays where it is in a prefix, with its contents."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tests.conftest import Forge, Ran, Tree
+
+pytestmark = pytest.mark.needs("cmake", "gcc")
+
+EDITS = int(os.environ.get("FORGE_TEST_SEQUENCES", "50"))
+"""The number of edits in each of the four layouts."""
+SEED = int(os.environ.get("FORGE_TEST_SEED", "1"))
+CMAKE = """cmake_minimum_required(VERSION 3.18)
+project(a C)
+add_custom_target(slow ALL COMMAND sleep 0.1)
+add_executable(x x.c)
+install(TARGETS x DESTINATION bin)
+install(DIRECTORY data/ DESTINATION share/a/data)
+install(CODE [[
+file(STRINGS "${CMAKE_CURRENT_LIST_DIR}/words" words)
+execute_process(COMMAND sleep 0.05)
+foreach(word IN LISTS words)
+  file(WRITE "${CMAKE_INSTALL_PREFIX}/share/a/code/${word}" ${word})
+endforeach()
+]])
+include(more.cmake OPTIONAL)
+"""
+SETUP = """from setuptools import setup
+setup(name='p', version='1', packages=['p'], data_files=[('share/p', ['package.xml'])])
+"""
+
+
+def sources() -> dict[str, str]:
+    """Return a package of CMake, which also installs by code, and one of Python."""
+    return {
+        "src/a/package.xml": manifest_text("a", build_type="cmake"),
+        "src/a/CMakeLists.txt": CMAKE.replace("${CMAKE_CURRENT_LIST_DIR}", "@SOURCE@"),
+        "src/a/x.c": "int main(void) { return 0; }\n",
+        "src/a/data/one": "1",
+        "src/a/words": "one\n",
+        "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+        "src/p/setup.py": SETUP,
+        "src/p/p/__init__.py": "",
+        "src/p/p/one.py": "",
+    }
+
+
+class Others:
+    """Somebody who puts files into an install folder; all that is there must stay."""
+
+    def __init__(self, root: Path, source: random.Random) -> None:
+        """Begin with a folder of their own elsewhere."""
+        self._install = root / "install"
+        self._home = root / "precious"
+        self._home.mkdir()
+        (self._home / "file").write_text("precious")
+        self._random = source
+        self._count = 0
+        self._texts: dict[Path, str] = {}
+        self._links: dict[Path, str] = {}
+        self._folders: set[Path] = set()
+
+    def put(self) -> None:
+        """Create a file, a link or a folder in some folder of the install folder, or write to a file."""
+        folders = [path for name, _, _ in os.walk(self._install) if self._is_folder(path := Path(name))][1:]
+        if not folders:
+            return
+        folder = self._random.choice(folders)
+        if self._random.random() < 0.3:
+            folder /= self._random.choice(["deep", "share/a", "lib/deeper/deepest"])
+        self._count += 1
+        path = folder / f"mine {self._count}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._create(path)
+        except FileNotFoundError:
+            pass  # a build has just removed the folder
+
+    def _create(self, path: Path) -> None:
+        match self._random.randrange(7):
+            case 0:
+                path.symlink_to(self._home)
+                self._links[path] = str(self._home)
+            case 1:
+                path.symlink_to("nowhere")
+                self._links[path] = "nowhere"
+            case 2:
+                path.mkdir()
+                self._folders.add(path)
+            case 3 if self._texts:
+                path = self._random.choice(sorted(self._texts))
+                path.write_text(f"again {self._count}")
+                self._texts[path] = f"again {self._count}"
+            case _:
+                text = str(self._count) * self._random.choice([1, 100_000])
+                path.write_text(text)
+                self._texts[path] = text
+                if self._random.random() < 0.3:
+                    os.utime(path, (1, 1))
+
+    def _is_folder(self, path: Path) -> bool:
+        names = path.relative_to(self._install).parts
+        hidden = any(name.startswith(".") or name == "__pycache__" for name in names)
+        return not hidden and path.is_dir() and not path.is_symlink()
+
+    def check(self) -> None:
+        """Everything is there, and as it was."""
+        assert {path: path.read_text() for path in self._texts} == self._texts
+        assert {path: str(path.readlink()) for path in self._links} == self._links
+        assert [path for path in self._folders if not path.is_dir()] == []
+        assert [path.name for path in self._home.iterdir()] == ["file"]
+        assert (self._home / "file").read_text() == "precious"
+
+    def take_back(self) -> None:
+        """Remove everything, and the folders that were made for it."""
+        for path in (*self._texts, *self._links):
+            path.unlink()
+        for name, _, _ in os.walk(self._install, topdown=False):
+            if name != str(self._install) and not any(Path(name).iterdir()):
+                Path(name).rmdir()
+
+
+def edits(root: Path) -> tuple[Callable[[int], object], ...]:
+    """Return edits of the sources; each takes a number."""
+    a, p = root / "src/a", root / "src/p/p"
+    more = a / "more.cmake"
+
+    def toggle(path: Path, number: int) -> None:
+        path.unlink() if path.exists() else path.write_text(str(number))
+
+    return (
+        lambda n: (a / "x.c").write_text(f"int main(void) {{ return {n % 100}; }}\n"),
+        lambda n: toggle(a / f"data/{n % 3}", n),
+        lambda n: (a / "words").write_text("\n".join(f"w{number}" for number in range(n % 4)) + "\n"),
+        lambda n: toggle(p / f"m{n % 3}.py", 0),
+        lambda n: (p / "one.py").write_text(f"x = {n}\n"),
+        lambda n: more.write_text(f'install(CODE "message(FATAL_ERROR {n})")'),
+        lambda _: more.unlink(missing_ok=True),
+        lambda _: shutil.rmtree(root / "build"),
+        lambda n: toggle(a / "new file", n),
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [(), ("--merge-install",), ("--symlink-install",), ("--symlink-install", "--merge-install")],
+    ids=["isolated", "merged", "linked", "linked-merged"],
+)
+def test_files_of_others_outlive_random_edits(forge: Forge, tree: Tree, options: tuple[str, ...]) -> None:
+    root = tree(sources())
+    lists = root / "src/a/CMakeLists.txt"
+    lists.write_text(lists.read_text().replace("@SOURCE@", str(root / "src/a")))
+    source = random.Random(SEED)  # noqa: S311
+    assert forge("build", *options, cwd=root).code == 0
+    others, changes = Others(root, source), edits(root)
+    for number in range(EDITS):
+        for _ in range(source.randrange(3)):
+            others.put()
+        source.choice(changes)(number)
+        started = subprocess.Popen(
+            [sys.executable, "-m", "forge", "build", *options],
+            cwd=root,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        while started.poll() is None:
+            others.put()
+            time.sleep(source.random() / 5)
+        output = started.communicate()[0]
+        assert "Traceback" not in output
+        assert started.returncode in {0, 1}, output
+        others.check()
+    (root / "src/a/more.cmake").unlink(missing_ok=True)
+    assert forge("build", *options, cwd=root).code == 0
+    others.check()
+    others.take_back()
+    assert forge("build", *options, cwd=root).code == 0
+    left = installed(root)
+    for folder in ("build", "install"):
+        shutil.rmtree(root / folder)
+    assert forge("build", *options, cwd=root).code == 0
+    clean = installed(root)
+    if "--merge-install" in options:
+        # No manifest lists what code has installed, so that it stays in a merged prefix.
+        left = {path: content for path, content in left.items() if path in clean or "/code/" not in path}
+    assert left == clean
+
+
+def installed(root: Path) -> dict[str, bytes | str]:
+    """Return the files and links of an install folder."""
+    return {
+        str(path.relative_to(root)): str(path.readlink()) if path.is_symlink() else path.read_bytes()
+        for path in (root / "install").rglob("*")
+        if (path.is_symlink() or path.is_file()) and "__pycache__" not in path.parts
+    }
+
+
+# --- one file, two owners
+
+
+def plain(body: str) -> dict[str, str]:
+    """Return a package that installs what the body says."""
+    head = "cmake_minimum_required(VERSION 3.18)\nproject(a NONE)\ninstall(FILES x DESTINATION share/a)\n"
+    return {
+        "src/a/package.xml": manifest_text("a", build_type="cmake"),
+        "src/a/CMakeLists.txt": f"{head}{body}\n",
+        "src/a/x": "1",
+        "src/a/d/f": "2",
+    }
+
+
+def refuse(ran: Ran, *words: str) -> None:
+    """Expect the exit code 2, and an error with the two paths in conflict."""
+    assert ran.code == 2, ran.out + ran.err
+    for word in words:
+        assert word in ran.err
+
+
+MERGED = pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
+
+
+@MERGED
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("install(FILES d/f DESTINATION share/a)", "share/a/f", "share/a/f"),
+        ("install(FILES d/f DESTINATION share/a RENAME g)", "share/a/g/mine.txt", "share/a/g"),
+        ('install(CODE "file(WRITE \\${CMAKE_INSTALL_PREFIX}/share/a/f 2)")', "share/a/f", "share/a/f"),
+    ],
+    ids=["file", "folder", "code"],
+)
+def test_a_package_does_not_install_over_files_of_others(
+    forge: Forge, tree: Tree, options: tuple[str, ...], case: tuple[str, str, str]
+) -> None:
+    """The build fails with both paths, and everything is as it was; without that file it succeeds."""
+    body, mine, theirs = case
+    if options and body.startswith("install(CODE"):
+        pytest.skip("who wrote a file that no manifest lists is unknown in a merged prefix")
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    prefix = root / "install" / ("" if options else "a")
+    path = prefix / mine
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("mine")
+    before = installed(root)
+    lists = root / "src/a/CMakeLists.txt"
+    lists.write_text(f"{lists.read_text()}{body}\n")
+    for _ in range(2):
+        refuse(forge("build", *options, cwd=root), str(path), str(prefix / theirs))
+        assert installed(root) == before
+    path.unlink()
+    if mine != theirs:
+        path.parent.rmdir()
+    assert forge("build", *options, cwd=root).code == 0
+    assert (prefix / theirs).read_text() == "2"
+
+
+@MERGED
+def test_a_link_in_place_of_an_installed_folder_is_not_followed(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    root = tree(plain("install(DIRECTORY d DESTINATION share)"))
+    assert forge("build", *options, cwd=root).code == 0
+    folder = root / "install" / ("" if options else "a") / "share/d"
+    precious = tree({"precious/f": "mine"}) / "precious"
+    shutil.rmtree(folder)
+    folder.symlink_to(precious)
+    (root / "src/a/x").write_text("3")
+    refuse(forge("build", *options, cwd=root), str(folder), str(precious))
+    assert [path.name for path in precious.iterdir()] == ["f"]
+    assert (precious / "f").read_text() == "mine"
+
+
+def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tree) -> None:
+    root = tree(plain("install(FILES d/f DESTINATION share/a)"))
+    assert forge("build", cwd=root).code == 0
+    path = root / "install/a/share/a/f"
+    path.write_text("edited")
+    (root / "src/a/CMakeLists.txt").write_text(plain("")["src/a/CMakeLists.txt"])
+    ran = forge("build", cwd=root)
+    assert ran.code == 0
+    assert f"kept '{path}'" in ran.err
+    assert path.read_text() == "edited"
+
+
+def test_all_kinds_of_entries_stay(forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tree(plain(""))
+    assert forge("build", cwd=root).code == 0
+    prefix = root / "install/a"
+    os.mkfifo(prefix / "pipe")
+    monkeypatch.chdir(prefix)
+    with socket.socket(socket.AF_UNIX) as own:
+        own.bind("socket")
+    (prefix / ".git").mkdir()
+    (prefix / ".git/HEAD").write_text("ref")
+    names = {path.name for path in prefix.iterdir()}
+    (root / "src/a/x").write_text("2")
+    assert forge("build", cwd=root).code == 0
+    assert {path.name for path in prefix.iterdir()} == names
+
+
+MOUNT = ("unshare", "--user", "--map-root-user", "--mount")
+
+
+def test_nothing_is_lost_behind_a_mount(tree: Tree) -> None:
+    """A volume in a prefix is left alone, in an install folder that is being rebuilt."""
+    if shutil.which("unshare") is None or subprocess.run((*MOUNT, "true"), check=False).returncode:
+        pytest.skip("no mounts in a namespace on this machine")
+    root = tree({**plain(""), "precious/p.txt": "mine", "install/a/data/.keep": ""})
+    (root / "install/a/data/.keep").unlink()
+    script = f"""set -e
+{sys.executable} -m forge build
+mkdir -p install/a/data
+mount --bind precious install/a/data
+echo 2 > src/a/x
+{sys.executable} -m forge build
+echo 'message(FATAL_ERROR no)' >> src/a/CMakeLists.txt
+{sys.executable} -m forge build && exit 1
+test "$(cat install/a/data/p.txt install/a/share/a/x)" = "mine2"
+"""
+    ran = subprocess.run((*MOUNT, "sh", "-c", script), cwd=root, check=False, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert (root / "precious/p.txt").read_text() == "mine"
