@@ -42,8 +42,14 @@ ENTAILED = {
         "TERM",
         "ZDOTDIR",
     ),  # as everybody reads them
+    *("LD_PRELOAD", "ASAN_OPTIONS"),  # to which forge adds
     *("CONDA_PREFIX", "PYTHONHOME"),  # of which forge doctor warns
-    *("FORGE_WORKER", "FORGE_BUILD_FOLDER", "FORGE_TEMPLATES"),  # between forge and what it starts
+    *(
+        "FORGE_WORKER",
+        "FORGE_BUILD_FOLDER",
+        "FORGE_TEMPLATES",
+        "FORGE_OBSERVER_LOG",
+    ),  # between forge and what it starts
 }
 
 

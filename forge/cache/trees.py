@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from forge.base.files import BYTECODE
 from forge.base.frozen import frozen
-from forge.base.layout import BACKUP_DIR
+from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
 from forge.cache.model import Digest
 from forge.cache.relocation import NonRelocatable
 
@@ -137,7 +137,7 @@ def unlisted_files(install: Path, records: Mapping[str, BuildRecord], since: flo
     listed = {path for record in records.values() for path in record.files}
     found = {}
     for folder, folders, files in os.walk(install):
-        folders[:] = (name for name in folders if name not in {BYTECODE, BACKUP_DIR})
+        folders[:] = (name for name in folders if name not in {BYTECODE, BACKUP_DIR, INSTALLED_LISTS_DIR})
         for name in files if folder != str(install) else ():
             path = f"{folder}/{name}"
             if path not in listed and (changed := os.lstat(path).st_ctime) >= since - TICK:

@@ -153,8 +153,8 @@ def play(
             "--log-base",
             "/dev/null",
             "build",
-            *workspace.options(),
             *cache,
+            *workspace.options(),
             cwd=workspace.home,
             env=workspace.variables,
         )

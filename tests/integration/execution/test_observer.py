@@ -1,0 +1,134 @@
+"""What the steps of a package write into its prefix is observed, or known not to be."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.base.layout import Layout
+from forge.build.observed_writes import ObservedWrites, read_log
+from forge.build.prefix import written_log
+from forge.build.tasks import Task
+from forge.execution.observer import Observer, open_observer
+from tests.packages import package
+
+if TYPE_CHECKING:
+
+pytestmark = pytest.mark.needs("gcc", "cmake", "perl")
+
+WRITERS = {
+    "sh": "echo x > a; echo y >> a; mkdir d; cd d; echo x > ../b; : > c",
+    "cp": "cp /etc/passwd a; cp -r /etc/init.d d; cp -a a e; ln -s a l; ln a h; mv e f; mv d g",
+    "install": "install -D -m 755 /bin/sh bin/deep/sh; install -d x/y",
+    "tar": "tar cf - -C /etc passwd init.d | tar xf -",
+    "sed": "echo x > a; sed -i s/x/y/ a",
+    "python": "python3 -c 'import os, shutil, tempfile\n"
+    'open("a", "w"); os.makedirs("d/e"); os.symlink("a", "d/l"); shutil.copy("a", "d/c")\n'
+    'os.rename("d", "f"); os.mkfifo("p"); os.close(tempfile.mkstemp(dir=".")[0])\'',
+    "perl": "perl -e 'open F, q(>a); mkdir q(d); rename q(a), q(d/a); symlink q(x), q(l)'",
+    "cmake": "cmake -E touch a; cmake -E copy a b; cmake -E make_directory d/e; cmake -E rename b c; "
+    "cmake -E create_symlink a l; cmake -E copy_directory d f",
+    "make": "printf 'all:\\n\\techo x > a\\n' | make -f -",
+    "background": "(sleep 0.1; echo x > a) & wait",
+}
+UNSEEN = {
+    "static": "{static} a",
+    "cleared environment": "env -i /bin/sh -c 'echo x > a'",
+    "variable removed": "env -u LD_PRELOAD sh -c 'echo x > a'",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the compiled library."""
+    return tmp_path_factory.mktemp("library")
+
+
+@pytest.fixture
+def observed(tmp_path: Path, folder: Path) -> tuple[Layout, Task, Observer]:
+    """Return a layout whose path has a space, a task and its observer."""
+    layout = Layout(tmp_path / "b", tmp_path / "in stall", None)
+    task = Task("a", package("a", build_type="cmake"), layout.prefix("a"), tmp_path / "b/a", (), (), "")
+    task.prefix.mkdir(parents=True)
+    log = written_log("a", layout)
+    log.parent.mkdir()
+    log.touch()
+    observer = open_observer([task], layout, folder, dict(os.environ))
+    assert observer.library is not None
+    return layout, task, observer
+
+
+def run(script: str, observed: tuple[Layout, Task, Observer]) -> ObservedWrites:
+    """Run a script of a step in the prefix; return what was observed."""
+    layout, task, observer = observed
+    variables = observer.variables(task, os.environ)
+    with subprocess.Popen(("sh", "-ec", script), cwd=task.prefix, env=variables) as process:
+        observer.note_process(variables, process.pid)
+    assert process.returncode == 0
+    return read_log(written_log("a", layout), task.prefix)
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_everything_that_a_step_writes_is_observed(
+    observed: tuple[Layout, Task, Observer], writer: str
+) -> None:
+    writes = run(WRITERS[writer], observed)
+    assert writes.complete
+    prefix = observed[1].prefix
+    found = [path for path in prefix.rglob("*") if path.is_symlink() or not path.is_dir()]
+    assert found
+    assert [path for path in found if not writes.contain(str(path))] == []
+    folders = [path for path in prefix.rglob("*") if path.is_dir() and not path.is_symlink()]
+    assert [
+        path for path in folders if str(path) not in writes.folders and not writes.contain(str(path))
+    ] == []
+
+
+def test_nothing_is_observed_that_others_write(observed: tuple[Layout, Task, Observer]) -> None:
+    prefix = observed[1].prefix
+    writes = run(f"cat /etc/passwd > {prefix.parent.parent}/out; ls > /dev/null; echo x > a", observed)
+    (prefix / "b").touch()
+    assert writes.complete
+    assert [*writes.files] == [str(prefix / "a")]
+
+
+@pytest.mark.parametrize("program", UNSEEN)
+def test_a_process_that_cannot_be_observed_is_noticed(
+    observed: tuple[Layout, Task, Observer], program: str, tmp_path: Path
+) -> None:
+    static = tmp_path / "static"
+    code = '#include <stdio.h>\nint main(int n, char **v) { return !fopen(v[n - 1], "w"); }\n'
+    subprocess.run(("gcc", "-static", "-x", "c", "-", "-o", static), input=code, text=True, check=True)
+    assert not run(UNSEEN[program].format(static=static), observed).complete
+    assert (observed[1].prefix / "a").exists()
+
+
+def test_a_prefix_is_observed_through_a_link(tmp_path: Path, observed: tuple[Layout, Task, Observer]) -> None:
+    prefix = observed[1].prefix
+    (tmp_path / "elsewhere").mkdir()
+    prefix.rmdir()
+    prefix.symlink_to(tmp_path / "elsewhere")
+    writes = run(f"echo x > a; echo x > '{tmp_path}/elsewhere/b'; echo x > '{prefix}/c'", observed)
+    assert writes.files == {str(prefix / name) for name in "abc"}
+
+
+def test_without_a_compiler_nothing_is_observed(
+    tmp_path: Path, observed: tuple[Layout, Task, Observer]
+) -> None:
+    layout, task, _ = observed
+    observer = open_observer([task], layout, tmp_path / "empty", {"PATH": str(tmp_path)})
+    assert observer.library is None
+    assert "LD_PRELOAD" not in observer.variables(task, {})
+
+
+def test_a_torn_log_is_not_complete(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_bytes(b"P1\0S1\0W/p/a\0")
+    assert read_log(log, Path("/p")).complete
+    for text in (b"", b"P1\0", b"P1\0S1\0\0", b"P1\0S1\0E1\0", b"xyz\0"):
+        log.write_bytes(text)
+        assert not read_log(log, Path("/p")).complete
