@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,8 +14,6 @@ from forge.build.prefix import written_log
 from forge.build.tasks import Task
 from forge.execution.observer import Observer, open_observer
 from tests.packages import package
-
-if TYPE_CHECKING:
 
 pytestmark = pytest.mark.needs("gcc", "cmake", "perl")
 
