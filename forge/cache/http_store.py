@@ -200,6 +200,8 @@ class HttpStore:
     def _refusal(self, response: BaseHTTPResponse) -> str:
         """Return a message for an unexpected response."""
         meaning = _MEANINGS.get(response.status, (response.reason or "")[:100])
+        if response.status == HTTPStatus.UNAUTHORIZED and "Authorization" in self._pool.headers:
+            meaning = "the server does not accept the user and password, or the token"
         if location := response.headers.get("Location"):
             meaning = f"redirects to {location[:200]!r} are not followed"
         return f"{self.name}: HTTP status {response.status}: {meaning}"

@@ -39,6 +39,7 @@ from forge.toolchain.precompiled_headers import LIBRARY_PATH_BELOW, prepare_prec
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
 from forge.toolchain.resources import memory
 from forge.workspace.missing import missing_dependencies
+from forge.workspace.whereabouts import Whereabouts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -239,6 +240,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
         cmake_variables=defined((*context.cmake_args, *context.ament_cmake_args)),
         python=str(build.interpreter.path),
         prefix_of=prefix_of,
+        whereabouts=Whereabouts(context.root, context.layout).of,
         named=build.options.query.named,
         origin=build.options.origin,
     )
@@ -346,7 +348,10 @@ def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
     """Warn about missing dependencies, overridden underlay packages, and packages that left the workspace."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
-    missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys).warnings
+    whereabouts = Whereabouts(loaded.workspace.root, layout).of
+    missing = missing_dependencies(
+        loaded.resolution, own, build.options.skip_keys, whereabouts=whereabouts
+    ).warnings
     stale = stale_package_warnings(state.journal.records, loaded.packages, layout, loaded.workspace.root)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
 

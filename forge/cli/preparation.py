@@ -48,6 +48,7 @@ from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, condensed, find_t
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import INTERFACE_GROUP
+from forge.workspace.whereabouts import Whereabouts, submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -126,6 +127,8 @@ def require_packages(loaded: LoadedWorkspace) -> None:
     """Raise WorkspaceError if there are no packages at all, as outside of a workspace."""
     if not loaded.workspace.packages:
         hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
+        if empty := unchecked_submodules(loaded.workspace.root):
+            hint = submodule_remedy(empty)
         problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
         raise WorkspaceError(problem)
 
@@ -158,7 +161,13 @@ def check_before_planning(
     cross = ("--toolchain",) if options.folders.target else ()
     cmake_args = (*cross, *options.cmake.cmake_args, *options.cmake.ament_cmake_args)
     search = CMakeSearch(loaded.resolution, layout, variables, cmake_args)
-    missing = missing_dependencies(loaded.resolution, names, options.skip_keys, search.certainly_missing)
+    missing = missing_dependencies(
+        loaded.resolution,
+        names,
+        options.skip_keys,
+        search.certainly_missing,
+        Whereabouts(loaded.workspace.root, layout).of,
+    )
     problems = list(loaded.workspace.problems)
     if not (problems or loaded.workspace.packages):
         raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)

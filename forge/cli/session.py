@@ -100,15 +100,17 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
     cmake_variables: frozenset[str] = frozenset(),
     python: str = "python3",
     prefix_of: Callable[[str], Path | None] = lambda _: None,
+    whereabouts: Callable[[str], str | None] = lambda _: None,
     named: frozenset[str] = frozenset(),
     origin: str = os.curdir,
 ) -> Iterator[Session]:
     """Yield the session of a command.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
-    `cmake_variables` are those passed to all packages, `python` is the interpreter in hints,
-    which look for installed packages with `prefix_of`. Embedded packages that were built before get no lines
-    of their own, except those that the user `named`. Paths are displayed relative to `origin`.
+    `cmake_variables` are those passed to all packages, `python` is the interpreter in hints, which look for
+    installed packages with `prefix_of` and for others with `whereabouts`. Embedded packages that were built
+    before get no lines of their own, except those that the user `named`. Paths are displayed relative to
+    `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
     # Later builds of embedded packages follow from a new forge or new options.
@@ -125,6 +127,7 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
         report.screen = view.screen
         report.python = python
         report.prefix_of = prefix_of
+        report.whereabouts = whereabouts
         report.unlisted = unlisted
         report.displayed = partial(displayed_below, Path.cwd(), origin)
         direct = handlers["console_direct"]

@@ -19,6 +19,20 @@ _ROS2 = frozenset(
 )
 """Commands of `ros2` that forge does not have, because they communicate with running nodes."""
 
+_ELSEWHERE = {
+    "compile": "build",
+    "create": "pkg create",
+    "ls": "list",
+    "make": "build",
+    "new": "pkg create",
+    "rebuild": "build --force",
+    "remove": "clean packages",
+    "show": "interface show",
+    "watch": "build --watch",
+}
+"""Commands of other build tools, and what does the same in forge."""
+_DASHES = "\u2010\u2011\u2012\u2013\u2014\u2015\u2212\ufe58\ufe63\uff0d"
+"""Characters that editors and web pages show in place of '-' or '--'."""
 _SELECT = "--packages-select"
 _CMAKE_ARGS = "--cmake-args"
 _BUILD_TYPES = {
@@ -39,6 +53,8 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
     if command:
         word = command[1]
         hint = did_you_mean(word, commands)
+        if word in _ELSEWHERE:
+            hint = f"did you mean 'forge {_ELSEWHERE[word]}'?"
         if word in _ROS2:
             hint = f"'ros2 {word}' is part of a ROS installation: source that first"
         if word == "cd":
@@ -53,6 +69,11 @@ def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) ->
 
 def _instead(argument: str, options: frozenset[str]) -> str | None:
     word = argument.partition("=")[0]
+    if word[0] in _DASHES:
+        name = word.lstrip(f"-{_DASHES}")
+        meant = f"-{name}" if len(name) == 1 else f"--{name}"
+        known = meant if meant in options else (_instead(meant, options) or "").partition("'")[2].rstrip("'?")
+        return f"'{word[0]}' is not '-': write '{known or meant}'"
     if not word.startswith("-"):
         return f"to select packages: '{_SELECT} {word}'" if _SELECT in options else None
     if word.startswith("-D") and _CMAKE_ARGS in options:

@@ -29,6 +29,7 @@ from forge.cache.model import RESTORED
 from forge.output.compiler_warnings import CompilerWarnings
 from forge.output.repeated_warnings import RepeatedWarnings
 from forge.toolchain.cmake_warnings import UnusedVariables, well_known
+from forge.toolchain.programs import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -131,6 +132,8 @@ class ConsoleReporter:
         """The workspace's interpreter, for hints."""
         self.prefix_of: Callable[[str], Path | None] = lambda _: None
         """Returns the prefix of an installed package, for hints."""
+        self.whereabouts: Callable[[str], str | None] = lambda _: None
+        """Returns what to do about a package that is in no prefix, for hints."""
         self.unlisted: frozenset[str] = frozenset()
         """Packages without lines of their own unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
@@ -258,7 +261,10 @@ class ConsoleReporter:
                 self._out(f"  {_count(names)} {palette.paint(meaning, words)}: {shown}")
         if tally.not_processed:
             self._out(f"  {_count(tally.not_processed)} not processed")
-        if unused := self._unused.names:
+        cmake_packages = {name for name, one in self.packages.items() if one.build_type in CMAKE_TYPES}
+        # Packages that were not configured in this run may use them.
+        own = {name for name in cmake_packages if not self._embedded(name)}
+        if own <= self._configured and (unused := self._unused.names):
             self._list_unused(unused)
 
     def _list_unused(self, variables: Sequence[str]) -> None:
@@ -392,7 +398,9 @@ class ConsoleReporter:
         """Return a remedy if the cause of a failure is known."""
         from forge.output.failure_hints import failure_context, hint_of  # noqa: PLC0415
 
-        context = failure_context(self.packages[task], self.packages, self.python, self.prefix_of)
+        context = failure_context(
+            self.packages[task], self.packages, self.python, self.prefix_of, self.whereabouts
+        )
         return hint_of(text, context)
 
 

@@ -15,14 +15,24 @@ from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, nearest, snake_case
 from forge.build.inputs.fingerprints import own_files
+from forge.environment.prefixes import SYSTEM
 from forge.output.first_error import COLOUR
-from forge.output.known_names import cmake_commands, installed_headers
+from forge.output.known_names import cmake_commands, exported_targets, installed_headers
 from forge.output.platform_hints import remedy_for_platform
+from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
-from forge.workspace.cmake_metadata import cmake_dependencies, targets, used_by_tests_only
+from forge.workspace.cmake_metadata import cmake_dependencies, linked_packages, targets, used_by_tests_only
+from forge.workspace.cmake_text import calls
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
-from forge.workspace.resolve import INTERFACE_GROUP, is_ros_name, resembles_ros_name, similar_package
+from forge.workspace.resolve import (
+    INTERFACE_GROUP,
+    is_ros_name,
+    quoted_names,
+    resembles_ros_name,
+    similar_package,
+)
+from forge.workspace.whereabouts import submodule_remedy, unchecked_submodules
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -52,6 +62,12 @@ class FailureContext:
     """The packages that only the tests in its CMakeLists.txt find."""
     prefix_of: Callable[[str], Path | None] = lambda _: None
     """Returns the prefix that contains an installed package."""
+    whereabouts: Callable[[str], str | None] = lambda _: None
+    """Returns what to do about a package that is in no prefix, if it is known where it is."""
+    linked: frozenset[str] = frozenset()
+    """The packages that targets of its CMakeLists.txt link."""
+    optional: frozenset[str] = frozenset()
+    """The packages that its CMakeLists.txt does without: those found without REQUIRED."""
 
     @property
     def manifest(self) -> str:
@@ -84,6 +100,7 @@ def failure_context(
     packages: Mapping[str, Package],
     python: str,
     prefix_of: Callable[[str], Path | None],
+    whereabouts: Callable[[str], str | None],
 ) -> FailureContext:
     """Return the context of a failed package; unreadable files are left out."""
     folder = str(package.path)
@@ -95,11 +112,30 @@ def failure_context(
     every = {**discover_embedded(), **packages}
     found = cmake_dependencies([text])
     tested = used_by_tests_only(text)
-    return FailureContext(package, every, python, files, targets(text), found, tested, prefix_of)
+    optional = frozenset(
+        call.words[0]
+        for call in calls(text)
+        if call.command == "find_package" and call.words and "REQUIRED" not in call.words
+    )
+    return FailureContext(
+        package,
+        every,
+        python,
+        files,
+        targets(text),
+        found,
+        tested,
+        prefix_of,
+        whereabouts,
+        linked_packages(text),
+        optional,
+    )
 
 
 def hint_of(output: str, context: FailureContext) -> str | None:
     """Return a remedy derived from the output of a failed package, or None."""
+    if context.package.embedded:
+        return None  # its files are forge's
     plain = COLOUR.sub("", output)
     for pattern, remedy in _REMEDIES:
         match = pattern.search(plain)
@@ -122,6 +158,8 @@ def _package_not_found(name: str, context: FailureContext) -> str | None:
 
 def _ways_to_find(name: str, context: FailureContext) -> str:
     """Return where a package may come from that is not in the workspace."""
+    if place := context.whereabouts(name):
+        return place
     near = similar_package(name, context.packages.keys() - {context.package.name})
     question = f"did you mean '{near}'? otherwise " if near else ""
     if is_ros_name(name) or (context.declares(name) and resembles_ros_name(name)):
@@ -147,25 +185,36 @@ def _header_not_found(header: str, context: FailureContext) -> str | None:
         near = nearest(rest, (other.partition("/")[2] for other in installed), _SURE)
         return f"did you mean '{name}/{near}'?" if near else f"the package '{name}' has no such header"
     if installed or name in context.packages:
-        return f"'{header}' belongs to the package '{name}'; add {_listed(_lines_for(name, context))}"
-    if is_ros_name(name):
-        return f"source a ROS installation that contains '{name}', or add its sources to the workspace"
-    return f"install the system package that contains it (Debian: apt-file search {header})"
+        lines = _lines_for(name, context)
+        return f"'{header}' belongs to the package '{name}'; add {_listed(lines)}" if lines else None
+    return context.whereabouts(name) or (
+        f"source a ROS installation that contains '{name}', or add its sources to the workspace"
+        if is_ros_name(name)
+        else f"install the system package that contains it (Debian: apt-file search {header})"
+    )
 
 
 def _own_header_not_found(header: str, context: FailureContext) -> str:
     """Return a remedy for a header of the package itself, or one that is included without a folder."""
     depth = header.count("/") + 1
-    own = {"/".join(file.split("/")[-depth:]) for file in context.files}
-    near = None if header in own else did_you_mean(header, own, _SURE)
-    return near or "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE include)"
+    own = {"/".join(file.split("/")[-depth:]): file for file in context.files}
+    if header not in own and (near := did_you_mean(header, own, _SURE)):
+        return near
+    if header in own or header.startswith(f"{context.package.name}/"):
+        # One that is not there yet is probably generated.
+        folder = own.get(header, f"include/{header}").removesuffix(header).rstrip("/") or "."
+        return f"for a header of this package: target_include_directories(YOUR_TARGET PRIVATE {folder})"
+    return (
+        f"no file of the package is named '{header}': if it belongs to a library, install the system package "
+        f"that contains it (Debian: apt-file search /{header})"
+    )
 
 
 def _lines_for(name: str, context: FailureContext) -> list[str]:
     """Return the lines that make a target use a package, without those that are there."""
     lines = [] if context.declares(name) else [f"{context.depend(name)} in {context.manifest}"]
     lines += [] if name in context.found else [f"find_package({name} REQUIRED)"]
-    return [*lines, f"ament_target_dependencies(YOUR_TARGET {name})"]
+    return lines if name in context.linked else [*lines, f"ament_target_dependencies(YOUR_TARGET {name})"]
 
 
 def _no_such_target(target: str, context: FailureContext) -> str | None:
@@ -180,13 +229,28 @@ def _no_such_file(path: str, context: FailureContext) -> str | None:
     name = " ".join(path.split()).rpartition(f"{context.package.path.as_posix()}/")[2]
     if name.startswith("/") or name in context.files:
         return None
+    if name and (context.package.path / name).is_dir():
+        example = f"'{name}/file'" if "*" in name else f"glob('{name}/*')"
+        return f"'{name}' is a folder, where files are expected: name its files, as with {example}"
     folders = {str(parent) for file in context.files for parent in PurePosixPath(file).parents}
     near = did_you_mean(name, {*context.files, *folders}, _SURE)
     return near or f"the package has no '{name}': create it, or remove the reference to it"
 
 
+def _no_such_folder(path: str, context: FailureContext) -> str | None:
+    """Return a remedy for a missing folder with sources, which may be a submodule."""
+    folder = context.package.path / path
+    above = context.package.path.absolute()
+    for root in (above, *above.parents):
+        for empty in unchecked_submodules(root) if (root / ".gitmodules").is_file() else ():
+            if folder.absolute().is_relative_to(root / empty):
+                shown = os.path.relpath(root / empty)
+                return submodule_remedy([Path(shown)])
+    return _no_such_file(path, context)
+
+
 def _headers_not_installed(name: str, context: FailureContext) -> str | None:
-    if name not in context.packages:
+    if name not in context.packages or context.packages[name].embedded:
         return None
     line = "install(DIRECTORY include/ DESTINATION include/${PROJECT_NAME})"
     return f"'{name}' does not install its headers: add {line} to its CMakeLists.txt"
@@ -204,7 +268,9 @@ def _undefined(symbol: str, context: FailureContext) -> str:
         return "the executable has no main(): add the source file that defines it to add_executable()"
     name = symbol.removeprefix("vtable for ").split("::", maxsplit=1)[0]
     if "::" in symbol and name in context.packages and name != context.package.name:
-        return f"'{symbol}' belongs to the package '{name}'; add {_listed(_lines_for(name, context))}"
+        if lines := _lines_for(name, context):
+            return f"'{symbol}' belongs to the package '{name}'; add {_listed(lines)}"
+        return f"'{name}' exports no library that defines '{symbol}'"
     return (
         f"no linked object defines '{symbol}': add its source file to add_executable() or add_library(), "
         "or its library in target_link_libraries()"
@@ -227,6 +293,8 @@ def _unknown_compiler(variable: str, _context: FailureContext) -> str:
 
 def _not_looked_for(name: str, context: FailureContext) -> str | None:
     """Return a remedy for a package named in ament_target_dependencies() without find_package()."""
+    if name in context.found:
+        return f"find_package({name}) must come before it, and outside of a branch that is not taken"
     if name in context.packages:
         return f"add find_package({name} REQUIRED) before it in CMakeLists.txt"
     return did_you_mean(name, context.packages, _SURE)
@@ -238,14 +306,31 @@ def _not_permitted(_: str, _context: FailureContext) -> str:
 
 def _target_not_found(target: str, context: FailureContext) -> str | None:
     name = target.split("::", maxsplit=1)[0]
+    if name in context.found or name == context.package.name:
+        return _no_exported_target(target, name, context)
     depend = "" if context.declares(name) else f" and <depend>{name}</depend> to {context.manifest}"
     return f"add find_package({name} REQUIRED) before its use in CMakeLists.txt{depend}"
+
+
+def _no_exported_target(target: str, name: str, context: FailureContext) -> str:
+    """Return the targets that a package, which CMake found, has instead of one that it does not have."""
+    prefix = context.prefix_of(name)
+    known = exported_targets(name, prefix) if prefix else ()
+    if not known:
+        return f"'{name}' has no target '{target}'; try ament_target_dependencies(YOUR_TARGET {name})"
+    near = nearest(target, known, _SURE)
+    question = f"; did you mean '{near}'?" if near else ""
+    return f"'{name}' has no target '{target}'; it exports {quoted_names(known)}{question}"
 
 
 def _not_exported(names: str, context: FailureContext) -> str | None:
     """Return a remedy for a package that exports a target but not the package which the target links."""
     exporter, needed = re.findall(r"[\w-]+(?=::)", names)
-    if exporter not in context.packages or needed in {exporter, "PkgConfig"}:
+    if (
+        exporter not in context.packages
+        or context.packages[exporter].embedded
+        or needed in {exporter, "PkgConfig"}
+    ):
         return None
     if context.packages[exporter].build_type == "cmake":
         line, file = f"find_dependency({needed})", f"the CMake config that '{exporter}' installs"
@@ -295,8 +380,18 @@ def _disk_full(_: str, _context: FailureContext) -> str:
     return "the disk is full: 'forge clean stale' removes unused results, 'df -h .' shows the free space"
 
 
-def _no_git(url: str, _context: FailureContext) -> str:
-    return f"the package clones {url} during the build: provide network access, or a system package"
+def _no_download(url: str, context: FailureContext) -> str:
+    """Return the need of network access; a system package helps only if CMakeLists.txt looks for it."""
+    system = ConfigSearch()
+    looked_for = sorted(
+        name
+        for name in context.optional
+        if name not in context.packages and not any(system.folder(str(prefix), name) for prefix in SYSTEM)
+    )
+    instead = (
+        f", or install the system package that contains {quoted_names(looked_for)}" if looked_for else ""
+    )
+    return f"the package downloads {url.rstrip('/')} during the build: provide network access{instead}"
 
 
 def _unknown_argument(word: str, _context: FailureContext) -> str:
@@ -323,7 +418,16 @@ _REMEDIES: tuple[tuple[re.Pattern[str], Callable[[str, FailureContext], str | No
         ),
         _not_exported,
     ),
-    (re.compile(r"Failed to clone repository: '([^']+)'"), _no_git),
+    (re.compile(r"Failed to clone repository: '([^']+)'"), _no_download),
+    (re.compile(r"downloading '(\w+://[^']+)' failed"), _no_download),
+    (re.compile(r"unable to access '(\w+://[^']+)'"), _no_download),
+    (re.compile(r"file DOWNLOAD[^\n]*\n?[^\n]*?(https?://[^\s\"']+)"), _no_download),
+    (re.compile(r'add_subdirectory\s+given\s+source\s+"([^"]+)"\s+which\s+is\s+not'), _no_such_folder),
+    (
+        re.compile(r"The\s+source\s+directory\s+(\S+)\s+does\s+not\s+contain\s+a\s+CMakeLists"),
+        _no_such_folder,
+    ),
+    (re.compile(r'install\s+FILES\s+given\s+directory\s+"([^"]+)"'), _no_such_file),
     (re.compile(r"module 'em' has no attribute"), _other_empy),
     (
         re.compile(r'(?:for|given)\s+target\s+"([^"]+)"\s+which\s+(?:is\s+not\s+built|does\s+not\s+exist)'),

@@ -39,25 +39,19 @@ _PROSE = ("console_start_end", "console_cohesion", "console_direct", "console_pa
 def handlers_of(words: Sequence[str]) -> dict[str, bool]:
     """Return the state of each event handler; raises SelectionError for unknown ones."""
     unknown = [word for word in words if word.rstrip("+-") not in HANDLERS or word[-1] not in "+-"]
-    raise_if_any(
-        (
-            Problem(
-                f"--event-handlers expects names followed by '+' or '-', not '{word}'",
-                hint=_remedy(word),
-            )
-            for word in unknown
-        ),
-        SelectionError,
-    )
+    raise_if_any(map(_problem, unknown), SelectionError)
     return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in words}}
 
 
-def _remedy(word: str) -> str | None:
+def _problem(word: str) -> Problem:
     name = word.rstrip("+-")
     if name in HANDLERS:
-        return f"'{name}+' enables it, '{name}-' disables it"
+        message = f"--event-handlers expects names followed by '+' or '-', not '{word}'"
+        return Problem(message, hint=f"'{name}+' enables it, '{name}-' disables it")
     near = nearest(name, HANDLERS)
-    return f"did you mean '{near}{'-' if word.endswith('-') else '+'}'?" if near else None
+    question = f"did you mean '{near}{'-' if word.endswith('-') else '+'}'? " if near else ""
+    hint = f"{question}event handlers: {', '.join(HANDLERS)}"
+    return Problem(f"--event-handlers: unknown event handler '{name}'", hint=hint)
 
 
 def without_text_output(handlers: Mapping[str, bool]) -> dict[str, bool]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.files import text_or_nothing
 from forge.base.layout import PACKAGE
+from forge.workspace.cmake_text import calls
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,6 +40,20 @@ def cmake_commands(folder: Path, files: Iterable[str]) -> frozenset[str]:
     return frozenset(
         (*_CMAKE_COMMANDS, *(match[1] for text in texts for match in _DEFINITION.finditer(text)))
     )
+
+
+def exported_targets(package: str, prefix: Path) -> tuple[str, ...]:
+    """Return the targets that the CMake files of an installed package define."""
+    folders = (prefix / "share" / package, prefix / "lib/cmake" / package, prefix / "cmake")
+    files = (path for folder in folders for path in sorted(folder.rglob("*.cmake")))
+    found = (
+        call.words[0]
+        for path in files
+        for call in calls(text_or_nothing(path))
+        if call.command in {"add_executable", "add_library"}
+        and not {"IMPORTED", "ALIAS"}.isdisjoint(call.words)
+    )
+    return tuple(dict.fromkeys(name for name in found if "$" not in name))
 
 
 def installed_headers(package: str, prefix: Path) -> frozenset[str]:

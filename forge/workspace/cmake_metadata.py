@@ -93,6 +93,13 @@ def targets(text: str) -> tuple[str, ...]:
     return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in made)
 
 
+def linked_packages(text: str) -> frozenset[str]:
+    """Return the packages that targets link, by name or by a target such as NAME::NAME."""
+    linking = {"ament_target_dependencies", "target_link_libraries"}
+    words = (word for call in calls(text) if call.command in linking for word in call.words[1:])
+    return frozenset(word.partition("::")[0] for word in words)
+
+
 def uses(text: str) -> Iterator[PackageReference]:
     """Yield the packages referenced by a literal name; none is required after a return()."""
     returned = False

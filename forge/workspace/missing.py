@@ -36,12 +36,14 @@ def missing_dependencies(
     names: Iterable[str],
     skip_keys: Collection[str] = (),
     certainly_missing: Callable[[Package, Collection[str]], frozenset[str]] = lambda *_: frozenset(),
+    whereabouts: Callable[[str], str | None] = lambda _: None,
 ) -> MissingDependencies:
     """Return the unresolved dependencies of `names`, except for `skip_keys`.
 
     Build dependencies on ROS packages without which the build certainly fails are errors. Other build and run
     dependencies are warnings, test dependencies are ignored. Names that merely resemble ROS packages are at
-    most warnings, and only for build dependencies, unless they resemble a package that exists.
+    most warnings, and only for build dependencies, unless they resemble a package that exists. `whereabouts`
+    returns a remedy for a name if it is known where that package is.
     """
     errors: dict[str, list[str]] = {}
     warnings: dict[str, list[str]] = {}
@@ -66,31 +68,40 @@ def missing_dependencies(
             ):
                 warnings.setdefault(dependency, []).append(name)
     unbuildable = frozenset(name for users in errors.values() for name in users)
-    return MissingDependencies(_together(errors, resolution), _together(warnings, resolution), unbuildable)
+    return MissingDependencies(
+        _together(errors, resolution, whereabouts), _together(warnings, resolution, whereabouts), unbuildable
+    )
 
 
 def _is_misspelt(dependency: str, resolution: DependencyResolution) -> bool:
     return resembles_ros_name(dependency) and similar_package(dependency, resolution.known()) is not None
 
 
-def _together(found: Mapping[str, list[str]], resolution: DependencyResolution) -> tuple[Problem, ...]:
+def _together(
+    found: Mapping[str, list[str]],
+    resolution: DependencyResolution,
+    whereabouts: Callable[[str], str | None],
+) -> tuple[Problem, ...]:
     """Return one problem for all dependencies that the same packages lack for the same reason.
 
     Names that are probably misspelt have a problem each.
     """
     known = tuple(resolution.known()) if found else ()
     problems: list[Problem] = []
-    groups: dict[tuple[tuple[str, ...], str, str | None], list[str]] = {}
+    groups: dict[tuple[tuple[str, ...], str, str | None, str | None], list[str]] = {}
     for dependency, users in sorted(found.items()):
         reason = resolution.withheld.get(dependency, "")
         if hint := resolution.elsewhere.get(dependency):
             problems.append(_of_another_distribution(dependency, users, resolution, hint))
             continue
         near = similar_package(dependency, known)
-        groups.setdefault((tuple(sorted(users)), reason, near), []).append(dependency)
+        place = whereabouts(dependency)
+        groups.setdefault((tuple(sorted(users)), reason, near, place), []).append(dependency)
     problems += (
-        _missing(names, resolution.packages[users[0]], _dependents(users), reason, near)
-        for (users, reason, near), names in groups.items()
+        _missing(
+            names, resolution.packages[users[0]], _dependents(users), reason, place or _remedy(names, near)
+        )
+        for (users, reason, near, place), names in groups.items()
     )
     return tuple(problems)
 
@@ -107,10 +118,10 @@ def _dependents(users: Sequence[str]) -> str:
     return quoted_names(users) + (" needs" if len(users) == 1 else " need")
 
 
-def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, near: str | None) -> Problem:
-    """Return the problem of dependencies that `user` and others lack; `near` is a similar known name."""
+def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, hint: str) -> Problem:
+    """Return the problem of dependencies that `user` and others lack."""
     quoted = quoted_names(names)
-    which, them, their = ("which is", "it", "its") if len(names) == 1 else ("which are", "them", "their")
+    which = "which is" if len(names) == 1 else "which are"
     message = f"{dependents} {quoted}, {which} neither in the workspace nor in a sourced underlay"
     location = declaration(user.manifest.path, names[0])
     if reason:
@@ -120,7 +131,12 @@ def _missing(names: Sequence[str], user: Package, dependents: str, reason: str, 
             f"add {quoted} from the same source, or remove that package to use the embedded ones for all; "
             f"see {docs_url('explanation/embedded.md')}",
         )
+    return Problem(f"{message}, nor embedded in forge", location, hint)
+
+
+def _remedy(names: Sequence[str], near: str | None) -> str:
+    """Return where to get packages of which nothing is known but `near`, a similar name."""
+    them, their = ("it", "its") if len(names) == 1 else ("them", "their")
     remedy = f"source an installation that contains {them}, or add {their} sources to the workspace"
     question = f"did you mean '{near}'? otherwise " if near else ""
-    hint = f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"
-    return Problem(f"{message}, nor embedded in forge", location, hint)
+    return f"{question}{remedy}; see {docs_url('how-to/rclcpp.md')}"

@@ -174,7 +174,7 @@ def test_a_missing_package_stops_only_what_requires_it(forge: Forge, tree: Tree)
     assert "; '--continue-on-error' builds the package that does not need it" in refused.err
     assert not (root / "build/tools").exists()
     ran = forge("build", "--continue-on-error", cwd=root)
-    assert (ran.code, sorted(path.name for path in root.glob("install/*/"))) == (1, ["tools"]), ran.err
+    assert (ran.code, sorted(path.name for path in root.glob("install/[a-z]*/"))) == (1, ["tools"]), ran.err
     assert "warning: 'tools' needs 'rclcpp'" in ran.err
     assert ran.err.endswith("error: not built, because dependencies are missing: node, robot\n")
     again = forge("build", "--continue-on-error", cwd=root)

@@ -549,3 +549,25 @@ def test_scripts_are_written_again_when_a_folder_appears_that_a_hook_is_about(
     cmake.write_text(cmake.read_text() + "install(FILES package.xml DESTINATION tools)\n")
     assert forge("build", cwd=root).code == 0
     assert "/b/tools" in script.read_text()
+
+
+def test_a_variable_that_only_an_unchanged_package_uses_is_not_called_unused(
+    forge: Forge, tree: Tree
+) -> None:
+    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    assert forge("build", "--cmake-args", "-DUSED=1", cwd=root).code == 0
+    with (root / "src/b/CMakeLists.txt").open("a") as lists:
+        lists.write("# changed\n")
+    ran = forge("build", "--cmake-args", "-DUSED=1", cwd=root)
+    assert "Starting >>> b" in ran.out
+    assert "not used" not in ran.out
+    selected = forge("build", "--packages-select", "b", "--cmake-args", "-DUSED=2", cwd=root)
+    assert "not used" not in selected.out
+
+
+def test_a_workspace_whose_submodules_are_missing_says_so(forge: Forge, tree: Tree) -> None:
+    root = tree({".gitmodules": '[submodule "up"]\n\tpath = src/up\n', "src/up/x": ""})
+    (root / "src/up/x").unlink()
+    ran = forge("build", cwd=root)
+    assert ran.code == 2
+    assert "hint: the submodule 'src/up' is not checked out: git submodule update --init src/up" in ran.err

@@ -158,6 +158,16 @@ def test_a_bad_server_is_a_sentence_in_time(
             store.result(KEY)
 
 
+def test_a_wrong_password_is_not_called_a_missing_one(tmp_path: Path) -> None:
+    token = {"FORGE_CACHE_TOKEN": "secret"}
+    with rude(lambda _: reply(401)) as server, asking(server.url, variables=token) as store:
+        with pytest.raises(
+            StoreFault, match="401: the server does not accept the user and password"
+        ) as fault:
+            store.fetch(DIGEST, tmp_path / "blob")
+        assert "secret" not in str(fault.value)
+
+
 @pytest.mark.parametrize(("answer", "words"), SPOILT.values(), ids=SPOILT)
 def test_a_corrupt_blob_is_reported_and_leaves_no_file(
     answer: Callable[[Request], Moves], words: str, target: Path

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.output.handlers import HANDLERS
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -96,10 +98,36 @@ ALL = "'forge clean --help' lists all options"
         (
             ("build", "--event-handlers", "console_choesion-"),
             (
-                "error: --event-handlers expects names followed by '+' or '-', not 'console_choesion-'\n"
-                "hint: did you mean 'console_cohesion-'?\n"
+                "error: --event-handlers: unknown event handler 'console_choesion'\n"
+                f"hint: did you mean 'console_cohesion-'? event handlers: {', '.join(HANDLERS)}\n"
             ),
         ),
+        (
+            ("build", "--event-handlers", "nosuch+"),
+            (
+                "error: --event-handlers: unknown event handler 'nosuch'\n"
+                f"hint: event handlers: {', '.join(HANDLERS)}\n"
+            ),
+        ),
+        (
+            ("build", "\u2014-symlink-install"),
+            (
+                "error: unrecognized arguments: \u2014-symlink-install\n"
+                "hint: '\u2014' is not '-': write '--symlink-install'\n"
+            ),
+        ),
+        (
+            ("build", "\u2013symlink-instal"),
+            (
+                "error: unrecognized arguments: \u2013symlink-instal\n"
+                "hint: '\u2013' is not '-': write '--symlink-install'\n"
+            ),
+        ),
+        (
+            ("build", "\u2212j"),
+            "error: unrecognized arguments: \u2212j\nhint: '\u2212' is not '-': write '-j'\n",
+        ),
+        (("watch",), "error: unknown command 'watch'\nhint: did you mean 'forge build --watch'?\n"),
         (
             ("build", "talk"),
             "error: unrecognized arguments: talk\nhint: to select packages: '--packages-select talk'\n",

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.base.layout import PACKAGE
-from forge.output.failure_hints import FailureContext, hint_of
+from forge.base.layout import PACKAGE, Layout
+from forge.output.failure_hints import FailureContext, failure_context, hint_of
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
+from forge.workspace.whereabouts import Whereabouts
 from tests.packages import manifest_text, package
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
         ("ModuleNotFoundError: No module named 'ament_x.y'", "a ROS installation that contains 'ament_x'"),
         (
             "  Failed to clone repository: 'https://x.org/y.git'",
-            "clones https://x.org/y.git during the build",
+            "downloads https://x.org/y.git during the build",
         ),
         ("a.cpp:1:10: fatal error: 'foo/bar.h' file not found", "apt-file search foo/bar.h"),
         (
@@ -221,3 +222,117 @@ def test_the_embedded_cmake_commands_report_unknown_targets_in_words_that_have_a
     assert len(messages) > 1
     for message in messages:
         assert "did you mean 'drive'?" in str(hint_of(re.sub(r"\$\{\w+\}", "drvie", message), SCENE)), message
+
+
+NO_CONFIG = 'asked CMake to find a package configuration file provided by "{}", but'
+
+
+def scene_in(root: Path, text: str = "", *depends: str) -> FailureContext:
+    """Return the context of package 'mine' in src/mine below a workspace, with what is on disk."""
+    made = replace(package("mine", *depends), path=root / "src/mine")
+    made.path.mkdir(parents=True, exist_ok=True)
+    (made.path / "CMakeLists.txt").write_text(text)
+    layout = Layout(root / "build", root / "install", None)
+    packages = {"mine": made, "shapes": package("shapes")}
+    whereabouts = Whereabouts(root, layout).of
+    return failure_context(made, packages, "python3", lambda name: root / "install" / name, whereabouts)
+
+
+def test_a_package_of_an_earlier_build_is_not_looked_for_in_the_system(tree: Tree) -> None:
+    root = tree({"ws/install/gone/share/gone/package.sh": ""}) / "ws"
+    hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(root)))
+    assert hint.startswith("'gone' was in the workspace in an earlier build")
+    assert "forge clean stale" in hint
+
+
+def test_a_submodule_that_is_not_checked_out_is_named(tree: Tree) -> None:
+    modules = '[submodule "up"]\n\tpath = src/up\n\turl = https://x.org/up\n[submodule "b"]\n\tpath = src/b\n'
+    root = tree({"ws/.gitmodules": modules, "ws/src/b/README": "", "ws/src/up/.keep": ""}) / "ws"
+    (root / "src/up/.keep").unlink()
+    expected = "the submodule 'src/up' is not checked out: git submodule update --init src/up"
+    assert hint_of(NO_CONFIG.format("pk"), scene_in(root)) == expected
+    (root / "src/up/file").touch()
+    assert "apt-file" in str(hint_of(NO_CONFIG.format("pk"), scene_in(root)))
+
+
+def test_a_submodule_below_a_package_is_named(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = tree({"src/mine/.gitmodules": '[submodule "x"]\n path = extern/x\n', "src/mine/extern/x/f": ""})
+    (root / "src/mine/extern/x/f").unlink()
+    monkeypatch.chdir(root)
+    said = 'add_subdirectory given source "extern/x" which is not an\n  existing directory.'
+    assert "git submodule update --init src/mine/extern/x" in str(hint_of(said, scene_in(root)))
+
+
+def test_a_workspace_next_door_is_to_be_sourced(tree: Tree) -> None:
+    root = tree({"other/install/my_msgs/share/my_msgs/package.sh": "", "ws/src/x": ""}) / "ws"
+    hint = str(hint_of(NO_CONFIG.format("my_msgs"), scene_in(root)))
+    assert hint == f"source the workspace that contains it: . {root.parent}/other/install/setup.sh"
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "error: can't copy 'launch/sub': doesn't exist or not a regular file",
+        'install FILES given directory "launch/sub" to install.',
+    ],
+)
+def test_a_folder_among_files_is_called_a_folder(tree: Tree, said: str) -> None:
+    scene = scene_in(tree({"src/mine/launch/sub/a.py": ""}))
+    assert str(hint_of(said, scene)).startswith("'launch/sub' is a folder, where files are expected")
+
+
+def test_nothing_is_proposed_that_is_already_there(tree: Tree) -> None:
+    """Neither a find_package() nor a dependency that is written."""
+    text = "find_package(shapes REQUIRED)\nament_target_dependencies(x shapes)\n"
+    scene = scene_in(tree({}), text, "shapes")
+    undefined = "a.cpp:(.text+0x5): undefined reference to `shapes::area(int)'"
+    assert hint_of(undefined, scene) == "'shapes' exports no library that defines 'shapes::area(int)'"
+    not_found = "ament_target_dependencies(): 'a' uses the package 'shapes', which was not found"
+    assert "add find_package" not in str(hint_of(not_found, scene))
+
+
+def test_a_target_that_a_package_lacks_is_answered_with_those_it_exports(tree: Tree) -> None:
+    said = 'Target "n" links to:\n\n    shapes::shapes\n\n  but the target was not found.'
+    root = tree(
+        {
+            "install/shapes/share/shapes/cmake/export_shapesExport.cmake": "#[[ add_library(no IMPORTED) ]]\n"
+            "add_library(shapes::round STATIC IMPORTED)\nadd_library(shapes::all ALIAS shapes::round)\n"
+        }
+    )
+    hint = hint_of(said, scene_in(root, "find_package(shapes REQUIRED)"))
+    assert hint == "'shapes' has no target 'shapes::shapes'; it exports 'shapes::round', 'shapes::all'"
+    bare = hint_of(said, scene_in(tree({"x": ""}), "find_package(shapes REQUIRED)"))
+    assert "add find_package" not in str(bare)
+    assert "add find_package(shapes REQUIRED)" in str(hint_of(said, scene_in(root)))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "Failed to clone repository: 'https://x.org/y'",
+        "error: downloading 'https://x.org/y' failed\n  status_code: 6",
+        "fatal: unable to access 'https://x.org/y/': Could not resolve host: x.org",
+    ],
+)
+def test_a_system_package_is_proposed_only_if_the_package_looks_for_one(tree: Tree, said: str) -> None:
+    wanting = hint_of(said, scene_in(tree({}), "find_package(nowhere_y QUIET)\nfind_package(a REQUIRED)"))
+    assert wanting == (
+        "the package downloads https://x.org/y during the build: provide network access, or install "
+        "the system package that contains 'nowhere_y'"
+    )
+    assert "system package" not in str(hint_of(said, scene_in(tree({}), "# find_package(y)")))
+
+
+def test_a_header_of_no_package_is_not_called_one_of_this_package(tree: Tree) -> None:
+    said = "a.cpp:1:10: fatal error: {}: No such file or directory"
+    scene = scene_in(tree({"src/mine/inc/own.h": ""}))
+    assert hint_of(said.format("own.h"), scene) == (
+        "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE inc)"
+    )
+    assert "apt-file search /yaml.h" in str(hint_of(said.format("yaml.h"), scene))
+
+
+def test_files_of_forge_are_not_to_be_edited(tree: Tree) -> None:
+    scene = scene_in(tree({}))
+    scene = replace(scene, package=replace(scene.package, embedded=True))
+    assert hint_of(NO_CONFIG.format("shapes"), scene) is None

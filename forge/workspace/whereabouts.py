@@ -1,0 +1,88 @@
+"""Tells where a missing package may be: in an earlier build, a submodule, or another workspace."""
+
+from __future__ import annotations
+
+import configparser
+import os
+from typing import TYPE_CHECKING
+
+from forge.base.files import text_or_nothing
+from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+
+_FEW = 3
+
+
+@frozen
+class Whereabouts:
+    """Looks for packages around a workspace."""
+
+    root: Path
+    layout: Layout
+
+    def of(self, name: str) -> str | None:
+        """Return what to do about a package that is in no known prefix, or None if nothing is known of it."""
+        if self._holds(self.layout.install, name):
+            return (
+                f"'{name}' was in the workspace in an earlier build: add it again, or rename or remove the "
+                "dependency; 'forge clean stale' removes its files"
+            )
+        if empty := unchecked_submodules(self.root):
+            fitting = [path for path in empty if path.name == name] or empty
+            return submodule_remedy(fitting)
+        beside = (folder / "install" for folder in _siblings(self.root))
+        other = next((install for install in beside if self._holds(install, name)), None)
+        return f"source the workspace that contains it: . {other}/setup.sh" if other else None
+
+    @staticmethod
+    def _holds(install: Path, name: str) -> bool:
+        # Unlike Path.is_dir, os.path.isdir returns False for inaccessible folders.
+        return any(os.path.isdir(prefix / "share" / name) for prefix in (install / name, install))  # noqa: PTH112
+
+
+def submodule_remedy(paths: list[Path]) -> str:
+    """Return the command that checks out submodules."""
+    words = " ".join(map(str, paths[:_FEW])) if len(paths) <= _FEW else "--recursive"
+    which = f"submodule '{paths[0]}' is" if len(paths) == 1 else f"{len(paths)} submodules are"
+    return f"the {which} not checked out: git submodule update --init {words}"
+
+
+def unchecked_submodules(root: Path) -> list[Path]:
+    """Return the submodules of the repositories in a workspace whose folders are empty, relative to it."""
+    return [path for file in _gitmodules(root) for path in _empty(root, file)]
+
+
+def _gitmodules(root: Path) -> Iterator[Path]:
+    for pattern in (".gitmodules", "*/.gitmodules", "*/*/.gitmodules"):
+        yield from sorted(root.glob(pattern))
+
+
+def _empty(root: Path, file: Path) -> Iterator[Path]:
+    parser = configparser.RawConfigParser(strict=False)
+    try:
+        parser.read_string("\n".join(line.strip() for line in text_or_nothing(file).splitlines()))
+    except configparser.Error:
+        return
+    for section in parser.sections():
+        folder = file.parent / parser[section].get("path", ".")
+        if folder != file.parent and folder.is_relative_to(root) and not _has_entries(folder):
+            yield folder.relative_to(root)
+
+
+def _has_entries(folder: Path) -> bool:
+    try:
+        return any(folder.iterdir())
+    except OSError:
+        return False
+
+
+def _siblings(root: Path) -> list[Path]:
+    try:
+        return sorted(path for path in root.parent.iterdir() if path != root)
+    except OSError:
+        return []
