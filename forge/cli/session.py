@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.build.events import Finished, Started
 from forge.cli.options import displayed_below
 from forge.execution.loop import execute
 from forge.output.console import ConsoleReporter
@@ -22,8 +23,10 @@ from forge.output.live import is_wanted, live_view
 from forge.output.logs import open_log
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterator, Mapping
 
+    from forge.base.errors import Problem
+    from forge.base.layout import Layout
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
     from forge.execution.runner import Runner
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
     from forge.output.live import View
     from forge.output.logs import LogWriter
     from forge.workspace.model import Package
+    from forge.workspace.selection import Query
 
 
 class Session:
@@ -76,10 +80,19 @@ class Session:
 
     def notify(self, event: Event) -> None:
         """Pass on an event, first to the log, which must be complete if a later reporter fails."""
-        self._log.write(event)
+        self._log.write(event, failed_tests=event.task in self.report.failed_tests)
         self._view.show(event)
         self.report.show(event)
         self.json_events.write(event, self.report)
+
+    def fail_unbuilt(self, name: str, problem: Problem) -> None:
+        """Report a package that cannot be tested."""
+        failed = Finished(name, 1, 0.0)
+        self._log.announce({name: {}})
+        self._log.write(Started(name))
+        self._log.write(failed)
+        self.report.show(failed)
+        self.json_events.write(failed, self.report, problem)
 
     def write(self, text: str, *, stderr: bool = False) -> None:
         """Print text that is not part of an event."""
@@ -91,35 +104,38 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
     command: str,
     plan: BuildPlan,
     packages: Mapping[str, Package],
-    logs: Path | None,
+    layout: Layout,
     options: ReportOptions,
     *,
+    query: Query,
     began: float,
+    needs: Mapping[str, Collection[str]],
     seconds: Mapping[str, float] | None = None,
     quiet: bool = False,
     cmake_variables: frozenset[str] = frozenset(),
     python: str = "python3",
     prefix_of: Callable[[str], Path | None] = lambda _: None,
     whereabouts: Callable[[str], str | None] = lambda _: None,
-    named: frozenset[str] = frozenset(),
     origin: str = os.curdir,
 ) -> Iterator[Session]:
-    """Yield the session of a command.
+    """Yield the session of a command for the packages of `query`; `needs` are dependencies for the log.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
     `cmake_variables` are those passed to all packages, `python` is the interpreter in hints, which look for
     installed packages with `prefix_of` and for others with `whereabouts`. Embedded packages that were built
-    before get no lines of their own, except those that the user `named`. Paths are displayed relative to
+    before get no lines of their own, except those that the user named. Paths are displayed relative to
     `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
     # Later builds of embedded packages follow from a new forge or new options.
     unlisted = frozenset(
-        name for name, task in plan.tasks.items() if task.embedded and name in durations and name not in named
+        name
+        for name, task in plan.tasks.items()
+        if task.embedded and name in durations and name not in query.named
     )
     live = not options.json and is_wanted(handlers)
     with (
-        closing(open_log(logs, command, sys.argv)) as log,
+        closing(open_log(layout.logs, command, sys.argv, **_for_log(layout, query))) as log,
         live_view(plan, durations, wanted=live, unlisted=unlisted) as view,
     ):
         shown = without_text_output(handlers) if options.json or quiet else handlers
@@ -132,4 +148,41 @@ def open_session(  # noqa: PLR0913  (a run has these properties)
         report.displayed = partial(displayed_below, Path.cwd(), origin)
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
+        # colcon lists other packages only when it builds.
+        others = packages if command == "build" else {}
+        _announce(log, plan, others, layout, needs)
         yield Session(began, log, view, report, json_events)
+
+
+def _for_log(layout: Layout, query: Query) -> dict[str, object]:
+    """Return options of the command by their names in colcon."""
+    return {
+        "build_base": str(layout.build),
+        "install_base": str(layout.install),
+        "merge_install": layout.merged,
+        "symlink_install": layout.symlink,
+        "base_paths": list(query.search.base_paths),
+        "packages_select": None if query.select is None else list(query.select),
+        "packages_skip": list(query.skip),
+    }
+
+
+def _announce(
+    log: LogWriter,
+    plan: BuildPlan,
+    packages: Mapping[str, Package],
+    layout: Layout,
+    needs: Mapping[str, Collection[str]],
+) -> None:
+    """Write the packages of the run to the log; those that are up to date start and end at once.
+
+    Their indirect dependencies are left out: in a large workspace, they are hundreds of thousands.
+    """
+    if log.folder is None:
+        return
+    jobs = {name: needs.get(name, ()) for name in plan.fresh}
+    jobs |= {name: task.needs or needs.get(name, ()) for name, task in plan.tasks.items()}
+    prefixes = {need: layout.prefix(need) for found in jobs.values() for need in found}
+    unselected = [name for name, package in packages.items() if name not in jobs and not package.embedded]
+    queued = {name: {need: prefixes[need] for need in found} for name, found in jobs.items()}
+    log.announce(queued, unselected=unselected, fresh=plan.fresh)

@@ -1,6 +1,8 @@
-"""Log files: a folder per run, with a folder per package and a file of all events.
+"""Log files, as colcon writes them: a folder per run, with a folder per package and files of all events.
 
-log/build_2026-11-21_09-30-00/events.jsonl         all events except output, one per line
+log/build_2026-11-21_09-30-00/events.log           all events, for colcon-dashboard and similar tools
+log/build_2026-11-21_09-30-00/events.jsonl         all events except output, as JSON
+log/build_2026-11-21_09-30-00/logger_all.log       the command line, and the commands of all packages
 log/build_2026-11-21_09-30-00/PACKAGE/command.log  commands, their folders and exit codes
 log/build_2026-11-21_09-30-00/PACKAGE/{stdout,stderr,stdout_stderr,streams}.log
 log/latest_build -> build_2026-11-21_09-30-00, log/latest -> latest_build
@@ -11,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shlex
+import threading
 import time
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -20,13 +23,27 @@ from forge.base.errors import EnvironmentFault, Location, Problem
 from forge.base.files import naming
 from forge.base.layout import IGNORE_MARK
 from forge.base.text import split_lines
-from forge.build.events import Output, StepFinished, StepStarted
+from forge.build.events import (
+    Aborted,
+    Finished,
+    Fresh,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
     from typing import BinaryIO
 
     from forge.build.events import Event
+
+_OF_PACKAGE = ("command.log", "stderr.log", "stdout.log", "stdout_stderr.log", "streams.log")
+_HEARTBEAT = 1.0
+"""Seconds between timer events, by which readers of events.log see that a silent build is still running."""
 
 
 class LogWriter:
@@ -36,60 +53,158 @@ class LogWriter:
         """Write below `folder`, or nowhere if it is None."""
         self.folder = folder
         self._begun = time.monotonic()
-        self._files: dict[Path, BinaryIO] = {}
+        self._files: dict[str, BinaryIO] = {}
+        self._started: dict[str, float] = {}
+        self._closed = threading.Event()
+        self._heart = threading.Thread(target=self._beat, daemon=True)
+        if folder is not None:
+            self._append("events.log", b"[0.000000] (-) TimerEvent: {}\n")
 
     def close(self) -> None:
-        """Close every file."""
-        for stream in self._files.values():
-            stream.close()
-        self._files.clear()
+        """Write the last event and close every file."""
+        self._closed.set()
+        if self._heart.is_alive():
+            self._heart.join()
+        if self.folder is not None:
+            self._note_event("-", "EventReactorShutdown", "{}")
+        self._close(*self._files)
 
-    def write(self, event: Event) -> None:
-        """Append an event to its files."""
+    def announce(
+        self,
+        jobs: Mapping[str, Mapping[str, Path]],
+        *,
+        unselected: Iterable[str] = (),
+        fresh: Iterable[str] = (),
+    ) -> None:
+        """Write the packages of the run with the prefixes of their dependencies, and the other packages.
+
+        Those that are `fresh` start and end at once.
+        """
         if self.folder is None:
             return
+        stamp = f"[{time.monotonic() - self._begun:f}]"
+        lines = [f"{stamp} (-) JobUnselected: {{'identifier': {name!r}}}\n" for name in sorted(unselected)]
+        prefixes = {path: repr(str(path)) for needs in jobs.values() for path in needs.values()}
+        for name, needs in jobs.items():
+            pairs = ", ".join([f"({need!r}, {prefixes[path]})" for need, path in needs.items()])
+            dependencies = f"OrderedDict([{pairs}])" if pairs else "OrderedDict()"
+            members = f"{{'identifier': {name!r}, 'dependencies': {dependencies}}}"
+            lines.append(f"{stamp} ({name}) JobQueued: {members}\n")
+        for name in fresh:
+            lines.append(f"{stamp} ({name}) JobStarted: {{'identifier': {name!r}}}\n")
+            lines.append(f"{stamp} ({name}) JobEnded: {{'identifier': {name!r}, 'rc': 0}}\n")
+        self._append("events.log", "".join(lines).encode(errors="surrogateescape"))
+
+    def write(self, event: Event, *, failed_tests: bool = False) -> None:
+        """Append an event to its files; `failed_tests` tells whether tests of its package failed."""
+        if self.folder is None:
+            return
+        name = event.task
+        identifier = {"identifier": name}
         match event:
-            case Output(task, lines, stderr):
-                own = "stderr" if stderr else "stdout"
-                for name in (own, "stdout_stderr"):
-                    self._append(f"{task}/{name}.log", lines)
-                stamp = self._stamp()
-                stamped = b"".join(stamp + line for line in split_lines(lines))
-                self._append(f"{task}/streams.log", stamped)
-            case StepStarted() | StepFinished():
-                text = _command_line(event)
-                self._append(f"{event.task}/command.log", text)
-                self._append(f"{event.task}/streams.log", self._stamp() + text)
-            case _:
-                pass
+            case Started():
+                self._start(name)
+            case StepStarted(_, step):
+                self._note_event(name, "JobProgress", {**identifier, "progress": step.label})
+                self._note_event(name, "Command", _command(event))
+                self._note_command(event)
+            case Output(_, lines, stderr):
+                self._note_output(name, lines, stderr=stderr)
+            case StepFinished(_, _, code):
+                self._note_event(name, "CommandEnded", {"returncode": code})
+                self._note_command(event)
+            case Fresh():
+                self._start(name)
+                self._end(name, 0)
+            case Finished():
+                self._end(name, event.code, failed_tests=failed_tests)
+            case Aborted():
+                self._end(name, "SIGINT")
+            case Skipped():
+                self._note_event(name, "JobSkipped", identifier)
 
     def note(self, line: bytes) -> None:
-        """Append a line to the file of all events."""
+        """Append a line to the file of all events as JSON."""
         if self.folder is not None:
             self._append("events.jsonl", line)
 
-    def _stamp(self) -> bytes:
-        return f"[{time.monotonic() - self._begun:.3f}s] ".encode()
+    def _start(self, name: str) -> None:
+        if self._heart.ident is None:
+            self._heart.start()
+        self._started[name] = time.monotonic()
+        self._note_event(name, "JobStarted", {"identifier": name})
+
+    def _end(self, name: str, code: int | str, *, failed_tests: bool = False) -> None:
+        if failed_tests:
+            self._note_event(name, "TestFailure", {"identifier": name})
+        self._note_event(name, "JobEnded", {"identifier": name, "rc": code})
+        self._close(*(f"{name}/{file}" for file in _OF_PACKAGE))
+
+    def _note_event(self, name: str, kind: str, members: object) -> None:
+        """Append an event in colcon's notation; `members` are a dictionary, or its representation."""
+        line = f"[{time.monotonic() - self._begun:f}] ({name}) {kind}: {members}\n"
+        self._append("events.log", line.encode(errors="surrogateescape"))
+
+    def _note_output(self, name: str, lines: bytes, *, stderr: bool) -> None:
+        separate = split_lines(lines)
+        start = f"[{time.monotonic() - self._begun:f}] ({name}) {'StderrLine' if stderr else 'StdoutLine'}: "
+        self._append("events.log", "".join([f"{start}{{'line': {line!r}}}\n" for line in separate]).encode())
+        stamp = self._stamp(name)
+        self._append_for(name, "stderr.log" if stderr else "stdout.log", lines)
+        self._append_for(name, "stdout_stderr.log", lines)
+        self._append_for(name, "streams.log", b"".join([stamp + line for line in separate]))
+
+    def _note_command(self, event: StepStarted | StepFinished) -> None:
+        text, name = _command_line(event), event.task
+        self._append_for(name, "command.log", text)
+        self._append_for(name, "streams.log", self._stamp(name) + text)
+        stamp = f"[{time.monotonic() - self._begun:.3f}s] DEBUG:colcon.colcon_core.event_handler.log_command:"
+        self._append("logger_all.log", stamp.encode() + text)
+
+    def _beat(self) -> None:
+        """Append timer events until the log is closed."""
+        while not self._closed.wait(_HEARTBEAT):
+            with contextlib.suppress(OSError):  # the next event reports it
+                self._note_event("-", "TimerEvent", "{}")
+
+    def _stamp(self, name: str) -> bytes:
+        """Return the time since the start of a package."""
+        return f"[{time.monotonic() - self._started.get(name, self._begun):.3f}s] ".encode()
+
+    def _append_for(self, name: str, file: str, content: bytes) -> None:
+        """Append to a file of a package; the first use creates all of them, as readers expect."""
+        assert self.folder is not None  # noqa: S101  (checked by callers)
+        if f"{name}/{file}" not in self._files:
+            (self.folder / name).mkdir(exist_ok=True)
+            for each in _OF_PACKAGE:
+                self._append(f"{name}/{each}", b"")
+        self._append(f"{name}/{file}", content)
 
     def _append(self, name: str, content: bytes) -> None:
         assert self.folder is not None  # noqa: S101  (checked by callers)
-        path = self.folder / name
-        stream = self._files.get(path)
+        stream = self._files.get(name)
         if stream is None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            stream = self._files[path] = path.open("ab", buffering=0)
-        with naming(path):
+            stream = self._files[name] = (self.folder / name).open("ab", buffering=0)
+        with naming(self.folder / name):
             stream.write(content)
 
+    def _close(self, *names: str) -> None:
+        for stream in filter(None, [self._files.pop(name, None) for name in names]):
+            stream.close()
 
-def open_log(logs: Path | None, verb: str, argv: list[str]) -> LogWriter:
+
+def open_log(logs: Path | None, verb: str, argv: list[str], **options: object) -> LogWriter:
     """Create the log folder of a run and point `latest` to it; raises EnvironmentFault."""
     if logs is None:
         return LogWriter(None)
     try:
         folder = _new_folder(logs, verb)
-        command = shlex.join(map(without_passwords, argv))
-        (folder / "logger_all.log").write_text(f"command line: {command}\n", encoding="utf-8")
+        parsed = ", ".join(f"{name}={value!r}" for name, value in {"verb_name": verb, **options}.items())
+        (folder / "logger_all.log").write_text(
+            f"[0.000s] DEBUG:colcon:Command line arguments: {[without_passwords(word) for word in argv]}\n"
+            f"[0.000s] DEBUG:colcon:Parsed command line arguments: Namespace({parsed})\n",
+            encoding="utf-8",
+        )
         _point(logs / f"latest_{verb}", folder.name)
         _point(logs / "latest", f"latest_{verb}")
     except OSError as error:
@@ -132,10 +247,28 @@ def _command_line(event: StepStarted | StepFinished) -> bytes:
     return f"Invoking command in '{event.step.cwd}': {variables}{command}\n".encode()
 
 
+def _command(event: StepStarted) -> str:
+    """Return the members of colcon's event for a command."""
+    step, environment = event.step, [(name, _masked(name, value)) for name, value in event.environment]
+    members = f"'env': OrderedDict({environment or ''}), 'shell': False"
+    return f"{{'cmd': {list(step.argv)}, 'cwd': {str(step.cwd)!r}, {members}}}"
+
+
 def _assignment(name: str, value: str) -> str:
     """Return a change of a variable in shell syntax, without its own value, which may be a secret."""
-    inherited = os.environ.get(name)
-    if not inherited or inherited not in value:
+    head, inherited, tail = _parts(name, value)
+    if not inherited:
         return f"{name}={shlex.quote(value)}"
-    head, _, tail = value.partition(inherited)
     return f"{name}={shlex.quote(head) if head else ''}${{{name}}}{shlex.quote(tail) if tail else ''}"
+
+
+def _masked(name: str, value: str) -> str:
+    """Return the value of a variable without its own value, which may be a secret."""
+    head, inherited, tail = _parts(name, value)
+    return f"{head}${{{name}}}{tail}" if inherited else value
+
+
+def _parts(name: str, value: str) -> tuple[str, str, str]:
+    """Return the text before the inherited value of a variable, this value ('' without it), and the rest."""
+    inherited = os.environ.get(name)
+    return value.partition(inherited) if inherited else (value, "", "")

@@ -12,14 +12,11 @@ import re
 import shlex
 import subprocess
 import sys
-from collections import Counter
-from dataclasses import dataclass
-from fnmatch import fnmatchcase
-from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 import pytest
 
+from tests.listed_differences import ListedDifferences
 from tests.packages import manifest_text
 from tests.peers import Colcon
 from tests.random_installs import TYPES, random_installs
@@ -44,8 +41,7 @@ FORMS = {"isolated": (), "merged": ("--merge-install",), "linked": ("--symlink-i
 LINKED = ("cmake", "ament_cmake")
 """The build types of which a linked tree can be compared; for Python colcon needs an old setuptools."""
 CASES = (*itertools.product(("isolated", "merged"), range(3)), ("linked", 3))
-USED: Counter[str] = Counter()
-"""How often each line of the page was needed."""
+PAGE = ListedDifferences("Files of an install tree")
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +125,7 @@ def differing_files(ours: Path, theirs: Path) -> list[str]:
             texts = [shared_lines(text or "", name, found) for text in texts]
         if texts[0] != texts[1]:
             who = "colcon" if texts[0] is None else "forge" if texts[1] is None else "both"
-            if not explained(name, who):
+            if not PAGE.explain(name, who):
                 lines.append(f"{name}: {who}")
     return lines
 
@@ -162,36 +158,11 @@ def shared_lines(text: str, name: str, found: tuple[Mapping[str, str], Mapping[s
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A line of the page: which files differ, and who has them; 'both' have them with other text."""
-
-    pattern: str
-    who: str
-
-
-@cache
-def page() -> tuple[Row, ...]:
-    """Return the lines of the page about files of install trees."""
-    text = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
-    section = text.partition("\n## Files of an install tree\n")[2].partition("\n## ")[0]
-    rows = re.findall(r"^\| (`[^|]+) \| (\w+)[^|]* \|", section, re.MULTILINE)
-    return tuple(Row(pattern, who) for cell, who in rows for pattern in re.findall("`([^`]+)`", cell))
-
-
 def test_the_page_names_no_file_that_does_not_differ() -> None:
     """Runs after the trees were compared: each line was needed by one of them."""
-    if not USED:
+    if not PAGE.used:
         pytest.skip("the trees were not compared in this run")
-    assert {row.pattern for row in page()} == set(USED)
-
-
-def explained(name: str, who: str) -> bool:
-    """Tell if the page says that a file differs so."""
-    row = next((row for row in page() if row.who == who and fnmatchcase(name, row.pattern)), None)
-    if row:
-        USED[row.pattern] += 1
-    return row is not None
+    assert PAGE.unused == set()
 
 
 def differing_variables(ours: Path, theirs: Path) -> dict[str, object]:

@@ -99,7 +99,15 @@ def run(namespace: argparse.Namespace) -> int:
         lock_build_dir(layout.build, wait=not folders.no_wait),
         closing(open_test_job_pool(jobs, variables)) as job_pool,
         open_session(
-            "test", plan, loaded.packages, layout.logs, reports, began=began, origin=namespace.origin
+            "test",
+            plan,
+            loaded.packages,
+            layout,
+            reports,
+            query=query,
+            began=began,
+            needs=needs,
+            origin=namespace.origin,
         ) as session,
     ):
         coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
@@ -134,9 +142,7 @@ def _fail_unbuilt(problems: Mapping[str, Problem], session: Session) -> None:
     """Report packages that are not built and count them as failed; the others are still tested."""
     for name, problem in problems.items():
         print_problem(problem)
-        failed = Finished(name, 1, 0.0)
-        session.report.show(failed)
-        session.json_events.write(failed, session.report, problem)
+        session.fail_unbuilt(name, problem)
 
 
 def _scheduler(plan: BuildPlan, options: TestOptions, packages: int, jobs: int) -> Scheduler:

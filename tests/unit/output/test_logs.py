@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import re
+import time
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.errors import EnvironmentFault
-from forge.build.events import Finished, Output, Started, StepFinished, StepStarted
+from forge.build.events import (
+    Aborted,
+    Finished,
+    Output,
+    Skipped,
+    Started,
+    StepFinished,
+    StepStarted,
+)
 from forge.build.tasks import Step, StepKind
 from forge.output.logs import open_log
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
@@ -29,7 +36,8 @@ def test_each_run_has_a_folder_and_latest_points_at_it(tmp_path: Path) -> None:
 
 def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
     step = Step(StepKind.BUILD, ("make", "a b"), tmp_path)
-    with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
+    with closing(open_log(tmp_path, "build", ["forge"], base_paths=["."])) as log_writer:
+        log_writer.announce({"old": {}, "a": {"old": Path("/i/old")}}, unselected=["z", "y"], fresh=["old"])
         for event in (
             Started("a"),
             StepStarted("a", step, (("X", "1 2"),)),
@@ -37,9 +45,40 @@ def test_events_land_in_the_files_colcons_readers_know(tmp_path: Path) -> None:
             Output("a", b"err\n", stderr=True),
             StepFinished("a", step, 3),
             Finished("a", 3, 0.5, step),
+            Skipped("b", "a"),
+            Started("c"),
+            Aborted("c", 0.1),
         ):
             log_writer.write(event)
-    folder = tmp_path / "latest" / "a"
+    run, folder = tmp_path / "latest", tmp_path / "latest" / "a"
+    lines = (run / "events.log").read_text().splitlines()
+    assert all(re.match(r"\[\d+\.\d{6}\] \(", line) for line in lines)
+    assert [line.partition("] ")[2] for line in lines] == [
+        "(-) TimerEvent: {}",
+        "(-) JobUnselected: {'identifier': 'y'}",
+        "(-) JobUnselected: {'identifier': 'z'}",
+        "(old) JobQueued: {'identifier': 'old', 'dependencies': OrderedDict()}",
+        "(a) JobQueued: {'identifier': 'a', 'dependencies': OrderedDict([('old', '/i/old')])}",
+        "(old) JobStarted: {'identifier': 'old'}",
+        "(old) JobEnded: {'identifier': 'old', 'rc': 0}",
+        "(a) JobStarted: {'identifier': 'a'}",
+        "(a) JobProgress: {'identifier': 'a', 'progress': 'build'}",
+        (
+            f"(a) Command: {{'cmd': ['make', 'a b'], 'cwd': '{tmp_path}', "
+            "'env': OrderedDict([('X', '1 2')]), 'shell': False}"
+        ),
+        r"(a) StdoutLine: {'line': b'out\n'}",
+        r"(a) StderrLine: {'line': b'err\n'}",
+        "(a) CommandEnded: {'returncode': 3}",
+        "(a) JobEnded: {'identifier': 'a', 'rc': 3}",
+        "(b) JobSkipped: {'identifier': 'b'}",
+        "(c) JobStarted: {'identifier': 'c'}",
+        "(c) JobEnded: {'identifier': 'c', 'rc': 'SIGINT'}",
+        "(-) EventReactorShutdown: {}",
+    ]
+    general = (run / "logger_all.log").read_text()
+    assert "Parsed command line arguments: Namespace(verb_name='build', base_paths=['.'])\n" in general
+    assert general.count(" command in '") == 2
     assert (folder / "stdout.log").read_text() == "out\n"
     assert (folder / "stderr.log").read_text() == "err\n"
     assert (folder / "stdout_stderr.log").read_text() == "out\nerr\n"
@@ -57,9 +96,35 @@ def test_the_value_that_a_step_extends_is_not_logged(tmp_path: Path, monkeypatch
     changes = (("LIST", "/a b:/of/the user"), ("EMPTY", "x"), ("NEW", "y"), ("NONE", ""))
     with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
         log_writer.write(StepStarted("a", step, changes))
+    everything = "".join(path.read_text() for path in (tmp_path / "latest").rglob("*.log"))
+    assert "/of/the user" not in everything
+    assert "('LIST', '/a b:${LIST}'), ('EMPTY', 'x'), ('NEW', 'y'), ('NONE', '')" in everything
     assert (tmp_path / "latest/a/command.log").read_text() == (
         f"Invoking command in '{tmp_path}': LIST='/a b:'${{LIST}} EMPTY=x NEW=y NONE='' make\n"
     )
+
+
+def test_a_package_has_all_its_files_which_are_closed_at_its_end(tmp_path: Path) -> None:
+    step = Step(StepKind.BUILD, ("make",), tmp_path)
+    with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
+        for number in range(20):
+            log_writer.write(Started(f"p{number}"))
+            log_writer.write(StepStarted(f"p{number}", step))
+            log_writer.write(Finished(f"p{number}", 0, 0.1))
+        opened = [str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+        assert not [name for name in opened if "/p1/" in name]
+    names = {path.name for path in (tmp_path / "latest/p1").iterdir()}
+    assert names == {"command.log", "stderr.log", "stdout.log", "stdout_stderr.log", "streams.log"}
+    assert (tmp_path / "latest/p1/stderr.log").read_text() == ""
+
+
+def test_a_silent_build_is_seen_to_be_running(tmp_path: Path) -> None:
+    with closing(open_log(tmp_path, "build", ["forge"])) as log_writer:
+        log_writer.write(Started("a"))
+        end = time.monotonic() + 30
+        while (tmp_path / "latest/events.log").read_text().count("TimerEvent") < 2 and time.monotonic() < end:
+            time.sleep(0.1)
+    assert (tmp_path / "latest/events.log").read_text().count("TimerEvent") >= 2
 
 
 def test_without_a_folder_nothing_is_written() -> None:
@@ -84,6 +149,9 @@ def test_a_log_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None
 def test_a_log_has_no_passwords(tmp_path: Path) -> None:
     """Logs are shared, and a command line may contain credentials."""
     argv = ["forge", "build", "--remote-cache=https://me:pass@word@host:1/x", "-DA=ssh://git@host", "a@b"]
-    open_log(tmp_path, "build", argv)
+    open_log(tmp_path, "build", argv).close()
     said = (tmp_path / "latest/logger_all.log").read_text(encoding="utf-8")
-    assert said == ("command line: forge build --remote-cache=https://...@host:1/x -DA=ssh://...@host a@b\n")
+    assert said.splitlines()[0] == (
+        "[0.000s] DEBUG:colcon:Command line arguments: "
+        "['forge', 'build', '--remote-cache=https://...@host:1/x', '-DA=ssh://...@host', 'a@b']"
+    )
