@@ -73,6 +73,8 @@ TEST_RESULT = "colcon_test.rc"
 # In SCRATCH_DIR.
 CONFIGURED_FILE = "configured"
 """A digest of the last configure command."""
+DEFERRED_BUILD_FILE = "deferred_build.json"
+"""The build steps of a package that was restored from the cache, for its tests."""
 LAST_COMMAND = "last_command"
 """The command that repeats the last step."""
 

@@ -22,6 +22,8 @@ from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import (
     BUILD_RESULT,
+    DEFERRED_BUILD_FILE,
+    INSTALLED_CONTENTS_FILE,
     SCRATCH_DIR,
     SET_ASIDE_DIR,
     TEST_RESULT,
@@ -115,7 +117,8 @@ def prepare_build_dir(
     else:
         _begin_empty(build, decision, inputs.kept)
     folder = build / SCRATCH_DIR
-    (folder / ENDED).unlink(missing_ok=True)
+    for name in (ENDED, DEFERRED_BUILD_FILE):
+        (folder / name).unlink(missing_ok=True)
     write_manifest(folder / SOURCES, inputs.sources)
     note = {
         "began": time.time_ns(),
@@ -157,6 +160,13 @@ def restore_outputs(build: Path) -> None:
 def set_aside_path(build: Path) -> Path:
     """Return the path of a build folder that was renamed so that its products can be restored."""
     return build.parent / SET_ASIDE_DIR / build.name
+
+
+def empty_build_dir(build: Path) -> None:
+    """Empty a build folder whose contents belong to no record, keeping what tests and other tools wrote."""
+    _discard(_trash(build))
+    _discard(set_aside_path(build))
+    _begin_empty(build, _NOTHING, (INSTALLED_CONTENTS_FILE, f"{SCRATCH_DIR}/{DEFERRED_BUILD_FILE}"))
 
 
 _NOTHING = Decision(Reuse.NOTHING)

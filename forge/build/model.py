@@ -88,6 +88,8 @@ class CachedBuild:
     tree: str
     externals: tuple[str, ...]
     external: str
+    has_tests: bool
+    """Whether tests that need the build folder were built."""
 
 
 @frozen

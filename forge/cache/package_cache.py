@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
 from forge.base.frozen import frozen
+from forge.build.tests.detection import has_ctests
 from forge.cache import keys
 from forge.cache.dependency_keys import DependencyKeys, uncacheable_tree
 from forge.cache.external_inputs import ExternalInputs
@@ -23,7 +24,7 @@ from forge.cache.processor import WORD, processor_inputs
 from forge.cache.relocation import ODD
 from forge.cache.restoring import CachedTree, Contents, TreeWriter
 from forge.cache.trees import TICK, Uncacheable, decode_index, encode_index, scan_tree, unlisted_files
-from forge.toolchain.programs import condensed, program_of
+from forge.toolchain.programs import CMAKE_TYPES, condensed, program_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
@@ -310,7 +311,8 @@ class PackageCache:
                 tree = scan_tree(task.name, self._context.layout, record, self._context.relocator, pack.write)
             if self._context.relocator.kind == ODD and not tree.bound:
                 tree = replace(tree, bound="the path of the workspace contains special characters")
-            tree = replace(tree, seconds=round(time.time() - record.began, 3))
+            has_tests = task.package.build_type not in CMAKE_TYPES or has_ctests(task.build_dir)
+            tree = replace(tree, seconds=round(time.time() - record.began, 3), has_tests=has_tests)
             blobs = self._put_blobs(task.prefix, tree, draft)
         finally:
             draft.unlink(missing_ok=True)

@@ -178,7 +178,9 @@ class CachedTree:
     @property
     def build(self) -> CachedBuild:
         """The metadata of the build that produced it."""
-        return CachedBuild(self.tree.seconds, self.tree.digest, self.externals, self.external)
+        return CachedBuild(
+            self.tree.seconds, self.tree.digest, self.externals, self.external, self.tree.has_tests
+        )
 
     def close(self) -> None:
         """Close the contents."""

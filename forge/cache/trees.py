@@ -67,7 +67,8 @@ class Tree:
     """All files of a package, sorted by path, and its folders that are empty or have unusual permissions.
 
     The permissions of a folder are 0 for the default. `seconds` is the duration of the build, for estimates;
-    `bound` is the reason why the tree is valid only at its original path, '' if it is relocatable.
+    `bound` is the reason why the tree is valid only at its original path, '' if it is relocatable. With
+    `has_tests`, tests need the build folder, which is not stored.
     """
 
     package: str
@@ -76,6 +77,7 @@ class Tree:
     seconds: float = 0.0
     bound: str = ""
     pack: Digest | None = None
+    has_tests: bool = True
 
     @property
     def empty_folders(self) -> tuple[str, ...]:
@@ -172,6 +174,7 @@ def decode_index(index: bytes) -> Tree:
             seconds=_duration(value["seconds"]),
             bound=_text(value["bound"]),
             pack=Digest(_hash(pack["hash"]), _number(pack["size"])),
+            has_tests=bool(value["has_tests"]),
         )
     except (ArithmeticError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError("invalid index of a tree") from error

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.build import installation
+from forge.build.deferred import defer_build, tests_need_build
 from forge.build.prefix import PrefixExchange
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
-from forge.execution.runner import ProcessRunner, TaskLifecycle, unwrapped
+from forge.execution.runner import ProcessRunner, TaskLifecycle, lasting_variables, unwrapped
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.toolchain.interpreter import own_command
 from forge.toolchain.programs import CMAKE_TYPES
@@ -137,6 +138,10 @@ class TaskSetup:
             raise_if_any(PrefixExchange(task.name, self.layout).in_the_way(paths), WorkspaceError)
             files, empty = self.cache.restore(task, found)
             record = self.recorder.restored_record(task, found.build, files, empty)
+            if tests_need_build(task.package):
+                has_tests = found.build.has_tests
+                variables = lasting_variables(self._environment(task)) if has_tests else ()
+                defer_build(task, variables, has_tests=has_tests)
         self._commit(task)
         return record
 

@@ -96,6 +96,8 @@ class Tally:
     restored: tuple[str, ...] = ()
     """Packages restored from the cache, including embedded ones."""
     not_processed: tuple[str, ...] = ()
+    not_tested: tuple[str, ...] = ()
+    """Packages that were to be tested, but whose tests or dependencies are not built."""
 
 
 @frozen
@@ -140,6 +142,10 @@ class ConsoleReporter:
         """The summaries of compiler launchers."""
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
+        self.no_test_ran = False
+        """Whether the packages were tested, but had no tests or skipped all of them."""
+        self.not_tested: tuple[str, ...] = ()
+        """Packages that were to be tested, but could not be."""
         self.displayed: Callable[[Path], str] = str
         """Returns how to display a path, such as relative to the folder in which the command was typed."""
         self.packages = packages
@@ -191,6 +197,7 @@ class ConsoleReporter:
             test_failures=tuple(sorted(self._failed_tests)),
             restored=tuple(sorted(self._restored)),
             not_processed=tuple(sorted(self._skipped)),
+            not_tested=self.not_tested,
         )
 
     def fault(self, task: str) -> PackageFailure | None:
@@ -233,11 +240,15 @@ class ConsoleReporter:
         palette = self.screen.palette()
         unchanged = f", {_count(tally.unchanged)} unchanged" if tally.unchanged else ""
         head = palette.paint(
-            "failure" if tally.failed or tally.aborted or tally.test_failures else "success", "Summary:"
+            "failure"
+            if tally.failed or tally.aborted or tally.test_failures or tally.not_tested
+            else "success",
+            "Summary:",
         )
         self._out(f"\n{head} {_count(tally.finished)} finished{unchanged} [{duration(seconds)}]")
         if self.test_counts is not None:
-            self._out(f"  {self.test_counts}")
+            none = f"\n  {palette.paint('warning', 'no test ran')}" if self.no_test_ran else ""
+            self._out(f"  {self.test_counts}{none}")
         brought = len(tally.embedded)
         if brought:
             self._out(f"  {brought} embedded package{'s' if brought > 1 else ''} finished")
@@ -254,6 +265,7 @@ class ConsoleReporter:
                 for first, names in self._repeated.packages.items()
             ),
             (tally.test_failures, f"had {TEST_FAILURES}", "failure"),
+            (tally.not_tested, "not tested", "failure"),
         )
         for names, words, meaning in listed:
             if names:

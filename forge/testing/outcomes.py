@@ -170,12 +170,18 @@ def _suite_counts(suite: Element) -> Counts:
     numbers = {name: _number(suite.attributes, name) for name in _NUMBERS}
     nested = sum(map(_suite_counts, suite.all("testsuite")), Counts())
     cases = list(suite.all("testcase"))
-    listed = {tag: sum(any(case.all(tag)) for case in cases) for tag in ("error", "failure", "skipped")}
+    verdicts = [{child.tag for child in case.children} for case in cases]
     return Counts(
         max(numbers["tests"], nested.tests + len(cases)),
-        max(numbers["errors"], nested.errors + listed["error"]),
-        max(numbers["failures"], nested.failures + listed["failure"]),
-        max(sum(numbers[name] for name in _SKIPPED), nested.skipped + listed["skipped"]),
+        max(numbers["errors"], nested.errors + sum("error" in each for each in verdicts)),
+        max(
+            numbers["failures"],
+            nested.failures + sum("failure" in each and "error" not in each for each in verdicts),
+        ),
+        max(
+            sum(numbers[name] for name in _SKIPPED),
+            nested.skipped + sum("skipped" in each for each in verdicts),
+        ),
     )
 
 

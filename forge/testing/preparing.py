@@ -97,38 +97,26 @@ def absent_problems(
     return found
 
 
-def nothing_built(absent: Mapping[str, Problem]) -> tuple[Problem, ...]:
-    """Return the problems if no package can be tested, joined if there are several."""
+def require_any_built(names: Sequence[str], absent: Mapping[str, Problem]) -> None:
+    """Raise WorkspaceError if no package can be tested, with one problem if there are several."""
+    if not absent or len(absent) < len(names):
+        return
     if len(absent) == 1:
-        return tuple(absent.values())
+        raise WorkspaceError(*absent.values())
     message = f"no package can be tested: {listed(tuple(absent))} or their dependencies are not built"
-    return (Problem(message, hint="run 'forge build' first, with the same options to select packages"),)
+    hint = "run 'forge build' first, with the same options to select packages"
+    raise WorkspaceError(Problem(message, hint=hint))
 
 
-def not_built_here(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
-    """Return warnings for packages restored from a cache or not configured, whose tests are not available."""
-    here = [name for name in names if loaded.packages[name].build_type in CMAKE_TYPES]
-    restored = [name for name in here if not (layout.build_dir(name) / "CMakeCache.txt").is_file()]
-    generated = {name for name in here if (layout.build_dir(name) / "cmake_install.cmake").is_file()}
-    failed = [name for name in here if name not in generated and name not in restored]
-    problems = []
-    if restored:
-        message = f"skipping tests of {_quoted(restored)}: only installed files came from the cache"
-        hint = f"forge build --force --packages-select {' '.join(restored)}"
-        problems.append(Problem(message, hint=hint))
-    if failed:
-        message = f"skipping tests of {_quoted(failed)}: CMake failed in the last build"
-        problems.append(Problem(message, hint=f"forge build --packages-select {' '.join(failed)}"))
+def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
+    """Return a warning for the packages that were built without tests."""
+    here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
     without = [name for name in here if was_built_without_tests(layout.build_dir(name))]
-    if without:
-        message = f"{listed(without)} {'was' if len(without) == 1 else 'were'} built without tests"
-        hint = "build without -DBUILD_TESTING=OFF and '--no-test-dependencies' to test"
-        problems.append(Problem(message, hint=f"{hint} {'it' if len(without) == 1 else 'them'}"))
-    return tuple(problems)
-
-
-def _quoted(names: Sequence[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)
+    if not without:
+        return ()
+    message = f"{listed(without)} {'was' if len(without) == 1 else 'were'} built without tests"
+    hint = "build without -DBUILD_TESTING=OFF and '--no-test-dependencies' to test"
+    return (Problem(message, hint=f"{hint} {'it' if len(without) == 1 else 'them'}"),)
 
 
 def changed_since_build(

@@ -14,17 +14,20 @@ from forge.build.events import Aborted, Finished
 from forge.build.install_manifests import clean_paths
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import TEST_FAILURES, StepKind, environment_file, short_step_line, step_line
+from forge.build.tests.recipes import error_result
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.testing.collecting import collect
 from forge.testing.failures import Failure, first_lines, last_lines
-from forge.testing.outcomes import Counts, counted_once, find_junit
+from forge.testing.outcomes import Counts, counted_once, find_junit, unreadable
+from forge.testing.restored import restored_lifecycle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from forge.base.errors import Problem
     from forge.build.events import Event
     from forge.build.tasks import Step, Task
     from forge.build.tests.recipes import TestContext
@@ -52,6 +55,11 @@ class TestSetup:
         lifecycle = TaskLifecycle(self._environment, self._begin, self._finish)
         return ProcessRunner(lifecycle, job_pool, StartedProcesses(self.context.layout.build))
 
+    def builder(self, job_pool: JobPool) -> ProcessRunner:
+        """Return the runner that builds what the tests of packages from the cache need."""
+        started = StartedProcesses(self.context.layout.build)
+        return ProcessRunner(restored_lifecycle(self.variables), job_pool, started)
+
     def results_of(self, task: Task) -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run."""
         if task.name not in self.results:
@@ -59,6 +67,8 @@ class TestSetup:
             folder = self.context.results_of(task.name)
             own = str(folder / f"{kind.value}.xml") if kind else ""
             found = [one for each in self._folders(task) for one in collect(each).outcomes]
+            if kind in {StepKind.PYTEST, StepKind.UNITTEST} and all(one.path != own for one in found):
+                found.append(unreadable(own, "", "the result is missing"))
             self.results[task.name] = tuple(
                 outcome
                 for outcome in found
@@ -101,6 +111,20 @@ def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) ->
             return
     if task.build_dir.is_dir():
         replace_file(task.build_dir / RESULT, f"{result}\n".encode())
+
+
+def write_results_of_untested(
+    names: Iterable[str], untested: Mapping[str, Problem], context: TestContext
+) -> None:
+    """Write a JUnit file for each package that cannot be tested; remove those of an earlier run."""
+    for name in names:
+        path = context.results_of(name) / "test_results" / name / "not_run.xml"
+        if name in untested:
+            result = error_result(name, "not_run", untested[name].message)
+            replace_file(path, result.encode(errors="surrogateescape"))
+            replace_file(context.layout.build_dir(name) / RESULT, b"1\n")
+        else:
+            path.unlink(missing_ok=True)
 
 
 def total_counts(tasks: Iterable[Task], setup: TestSetup) -> Counts | None:

@@ -264,17 +264,6 @@ def test_links_into_sources_are_nobody_elses(users: Users, tmp_path: Path) -> No
     assert restored(users.build(root, "--symlink-install")) == 0
 
 
-def test_tests_of_restored_packages_are_missed_aloud(users: Users, tmp_path: Path) -> None:
-    root = write(tmp_path / "ws", BOUND)
-    users.build(root)
-    users.begin_anew(root)
-    users.build(root)
-    ran = users.forge("test", cwd=root)
-    assert ran.code == 0
-    assert "skipping tests of 'speaking': only installed files came from the cache" in ran.err
-    assert "forge build --force --packages-select speaking" in ran.err
-
-
 def test_a_file_outside_of_the_workspace_counts(users: Users, tmp_path: Path) -> None:
     """Either state of it has its result; the older one is found again."""
     header = tmp_path / "outside" / "answer.h"

@@ -161,6 +161,24 @@ def test_a_test_program_that_exits_with_0_hides_no_failure(
     assert ran.code == 0
 
 
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import nosuch",
+        "import os\ndef test_a(): os._exit(0)",
+        "import os, signal\ndef test_a(): os.kill(os.getpid(), signal.SIGSEGV)",
+        "import atexit, os\natexit.register(os.unlink, '../../build/p/pytest.xml')\ndef test_a(): pass",
+        "import atexit, os\natexit.register(os.truncate, '../../build/p/pytest.xml', 60)\ndef test_a(): pass",
+    ],
+)
+def test_tests_of_python_without_a_readable_result_fail(forge: Forge, tree: Tree, statement: str) -> None:
+    root = tree(python_package("p", statement, pytest=True))
+    assert forge("build", cwd=root).code == 0
+    ran = forge("test", "--return-code-on-test-failure", cwd=root)
+    assert ran.code == 1
+    assert "1 test, 1 error, 0 failures" in ran.out
+
+
 def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> None:
     only = ("--packages-select", "c_bad", "p_test", "u_test")
     words = ("--ctest-args", "-R", "good", "--pytest-args", "-k", "good", "--unittest-args")
@@ -320,8 +338,10 @@ def test_a_package_whose_configuration_failed_has_no_tests(forge: Forge, tree: T
     lists.write_text(lists.read_text() + "message(FATAL_ERROR no)\n")
     assert forge("build", cwd=root).code == 1
     ran = forge("test", cwd=root)
-    assert "warning: skipping tests of 'c_good': CMake failed in the last build" in ran.err
+    assert "warning: 'c_good' cannot be tested: CMake failed in the last build" in ran.err
     assert "hint: forge build --packages-select c_good\n" in ran.err
+    assert "1 package not tested: c_good" in ran.out
+    assert forge("test", "--return-code-on-test-failure", cwd=root).code == 1
 
 
 def test_a_broken_manifest_stops_testing(forge: Forge, tree: Tree) -> None:

@@ -310,5 +310,5 @@ def test_error_messages_move_no_cursor() -> None:
 
 
 def test_the_result_of_tests_that_left_none_is_xml() -> None:
-    text = render_template("testing/missing_result.xml.j2", package="a.b-c+d", program="pytest")
+    text = render_template("testing/error_result.xml.j2", package="a.b-c+d", test="pytest", message="<>")
     assert parse_xml(text.encode(), Path("pytest.xml")).attributes["name"] == "a.b-c+d"

@@ -44,6 +44,7 @@ class TestOptions:
     return_code_on_test_failure: bool = option(
         "exit with code 1 if a test failed (default: exit with code 0, like colcon)", default=False
     )
+    fail_if_no_tests: bool = option("exit with code 1 if no test ran", default=False)
     coverage: bool = option(
         "measure which lines the tests execute, with gcovr and coverage.py; build C and C++ packages with "
         "--mixin coverage",

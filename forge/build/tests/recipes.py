@@ -166,7 +166,14 @@ def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> 
 
 def missing_result(package: Package, program: str) -> str:
     """Return a placeholder result, so that a crashed run is reported."""
-    return render("testing/missing_result.xml.j2", package=package.name, program=program)
+    return error_result(
+        package.name, f"{program}.missing_result", f"{program} exited without writing a result"
+    )
+
+
+def error_result(package: str, test: str, message: str) -> str:
+    """Return a JUnit file with one error."""
+    return render("testing/error_result.xml.j2", package=package, test=test, message=message)
 
 
 def _again(step: Step, context: TestContext) -> Step:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -26,22 +27,29 @@ from forge.testing.coverage import coverage_lines, plan_coverage, write_reports
 from forge.testing.failures import table
 from forge.testing.preparing import (
     absent_problems,
+    built_without_tests,
     changed_since_build,
     make_test_plan,
     needs_of_tests,
-    not_built_here,
-    nothing_built,
     open_test_job_pool,
     prepare_context,
+    require_any_built,
     tested_names,
 )
-from forge.testing.running import TestSetup, failures_of, total_counts, write_result_file
-from forge.toolchain.untested import was_built_without_tests
+from forge.testing.restored import has_no_tests, not_runnable, plan_restored
+from forge.testing.running import (
+    TestSetup,
+    failures_of,
+    total_counts,
+    write_result_file,
+    write_results_of_untested,
+)
 from forge.workspace.load import load_workspace
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping, Sequence
+    from contextlib import AbstractContextManager
 
     from forge.base.errors import Problem
     from forge.base.layout import Layout
@@ -49,6 +57,7 @@ if TYPE_CHECKING:
     from forge.build.tasks import BuildPlan, Task
     from forge.cli.main import Parser
     from forge.cli.session import Session
+    from forge.execution.job_pool import JobPool
     from forge.testing.coverage import CoveredLines
     from forge.workspace.load import LoadedWorkspace
 
@@ -65,8 +74,7 @@ def register(parser: Parser) -> None:
 def run(namespace: argparse.Namespace) -> int:
     """Run tests; returns 1 if a package could not be tested, or, if requested, if a test failed."""
     began = time.monotonic()
-    root = Path.cwd()
-    options = read_options(TestOptions, namespace)
+    root, options = Path.cwd(), read_options(TestOptions, namespace)
     folders, jobs = read_options(FolderOptions, namespace), read_options(JobOptions, namespace)
     reports, query = read_options(ReportOptions, namespace), package_options.query_of(namespace)
     layout, warn = folders.layout(root), WarningReporter()
@@ -77,7 +85,7 @@ def run(namespace: argparse.Namespace) -> int:
         variables,
         embedded=True,
         install=layout.install,
-        untested=lambda package: was_built_without_tests(layout.build_dir(package.name)),
+        untested=lambda package: has_no_tests(layout.build_dir(package.name)),
     )
     warn(loaded.warnings)
     names = tested_names(loaded, warn)
@@ -86,19 +94,16 @@ def run(namespace: argparse.Namespace) -> int:
     require_packages(loaded)
     needs = needs_of_tests(names, loaded)
     absent = absent_problems(needs, layout, variables)
-    if absent and len(absent) == len(names):
-        raise WorkspaceError(*nothing_built(absent))
+    require_any_built(names, absent)
     create_output_folders(layout)
     built = [name for name in names if name not in absent]
-    warn(not_built_here(built, loaded, layout))
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
     _require_emulator(built, loaded, layout)
     context = prepare_context(options, loaded, names, layout, variables)
-    plan, setup = make_test_plan(built, loaded, context, warn), TestSetup(context, needs, variables)
-    with (
-        lock_build_dir(layout.build, wait=not folders.no_wait),
-        closing(open_test_job_pool(jobs, variables)) as job_pool,
-        open_session(
+    setup = TestSetup(context, needs, variables)
+
+    def session_of(plan: BuildPlan) -> AbstractContextManager[Session]:
+        return open_session(
             "test",
             plan,
             loaded.packages,
@@ -108,26 +113,55 @@ def run(namespace: argparse.Namespace) -> int:
             began=began,
             needs=needs,
             origin=namespace.origin,
-        ) as session,
+        )
+
+    with (
+        lock_build_dir(layout.build, wait=not folders.no_wait),
+        closing(open_test_job_pool(jobs, variables)) as job_pool,
     ):
-        coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
-        session.json_events.announce()
-        _fail_unbuilt(absent, session)
-        try:
-            session.run(
-                plan,
-                setup.runner(job_pool),
-                _scheduler(plan, options, jobs.parallel_workers, job_pool.jobs),
-                lambda task: task,
-                lambda event: _record(event, plan.tasks[event.task], setup, session),
-            )
-            if options.coverage:
-                covered, problems = write_reports(coverage, job_pool.jobs, variables)
-                warn(problems)
-                _report_coverage(covered, session, namespace.origin)
-        finally:
-            code = _report_results(plan, setup, session, json=reports.json)
+        restored = plan_restored(built, loaded, layout)
+        failed = False
+        if restored.tasks:
+            print(_building(restored), file=sys.stderr if reports.json else sys.stdout, flush=True)
+            with session_of(restored) as session:
+                session.json_events.announce()
+                session.run(
+                    restored,
+                    setup.builder(job_pool),
+                    _scheduler(restored, options, jobs, job_pool),
+                    lambda task: task,
+                    lambda _: None,
+                )
+                failed = bool(session.report.tally.failed)
+        unbuilt = not_runnable(built, loaded, layout, restored)
+        warn((*unbuilt.values(), *built_without_tests(built, loaded, layout)))
+        plan = make_test_plan([name for name in built if name not in unbuilt], loaded, context, warn)
+        with session_of(plan) as session:
+            coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
+            session.json_events.announce()
+            _fail_unbuilt(absent, session)
+            write_results_of_untested(names, {**absent, **unbuilt}, context)
+            session.report.not_tested = tuple(sorted((*absent, *unbuilt)))
+            try:
+                session.run(
+                    plan,
+                    setup.runner(job_pool),
+                    _scheduler(plan, options, jobs, job_pool),
+                    lambda task: task,
+                    lambda event: _record(event, plan.tasks[event.task], setup, session),
+                )
+                if options.coverage:
+                    covered, problems = write_reports(coverage, job_pool.jobs, variables)
+                    warn(problems)
+                    _report_coverage(covered, session, namespace.origin)
+            finally:
+                code = _report_results(plan, setup, session, json=reports.json, failed=failed)
     return code
+
+
+def _building(plan: BuildPlan) -> str:
+    count = len(plan.tasks)
+    return f"building the tests of {count} package{'' if count == 1 else 's'} from the cache"
 
 
 def _require_emulator(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> None:
@@ -145,9 +179,9 @@ def _fail_unbuilt(problems: Mapping[str, Problem], session: Session) -> None:
         session.fail_unbuilt(name, problem)
 
 
-def _scheduler(plan: BuildPlan, options: TestOptions, packages: int, jobs: int) -> Scheduler:
+def _scheduler(plan: BuildPlan, options: TestOptions, jobs: JobOptions, job_pool: JobPool) -> Scheduler:
     alone = options.executor == SEQUENTIAL
-    limit = 1 if alone else min(packages or jobs, jobs)
+    limit = 1 if alone else min(jobs.parallel_workers or job_pool.jobs, job_pool.jobs)
     return Scheduler(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
 
 
@@ -167,11 +201,13 @@ def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> Non
     write_result_file(event, task, session.report.failed_tests)
 
 
-def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json: bool) -> int:
+def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json: bool, failed: bool) -> int:
     """Print the summary and a table of the failed tests; return the exit code."""
     report, seconds = session.report, session.seconds
     ended = {*report.tally.finished, *report.tally.failed} & plan.tasks.keys()
     report.test_counts = total_counts((plan.tasks[name] for name in ended), setup)
+    counts, aborted = report.test_counts, report.tally.aborted
+    report.no_test_ran = counts is not None and counts.tests == counts.skipped and not aborted
     report.summarise(seconds)
     failures = [
         failure
@@ -181,7 +217,8 @@ def _report_results(plan: BuildPlan, setup: TestSetup, session: Session, *, json
     if failures and not json:
         session.write("\n".join(("", *table(failures), "")))
     session.json_events.report_failures(failures)
-    with_failures = setup.context.options.return_code_on_test_failure and bool(report.failed_tests)
-    code = report.exit_code or int(with_failures)
+    options = setup.context.options
+    has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
+    code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
     session.json_events.conclude(report, seconds, code)
     return code

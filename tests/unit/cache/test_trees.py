@@ -134,6 +134,7 @@ def index(*leaves: list[Any], **other: object) -> bytes:
         "folders": [],
         "seconds": 0,
         "bound": "",
+        "has_tests": True,
         "pack": {"hash": HASH, "size": 10},
     }
     return json.dumps({**said, **other}).encode()

@@ -1,0 +1,94 @@
+"""The build steps of packages whose installed files came from the package cache.
+
+Their build folders contain nothing, or the results of other sources. `forge test` runs the steps, except the
+installation, before the tests: the installed files stay those of the cache.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from forge.base.files import replace_file, text_or_nothing
+from forge.base.frozen import frozen
+from forge.base.layout import DEFERRED_BUILD_FILE, SCRATCH_DIR
+from forge.build.tasks import Step, StepKind
+from forge.toolchain.programs import CARGO_TYPES, PYTHON_TYPES
+
+if TYPE_CHECKING:
+    from forge.base.frozen import Pairs
+    from forge.build.tasks import Task
+    from forge.workspace.model import Package
+
+
+@frozen
+class DeferredBuild:
+    """The steps of a build without its installation, their files, and variables that differ from the user's.
+
+    There are no steps if the package has no tests. `done` is True after they ran successfully.
+    """
+
+    steps: tuple[Step, ...] = ()
+    files: tuple[tuple[Path, str], ...] = ()
+    variables: Pairs = ()
+    done: bool = False
+
+
+def tests_need_build(package: Package) -> bool:
+    """Return True if tests run programs in the build folder; those of Python and Rust do not."""
+    return not package.embedded and package.build_type not in {*PYTHON_TYPES, *CARGO_TYPES}
+
+
+def defer_build(task: Task, variables: Pairs, *, has_tests: bool) -> None:
+    """Record the steps of a task that was restored from the cache."""
+    steps = tuple(step for step in task.steps if step.kind is not StepKind.INSTALL) if has_tests else ()
+    files = tuple(task.files) if has_tests else ()
+    write_deferred(task.build_dir, DeferredBuild(steps, files, variables if has_tests else ()))
+
+
+def write_deferred(build: Path, deferred: DeferredBuild) -> None:
+    """Write the record in a build folder."""
+    value = {
+        "steps": [
+            {
+                "kind": step.kind.name,
+                "argv": step.argv,
+                "cwd": str(step.cwd),
+                "env": step.env,
+                "record": step.record and [str(step.record[0]), step.record[1]],
+                "target": step.target,
+            }
+            for step in deferred.steps
+        ],
+        "files": [[str(path), text] for path, text in deferred.files],
+        "variables": deferred.variables,
+        "done": deferred.done,
+    }
+    path = build / SCRATCH_DIR / DEFERRED_BUILD_FILE
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, json.dumps(value).encode(errors="surrogateescape"), mode=0o600)
+
+
+def read_deferred(build: Path) -> DeferredBuild | None:
+    """Return the record of a package that was restored from the cache; None if it is missing or damaged."""
+    try:
+        value = json.loads(text_or_nothing(build / SCRATCH_DIR / DEFERRED_BUILD_FILE))
+        return DeferredBuild(
+            tuple(
+                Step(
+                    StepKind[step["kind"]],
+                    tuple(step["argv"]),
+                    Path(step["cwd"]),
+                    tuple((name, text) for name, text in step["env"]),
+                    (Path(step["record"][0]), step["record"][1]) if step["record"] else None,
+                    target=step["target"],
+                )
+                for step in value["steps"]
+            ),
+            tuple((Path(path), text) for path, text in value["files"]),
+            tuple((name, text) for name, text in value["variables"]),
+            bool(value["done"]),
+        )
+    except (ValueError, LookupError, TypeError):
+        return None

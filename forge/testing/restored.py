@@ -1,0 +1,108 @@
+"""Builds what the tests of packages that came from the package cache need, without installing it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from forge.base.errors import Problem, Several
+from forge.build.build_dir import empty_build_dir
+from forge.build.deferred import read_deferred, tests_need_build, write_deferred
+from forge.build.journal import open_journal
+from forge.build.model import BuildInputs, BuildRecord
+from forge.build.tasks import BuildPlan, Task
+from forge.execution.runner import TaskLifecycle
+from forge.toolchain.programs import CMAKE_TYPES
+from forge.toolchain.untested import was_built_without_tests
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from forge.base.layout import Layout
+    from forge.workspace.load import LoadedWorkspace
+
+
+def has_no_tests(build: Path) -> bool:
+    """Tell whether the last build of a CMake package left out its tests, here or where the cache is from."""
+    deferred = read_deferred(build)
+    return was_built_without_tests(build) if deferred is None or deferred.done else not deferred.steps
+
+
+def plan_restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> BuildPlan:
+    """Return the steps that build the tests of packages restored from the cache, which need no others."""
+    tasks = {}
+    for name in _restored(names, loaded, layout):
+        deferred = read_deferred(layout.build_dir(name))
+        if deferred is not None and deferred.steps and not deferred.done:
+            tasks[name] = Task(
+                name=name,
+                package=loaded.packages[name],
+                prefix=layout.prefix(name),
+                build_dir=layout.build_dir(name),
+                needs=(),
+                steps=deferred.steps,
+                reason="its tests were not built, because its installed files came from the cache",
+                files=deferred.files,
+            )
+    return BuildPlan(tasks)
+
+
+def restored_lifecycle(variables: Mapping[str, str]) -> TaskLifecycle:
+    """Return the lifecycle of these builds: they begin in an empty build folder, and install nothing."""
+
+    def environment(task: Task) -> Mapping[str, str]:
+        deferred = read_deferred(task.build_dir)
+        return {**variables, **dict(deferred.variables if deferred else ())}
+
+    def begin(task: Task, _: Mapping[str, str]) -> None:
+        empty_build_dir(task.build_dir)
+
+    def finish(task: Task) -> BuildRecord:
+        deferred = read_deferred(task.build_dir)
+        if deferred is not None:
+            write_deferred(task.build_dir, replace(deferred, done=True))
+        return BuildRecord(BuildInputs())
+
+    return TaskLifecycle(environment, begin, finish)
+
+
+def not_runnable(
+    names: Sequence[str], loaded: LoadedWorkspace, layout: Layout, ran: BuildPlan
+) -> dict[str, Problem]:
+    """Return a problem for each package whose tests are not built; `ran` tried to build some."""
+    restored, found = _restored(names, loaded, layout), {}
+    for name in names:
+        build, message = layout.build_dir(name), ""
+        hint = f"forge build --force --packages-select {name}"
+        deferred = read_deferred(build)
+        if name in restored:
+            if deferred is None:
+                message = "its build folder is missing, and its installed files came from the cache"
+            elif deferred.steps and not deferred.done:
+                message, hint = (
+                    "building its tests failed" if name in ran.tasks else "its tests are not built",
+                    "",
+                )
+        elif loaded.packages[name].build_type in CMAKE_TYPES:
+            if not (build / "CMakeCache.txt").is_file():
+                message = "its build folder is missing"
+            elif not (build / "cmake_install.cmake").is_file():
+                message, hint = "CMake failed in the last build", f"forge build --packages-select {name}"
+        if message:
+            several = Several(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")
+            found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, several=several)
+    return found
+
+
+def _restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> frozenset[str]:
+    """Return the packages whose installed files came from the cache, and whose tests need a build folder."""
+    records = open_journal(layout.build).records
+    return frozenset(
+        name
+        for name in names
+        if tests_need_build(loaded.packages[name])
+        and name in records
+        and records[name].complete
+        and not records[name].began
+    )
