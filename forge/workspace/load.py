@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, TypeVar
 from forge.base import ament_index
 from forge.base.distributions import distribution_in, has_service_events
 from forge.base.env_vars import home
-from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.graph import closure, ordered_names
 from forge.base.layout import IGNORE_MARK
 from forge.base.standard_interfaces import distribution_hint, is_embedded
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
 from forge.workspace.discovery import discover, discover_embedded
+from forge.workspace.duplicates import clashes
 from forge.workspace.filters import apply_filters
 from forge.workspace.model import Manifest, Package, Selection
 from forge.workspace.overrides import read_overrides
@@ -98,11 +99,11 @@ def load_workspace(  # noqa: PLR0913  (three are options)
     limits, unsure = apply_filters(query.filters, root, {**workspace.packages, **broken}, resolution.needs)
     ordered = ordered_names(needs)
     selection, notes = select(query, ordered, needs, limits, every)
-    clashes = [(other.name, _clash(workspace.packages[other.name], other)) for other in workspace.duplicates]
     if not listing:
-        raise_if_any((clash for name, clash in clashes if name in selection.names), WorkspaceError)
+        raise_if_any(clashes(workspace, selection.names), WorkspaceError)
     warnings = (*workspace.notes, *cycle_warnings, *unmet_versions(workspace.packages), *unsure, *notes)
-    faults = (*workspace.problems, *(clash for _, clash in clashes)) if listing else ()
+    names = {other.name for other in workspace.duplicates}
+    faults = (*workspace.problems, *clashes(workspace, names)) if listing else ()
     loaded = LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
     return _without_broken(loaded, frozenset(broken), listing=listing) if workspace.broken else loaded
 
@@ -239,11 +240,3 @@ def _needs(
         wanted = frozenset(other.manifest.names(ALL_KINDS)) - left_out
         needs[duplicate_node(other.name, other.path)] = wanted & resolution.packages.keys()
     return {node: below.union(*(others.get(name, ()) for name in below)) for node, below in needs.items()}
-
-
-def _clash(first: Package, second: Package) -> Problem:
-    return Problem(
-        f"two packages are named '{first.name}': '{first.path}' and '{second.path}'",
-        Location(second.manifest.path),
-        f"rename one, or ignore one by creating an empty file '{second.path}/COLCON_IGNORE'",
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
@@ -571,3 +572,11 @@ def test_a_workspace_whose_submodules_are_missing_says_so(forge: Forge, tree: Tr
     ran = forge("build", cwd=root)
     assert ran.code == 2
     assert "hint: the submodule 'src/up' is not checked out: git submodule update --init src/up" in ran.err
+
+
+def test_a_build_of_nothing_warns_of_removed_packages(forge: Forge, workspace: Path) -> None:
+    assert forge("build", cwd=workspace).code == 0
+    shutil.rmtree(workspace / "src/c")
+    ran = forge("build", cwd=workspace)
+    assert "Starting" not in ran.out
+    assert "'c' is no longer in the workspace" in ran.err

@@ -13,6 +13,7 @@ from forge.base.env_vars import compiled_templates
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
 from forge.base.layout import TEMPLATES_DIR
 from forge.base.templating import keep_compiled
+from forge.build.cleaning import stale_package_warnings
 from forge.build.folder_marks import is_own_install_base
 from forge.build.markers import create_output_folders
 from forge.build.planning import make_whole_plan
@@ -126,6 +127,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
             code = run_plan(plan, prepared, state)
         else:
             state.finish(plan, variables)
+            mode.warn(stale_package_warnings(state.journal.records, loaded.packages, layout, root))
             _report_up_to_date(plan, options, loaded.packages, mode, time.monotonic() - began)
             if options.query.strict:
                 raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)

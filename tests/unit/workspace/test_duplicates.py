@@ -1,0 +1,54 @@
+"""Packages with the same name are one message per copy, with the likely cause."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from forge.workspace.discovery import discover
+from forge.workspace.duplicates import clashes
+from tests.packages import manifest_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.conftest import Tree
+
+
+def packages(*paths: str) -> dict[str, str]:
+    """Return packages named like the last part of their paths."""
+    return {f"{path}/package.xml": manifest_text(path.rpartition("/")[2]) for path in paths}
+
+
+def reported(root: Path) -> list[tuple[str, str]]:
+    workspace = discover(root, ["."], {})
+    found = clashes(workspace, workspace.packages.keys())
+    return [(problem.message, problem.hint or "") for problem in found]
+
+
+def test_copies_in_a_worktree_are_one_message_and_the_worktree_is_to_be_ignored(tree: Tree) -> None:
+    root = tree({**packages("src/a", "src/b", "build_copy/src/a", "build_copy/src/b"), "build_copy/.git": ""})
+    ((message, hint),) = reported(root)
+    assert message == "2 packages are in '.' and again in 'build_copy': 'a', 'b'"
+    assert hint.startswith("'build_copy' is another checkout of a repository: ")
+    assert hint.endswith("creating an empty file 'build_copy/COLCON_IGNORE'")
+
+
+def test_a_generated_copy_is_to_be_ignored_wherever_its_name_sorts(tree: Tree) -> None:
+    ((message, hint),) = reported(tree(packages("docs_build/a", "src/a")))
+    assert message == "two packages are named 'a': 'src/a' and 'docs_build/a'"
+    assert hint.endswith("'docs_build/COLCON_IGNORE'")
+
+
+def test_a_folder_with_other_packages_is_not_to_be_ignored(tree: Tree) -> None:
+    ((_, hint),) = reported(tree(packages("src/a", "old/a", "old/b")))
+    assert hint.endswith("'old/a/COLCON_IGNORE'")
+
+
+def test_a_folder_of_workspaces_is_recognised(tree: Tree) -> None:
+    root = tree(packages("one/src/a", "two/src/a", "two/src/b", "x/src/b", "x/src/a"))
+    assert reported(root) == [
+        (
+            "this folder contains 3 workspaces with packages of the same names: 'a', 'b'",
+            "change to one of them: cd one",
+        )
+    ]
