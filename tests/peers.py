@@ -24,9 +24,9 @@ class Colcon:
         """Start it with exactly these variables and the PATH of ours."""
         script = Path(shutil.which("colcon") or "colcon")
         with script.open(encoding="utf-8", errors="replace") as stream:
-            python = stream.readline().removeprefix("#!").strip()
+            self.python = stream.readline().removeprefix("#!").strip()
         self._process = subprocess.Popen(
-            [python, str(DRIVER)],
+            [self.python, str(DRIVER)],
             env={"PATH": os.environ["PATH"], **variables},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -22,7 +22,7 @@ from forge.environment.install_state import recorded_rosdistro, recorded_underla
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 from forge.environment.sourcing import own_edits, package_edits, packages_in_order
-from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES
+from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -108,7 +108,7 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     if layout.merged:
         return InstalledFiles(tuple(sorted(path for path in listed if os.path.lexists(path))))
     others, writes = exchange.others(), exchange.writes()
-    knows_all = writes.complete or package.build_type in {*PYTHON_TYPES, *CARGO_TYPES}
+    knows_all = writes.complete or package.build_type in CARGO_TYPES
     claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
     files, folders = tree_below(str(prefix))
     for path, _ in files:

@@ -68,8 +68,18 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
 
 
 def note_written(path: str) -> None:
-    """Log a file that this process is about to write as a step of a package."""
+    """Log a file that this process is about to write, or has written, as a step of a package."""
+    _append(b"W", path)
+
+
+def note_unobserved(program: str) -> None:
+    """Log a program that has run as part of a step, unless the library observes the processes of the step."""
+    if "LD_PRELOAD" not in os.environ:
+        _append(b"E", program)
+
+
+def _append(kind: bytes, word: str) -> None:
     log = os.environ.get(LOG_VARIABLE)
     if log and os.path.isfile(log):  # noqa: PTH113  (a string)
         with Path(log).open("ab") as stream:
-            stream.write(b"W%s\0" % os.fsencode(path))
+            stream.write(b"%s%s\0" % (kind, os.fsencode(word)))

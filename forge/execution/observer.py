@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from forge.base.frozen import frozen
 from forge.build.observed_writes import LOG_VARIABLE, PREFIX_VARIABLE
 from forge.build.prefix import written_log
-from forge.toolchain.programs import CARGO_TYPES, PYTHON_TYPES
+from forge.toolchain.programs import CARGO_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -60,7 +60,7 @@ class Observer:
 
 def is_observed(task: Task) -> bool:
     """Return True unless forge itself installs the files of the package, and thus knows them."""
-    return task.package.build_type not in {*PYTHON_TYPES, *CARGO_TYPES}
+    return task.package.build_type not in CARGO_TYPES
 
 
 def open_observer(

@@ -1,4 +1,4 @@
-"""Provides forge's setuptools to interpreters without one that can build wheels.
+"""Provides forge's setuptools to interpreters without one, or without one that can build wheels.
 
 Examples are fresh virtual environments, and Ubuntu's Python without python3-wheel.
 """
@@ -18,20 +18,24 @@ home, other = (
     for name in ("setuptools", "wheel")
 )
 able = home and (other or os.path.exists(home + "/command/bdist_wheel.py"))
-print("%d.%d.%d" % sys.version_info[:3], "able" if able else "lacking")
+print("%d.%d.%d" % sys.version_info[:3], "wheels" if able else "setuptools" if home else "nothing")
 """
 _NEEDED = ("setuptools", "pkg_resources", "_distutils_hack", "setuptools-*.dist-info")
 
 
-def setuptools_path(python: str, folder: Path) -> Path | None:
-    """Return a PYTHONPATH folder with forge's setuptools; None if it is not needed or not compatible."""
+def setuptools_path(python: str, folder: Path, *, wheels: bool) -> Path | None:
+    """Return a PYTHONPATH folder with forge's setuptools; None if it is not needed or not compatible.
+
+    It is needed by an interpreter without setuptools, or for `wheels` without one that builds them.
+    """
     if Path(python).parent == Path(sys.executable).parent:
         return None
     asked = subprocess.run(
         (python, "-c", _PROBE), capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
     )
     version, _, word = asked.stdout.strip().partition(" ")
-    own = _own_setuptools(version) if word == "lacking" else None
+    lacking = {"nothing", "setuptools"} if wheels else {"nothing"}
+    own = _own_setuptools(version) if word in lacking else None
     if own is None:
         return None
     folder.mkdir(parents=True, exist_ok=True)

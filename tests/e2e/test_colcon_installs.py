@@ -92,7 +92,10 @@ def both(colcon: Colcon, forge: Forge, surroundings: dict[str, str]) -> Both:
         homes = root / "ours", root / "theirs"
         for home in homes:
             argv = ["build", "--build-base", f"{home}/build", "--install-base", f"{home}/install", *options]
-            ran = forge(*argv, cwd=root, env=surroundings) if home == homes[0] else colcon(*argv, cwd=root)
+            if home == homes[0]:
+                ran = forge(*argv, "--python", colcon.python, cwd=root, env=surroundings)
+            else:
+                ran = colcon(*argv, cwd=root)
             assert ran.code == 0, ran.err
         return homes
 
@@ -138,7 +141,9 @@ def contents(install: Path) -> dict[str, str]:
             text = without_noise(path.read_text(errors="replace"))
             runs = "may run\n" if os.access(path, os.X_OK) else ""
             name = path.relative_to(install).as_posix()
-            found[name] = f"{runs}{text}".replace(str(install.parent), "HOME")
+            # SOURCES.txt of setuptools has the relative path of the build folder.
+            home = install.parent
+            found[name] = f"{runs}{text}".replace(str(home), "HOME").replace(f"/{home.name}/", "/HOME/")
     return found
 
 

@@ -174,6 +174,45 @@ def test_what_code_of_a_package_installs_is_its_own(
     assert not (prefix / "share/one.txt").exists()
 
 
+SETUP = """import os, subprocess, sys
+from setuptools import setup
+from setuptools.command.install import install
+class Hook(install):
+    def run(self):
+        super().run()
+        subprocess.run(["cp", "setup.py", f"{sys.prefix}/NAME.copied"], check=True)
+        code = "import sys; open(sys.prefix + '/NAME.started', 'w')"
+        subprocess.run([sys.executable, "-c", code], check=True)
+        with open(os.path.join(self.install_data, "NAME.opened"), "w") as stream:
+            stream.write("NAME")
+        if os.path.exists("fail"):
+            sys.exit(1)
+setup(name="a", version="1", cmdclass={"install": Hook})
+"""
+
+
+@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["isolated", "linked"])
+def test_what_code_of_a_python_package_installs_is_its_own(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """By itself, or by the programs that it starts."""
+    manifest = manifest_text("a", build_type="ament_python")
+    root = tree({"src/a/package.xml": manifest, "src/a/setup.py": SETUP.replace("NAME", "one")})
+    build(forge, root, *options)
+    prefix = root / "install/a"
+    for path in ("one.copied", "one.started", "one.opened"):
+        (prefix / path).unlink()
+        hold_against_clean(forge, root, *options)
+    (root / "src/a/setup.py").write_text(SETUP.replace("NAME", "two"))
+    hold_against_clean(forge, root, *options)
+    assert not list(prefix.glob("one.*"))
+    before = look(root / "install")
+    (root / "src/a/setup.py").write_text(SETUP.replace("NAME", "three"))
+    (root / "src/a/fail").write_text("")
+    assert forge("build", *options, cwd=root).code == 1
+    assert look(root / "install") == before
+
+
 def test_folders_are_as_a_clean_build_makes_them(forge: Forge, tree: Tree) -> None:
     """Empty ones come and go, and have the rights of now."""
     root = tree(

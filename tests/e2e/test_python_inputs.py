@@ -248,8 +248,6 @@ def test_another_setuptools_in_the_interpreter(tree: Tree, forge: Forge) -> None
     info.rename(site / "setuptools-99.0.dist-info")
     assert workspace.build()
     workspace.is_as_clean()
-    (wheel,) = root.glob("install/talk/lib/python*/site-packages/talk-*.dist-info/WHEEL")
-    assert "99.0" in wheel.read_text(encoding="utf-8")
 
 
 @pytest.mark.needs("gcc", "clang")
@@ -325,15 +323,15 @@ def test_a_cache_knows_what_was_read_outside(tree: Tree, forge: Forge) -> None:
             shutil.rmtree(root / name, ignore_errors=True)
         ran = forge("build", *cache, cwd=root)
         assert ran.code == 0, ran.err
-        (info,) = root.glob("install/talk/lib/python*/site-packages/talk-*.dist-info")
-        return info.name, ran.out
+        (info,) = root.glob("install/talk/lib/python*/site-packages/talk-*.egg-info")
+        return info.name.partition("-py")[0], ran.out
 
-    assert build()[0] == "talk-1.0.dist-info"
+    assert build()[0] == "talk-1.0"
     (root / "VERSION").write_text("2.0\n")
     name, said = build()
-    assert name == "talk-2.0.dist-info"
+    assert name == "talk-2.0"
     assert "came from the cache" not in said
     (root / "VERSION").write_text("1.0\n")
     name, said = build()
-    assert name == "talk-1.0.dist-info"
+    assert name == "talk-1.0"
     assert "came from the cache" in said

@@ -29,7 +29,7 @@ from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
 from forge.build.snapshot import find_changed_externals
 from forge.build.wheels.backends import _build_system
-from forge.build.wheels.install_wheel import _install_scripts
+from forge.build.wheels.install_wheel import _option
 from forge.cache import action_result as action_results
 from forge.cache import keys
 from forge.cache.trees import decode_index, encode_index
@@ -259,7 +259,7 @@ def setup_cfg(data: bytes) -> None:
     folder = place("setup_cfg", "setup.cfg", data)
     workspace(folder)
     with contextlib.suppress(ForgeError):
-        _install_scripts(folder / "setup.cfg")
+        _option(folder / "setup.cfg", "install", "install_scripts")
 
 
 @harness

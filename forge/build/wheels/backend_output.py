@@ -19,7 +19,7 @@ _FAILED_WRITE = re.compile(
     r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
     re.MULTILINE,
 )
-_OF_SETUPTOOLS = re.compile(r"^running bdist_wheel$", re.MULTILINE)
+_OF_SETUPTOOLS = re.compile(r"^running (?:bdist_wheel|install|egg_info)$", re.MULTILINE)
 _PROGRESS = re.compile(
     r"^(?:running [a-z_]+|(?:creating|writing|reading|adding|removing|installing|byte-compiling) .*"
     r"|(?:copying|copying and adjusting|moving|hard linking) .* -> .*"
@@ -31,7 +31,7 @@ _CODE = r"(?:    .*\n)*"
 _OUTER_FRAMES = re.compile(
     r"^(Traceback \(most recent call last\):\n)"
     rf'(?:  File "<string>", .*\n{_CODE}(?=  File ".*backend_tracer\.py"))?'
-    rf'(?:  File ".*(?:backend_tracer|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
+    rf'(?:  File ".*(?:backend_tracer|setup_install|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
     r'(?:  File "(?:<string>|setup\.py)", line (\d+), in <module>\n'
     rf"({_CODE})|(?=  File ))",
     re.MULTILINE,

@@ -1,8 +1,12 @@
-"""Build a package's wheel with its build backend (PEP 517), and record the files that the backend read."""
+"""Run the build backend of a package, and record the files that it read.
+
+setuptools installs a package itself, like with colcon; other backends build a wheel (PEP 517).
+"""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import subprocess
@@ -16,12 +20,21 @@ from typing import TYPE_CHECKING, Any
 import pyproject_hooks
 
 from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceError, raise_if_any
-from forge.base.files import delete_tree, read_file, replace_file
+from forge.base.files import delete_tree, listed_paths, read_file, replace_file
 from forge.base.formats import read_toml
+from forge.base.frozen import frozen
 from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
 from forge.build.inputs.fingerprints import source_files
-from forge.build.wheels.backend_inputs import external_files, parse_list, parse_make_rules, parse_trace
+from forge.build.observed_writes import note_unobserved, note_written
+from forge.build.wheels import setup_install
+from forge.build.wheels.backend_inputs import (
+    Traced,
+    external_files,
+    parse_list,
+    parse_make_rules,
+    parse_trace,
+)
 from forge.build.wheels.backend_output import DISK_FULL, progress_and_failure
 from forge.build.wheels.entry_points import invalid_scripts_of_setup
 from forge.toolchain.bundled_setuptools import setuptools_path
@@ -31,11 +44,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
-_NO_WHEEL = "invalid command 'bdist_wheel'"
-"""The error of a setuptools that needs the distribution 'wheel'."""
+_BACKENDS_OF_SETUPTOOLS = frozenset({"setuptools.build_meta", "setuptools.build_meta:__legacy__"})
+INSTALL_LOG = "install.log"
+"""The record of setuptools, in the same file as with colcon."""
 _NOT_UTF8 = "surrogates not allowed"
 """The text of Python's error for a name that is not UTF-8."""
-_OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point", re.IGNORECASE)
+_OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point|in script names", re.IGNORECASE)
 """The errors of setuptools for an invalid entry point."""
 _START = """\
 import sys
@@ -52,6 +66,9 @@ tracer.main(sys.argv)
 _SITECUSTOMIZE = """\
 # Traces Python programs started by a build backend.
 import os, sys
+if sys.executable == {python!r} and {prefix!r}:
+    sys.real_prefix = sys.prefix
+    sys.prefix = sys.exec_prefix = {prefix!r}
 from importlib.machinery import PathFinder
 from importlib.util import module_from_spec, spec_from_file_location
 
@@ -70,7 +87,110 @@ _next = PathFinder.find_spec("sitecustomize", sys.path)
 if _next is not None and _next.loader is not None:
     _run(_next)
 """
-"""Python imports this at its start; the original sitecustomize module is run as well."""
+"""Python imports this at its start; the original sitecustomize module is run as well.
+
+`prefix` is that of the package if setuptools installs it: like with colcon, `sys.prefix` leads there.
+"""
+
+
+@frozen
+class SetupInstall:
+    """What setuptools installs, and where."""
+
+    source: Path
+    build: Path
+    prefix: Path
+    python: str
+    site_packages: str
+    scripts: str | None
+    """The folder of the scripts, with setuptools' variables such as `$base`; None for setuptools' own."""
+    executable: str = ""
+    """The interpreter of the scripts if it is not `python`; compiled modules are refused then."""
+
+
+def uses_setuptools(source: Path) -> bool:
+    """Return True if setuptools itself is the package's backend, as for each package that colcon builds."""
+    system = _build_system(source)
+    return "backend-path" not in system and system["build-backend"] in _BACKENDS_OF_SETUPTOOLS
+
+
+def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
+    """Run `setup.py install` like colcon; return the installed files and the output.
+
+    The options and command classes of the package have the same effect as with colcon, since the same
+    commands run, with the real prefix.
+    """
+    source, build = options.source, options.build
+    _remove_leftovers(build)
+    build.mkdir(parents=True, exist_ok=True)
+    trace = _Trace(source, build, options.prefix)
+    log = build / INSTALL_LOG
+    egg_base = os.path.relpath(os.path.realpath(build), os.path.realpath(source))
+    words = ["egg_info", "--egg-base", egg_base, "build", "--build-base", str(build / "build")]
+    words += ["--executable", options.executable] if options.executable else []
+    words += ["install", "--record", str(log), "--single-version-externally-managed"]
+    words += ["--install-scripts", options.scripts] if options.scripts else []
+    words += ["--force", "--no-compile"]
+    request = {
+        "prefix": str(options.prefix),
+        "site_packages": options.site_packages,
+        "words": words,
+        "pure": bool(options.executable),
+    }
+    file = trace.folder / "request.json"
+    file.write_text(json.dumps(request), "utf-8")
+    # A wheel also needs the distribution 'wheel' of old versions.
+    wheels = not (source / "setup.py").is_file()
+    environment = _backend_environment(dict(_SETUPTOOLS), options.python, trace, wheels=wheels)
+    try:
+        _run_backend(
+            (options.python, setup_install.__file__, str(file)),
+            str(source),
+            trace=trace,
+            environment=environment,
+            prefix=str(options.prefix),
+        )
+    except subprocess.CalledProcessError as error:
+        if DISK_FULL.search(trace.output):
+            raise _full_disk(options.prefix) from None
+        outside = _text(trace.folder / setup_install.OUTSIDE)
+        raise _setup_fault(error.returncode, outside, options) from None
+    finally:
+        # After a failure, too: what was installed is removed again.
+        traced = trace.finish()
+        found = {*traced.written, *map(os.path.normpath, listed_paths(log))}
+        installed = sorted(filter(os.path.lexists, _respelled(found, options.prefix)))
+        for path in installed:
+            note_written(path)
+        for started in traced.started:
+            note_unobserved(started.program)
+    return tuple(map(Path, installed)), trace.output
+
+
+def _setup_fault(code: int, outside: str, options: SetupInstall) -> EnvironmentFault | WorkspaceError:
+    """Return the error for a failed `setup.py install`."""
+    if outside:
+        message = f"the package would install files into '{outside}', which is outside its prefix"
+        hint = "check data_files, and the options of setuptools' install command, in its setup"
+        return WorkspaceError(Problem(message, Location(options.source), hint))
+    if code == setup_install.COMPILED:
+        message = "compiled modules cannot be built for another platform"
+        hint = "build them with CMake in a package of their own, or build this package on the target"
+        return WorkspaceError(Problem(message, Location(options.source), hint))
+    if code == setup_install.UNAVAILABLE:
+        return _unavailable("setuptools.build_meta", options.python)
+    message = "the package's build backend 'setuptools.build_meta' failed; see its output above"
+    return EnvironmentFault(Problem(message))
+
+
+def _full_disk(folder: Path) -> OSError:
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
+
+
+def _unavailable(backend: str, python: str) -> EnvironmentFault:
+    hint = f"install it there: {install_command(Path(python), (backend.split('.', maxsplit=1)[0],))}"
+    message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
+    return EnvironmentFault(Problem(message, hint=hint))
 
 
 def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[Path, str]:
@@ -96,22 +216,16 @@ def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[P
             warnings.simplefilter("always")
             wheel = caller.build_wheel(str(out))
     except pyproject_hooks.BackendUnavailable:
-        hint = f"install it there: {install_command(Path(python), (backend.split('.')[0],))}"
-        message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
-        raise EnvironmentFault(Problem(message, hint=hint)) from None
+        raise _unavailable(backend, python) from None
     except subprocess.CalledProcessError:
         if DISK_FULL.search(trace.output):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(build)) from None
-        remedy = install_command(Path(python), ("wheel",)) if _NO_WHEEL in trace.output else None
+            raise _full_disk(build) from None
         message = f"the package's build backend '{backend}' failed; see its output above"
-        raise EnvironmentFault(Problem(message, hint=remedy)) from None
+        raise EnvironmentFault(Problem(message)) from None
     for warning in warned:
         # Warnings of pyproject_hooks about the backend.
         print(f"{warning.category.__name__}: {warning.message}")
-    read, written = trace.result()
-    _write_list(build / SCRATCH_DIR / READ_BY_BACKEND, read)
-    _write_list(build / SCRATCH_DIR / WRITTEN_BY_BACKEND, written)
-    delete_tree(trace.folder)
+    trace.finish()
     return out / wheel, trace.output
 
 
@@ -123,6 +237,7 @@ class _Trace:
         self.folder = build / SCRATCH_DIR / "backend"
         self.folder.mkdir(parents=True)
         self._source = source
+        self._build = build
         self._products = build / "build"
         inside = (source, build, prefix)
         self._inside = {*map(str, inside), *map(os.path.realpath, inside)}
@@ -130,19 +245,19 @@ class _Trace:
         self.output = ""
         """The backend's output."""
 
-    def provide_setuptools(self, python: str) -> Path | None:
-        """Return a folder with the bundled setuptools if the interpreter lacks one."""
-        self._bundled = setuptools_path(python, self.folder / "lent")
+    def provide_setuptools(self, python: str, *, wheels: bool) -> Path | None:
+        """Return a folder with the bundled setuptools if the interpreter lacks one (that builds wheels)."""
+        self._bundled = setuptools_path(python, self.folder / "lent", wheels=wheels)
         return self._bundled
 
-    def argv(self, command: Sequence[str]) -> tuple[str, ...]:
+    def argv(self, command: Sequence[str], prefix: str) -> tuple[str, ...]:
         """Return the traced version of a Python command whose last argument is its folder."""
         python, script, *words = command
         self._inside |= {str(Path(script).parent), words[-1]}
         tracer = str(Path(__file__).with_name("backend_tracer.py"))
         children = self.folder / "children"
         children.mkdir(exist_ok=True)
-        text = _SITECUSTOMIZE.format(tracer=tracer, log=str(self._log))
+        text = _SITECUSTOMIZE.format(tracer=tracer, log=str(self._log), python=python, prefix=prefix)
         (children / "sitecustomize.py").write_text(text, encoding="utf-8")
         return (python, "-c", _START.format(tracer=tracer), str(self.folder), script, *words)
 
@@ -159,8 +274,8 @@ class _Trace:
             "CC_PRINT_HEADERS_FILE": str(self.folder / "headers"),
         }
 
-    def result(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the external inputs that were read, and the package's own files that were written."""
+    def finish(self) -> Traced:
+        """Record the external inputs, and the sources that were written; return the parsed log."""
         source = str(self._source)
         rules, headers = (_text(self.folder / name) for name in ("rules", "headers"))
         files = {*parse_make_rules(rules, source), *parse_list(headers, source)}
@@ -171,18 +286,23 @@ class _Trace:
             # The bundled setuptools is used until these modules are installed.
             traced.missing.update(setuptools=True, wheel=True)
             files.update(map(os.path.realpath, self._bundled.glob("*.dist-info/RECORD")))
-        real = os.path.realpath(source)
-        written = {
-            f"{source}{path[len(home) :]}"
-            for home in (source, real)
-            for path in traced.written
-            if path.startswith(f"{home}{os.sep}")
-        }
-        return external_files(traced, files, tuple(self._inside)), tuple(sorted(written))
+        scratch = self._build / SCRATCH_DIR
+        _write_list(scratch / READ_BY_BACKEND, external_files(traced, files, tuple(self._inside)))
+        _write_list(scratch / WRITTEN_BY_BACKEND, sorted(_respelled(traced.written, self._source)))
+        delete_tree(self.folder)
+        return traced
 
     @property
     def _log(self) -> Path:
         return self.folder / "log"
+
+
+def _respelled(paths: Iterable[str], folder: Path) -> set[str]:
+    """Return the paths below a folder, which may lead there through links, in the spelling of the folder."""
+    homes = {f"{folder}{os.sep}", f"{os.path.realpath(folder)}{os.sep}"}
+    return {
+        f"{folder}{os.sep}{path[len(home) :]}" for home in homes for path in paths if path.startswith(home)
+    }
 
 
 def _text(path: Path) -> str:
@@ -196,6 +316,7 @@ def _remove_leftovers(build: Path) -> None:
     for name in (
         "wheel",
         "build",
+        INSTALL_LOG,
         f"{SCRATCH_DIR}/backend",
         f"{SCRATCH_DIR}/{READ_BY_BACKEND}",
         f"{SCRATCH_DIR}/{WRITTEN_BY_BACKEND}",
@@ -223,31 +344,34 @@ def _lines(paths: Iterable[str]) -> Iterator[str]:
         yield f"{path}\n" if fits else f"# omitted because of a line break in its name: {path!a}\n"
 
 
-def _backend_environment(system: Mapping[str, Any], python: str, trace: _Trace) -> Mapping[str, str]:
+def _backend_environment(
+    system: Mapping[str, Any], python: str, trace: _Trace, *, wheels: bool = True
+) -> Mapping[str, str]:
     """Return the environment of the backend, with the bundled setuptools if needed."""
     variables = {**os.environ, **trace.variables()}
     if system["build-backend"].startswith("setuptools.") or "backend-path" in system:
-        bundled = trace.provide_setuptools(python)
+        bundled = trace.provide_setuptools(python, wheels=wheels)
         if bundled is not None:
             path = os.pathsep.join(filter(None, (str(bundled), os.environ.get("PYTHONPATH"))))
             variables["PYTHONPATH"] = path
     return variables
 
 
-def _run_backend(
+def _run_backend(  # noqa: PLR0913  (pyproject_hooks passes three of them)
     cmd: Sequence[str],
     cwd: str | None = None,
     extra_environ: Mapping[str, str] | None = None,
     *,
     trace: _Trace,
     environment: Mapping[str, str],
+    prefix: str = "",
 ) -> None:
     """Run the backend with its output on stdout, since backends also write to stderr on success.
 
     Raises CalledProcessError after printing the reason to stderr.
     """
     done = subprocess.run(
-        trace.argv(cmd),
+        trace.argv(cmd, prefix),
         cwd=cwd,
         env={**environment, **(extra_environ or {})},
         stdin=subprocess.DEVNULL,

@@ -57,8 +57,13 @@ def invalid_scripts_of_setup(setup: Path) -> Iterator[Problem]:
     lines = text.splitlines()
     for node in _literals(ast.parse(text)):
         point = node.value.strip() if isinstance(node.value, str) else ""
-        if point and "\n" not in point and not point.startswith("#") and not _VALID.fullmatch(point):
-            yield _problem(point, Location(setup, node.lineno, node.col_offset + 1, lines[node.lineno - 1]))
+        if not point or "\n" in point or point.startswith("#"):
+            continue
+        place = Location(setup, node.lineno, node.col_offset + 1, lines[node.lineno - 1])
+        if not _VALID.fullmatch(point):
+            yield _problem(point, place)
+        elif re.search(r"[/\\]", point.partition("=")[0]):
+            yield Problem(f"the name of the script '{point}' contains a path separator", place)
 
 
 def defining_file(source: Path) -> Path:

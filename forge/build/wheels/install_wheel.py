@@ -1,9 +1,10 @@
-"""Build the wheel of a Python package and install it into a prefix.
+"""Install a Python package into a prefix.
 
-The package's backend (PEP 517; setuptools for a setup.py) builds the wheel in the workspace's interpreter;
-the `installer` library unpacks it. Console scripts go to the folder in setup.cfg, commonly lib/<package>,
-where `ros2 run` finds them, or to bin; modules go to the site-packages folder, data files to the paths in the
-package. Files of an earlier build that are no longer installed are removed.
+setuptools installs a package itself, by the commands that colcon runs. Another backend (PEP 517) builds a
+wheel in the workspace's interpreter, which the `installer` library unpacks. Console scripts go to the folder
+in setup.cfg, commonly lib/<package>, where `ros2 run` finds them, or to bin; modules go to the site-packages
+folder, data files to the paths in the package. Files of an earlier build that are no longer installed are
+removed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import configparser
 import contextlib
 import csv
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,12 +24,12 @@ from installer.records import InvalidRecordEntry
 from installer.sources import WheelFile
 
 from forge.base.errors import Location, Problem, WorkspaceError
-from forge.base.files import listed_paths, naming, read_text, replace_file
+from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.build.observed_writes import note_written
-from forge.build.wheels.backends import build_wheel
+from forge.build.wheels.backends import SetupInstall, build_wheel, run_setup_install, uses_setuptools
 from forge.build.wheels.entry_points import ENTRY_POINTS, without_invalid_scripts
-from forge.build.wheels.links import Wheel, link_to_sources
+from forge.build.wheels.links import Installed, link_to_sources
 from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
 
 if TYPE_CHECKING:
@@ -40,6 +42,12 @@ if TYPE_CHECKING:
 MANIFEST = "install_manifest.txt"
 TARGET_PYTHON = "/usr/bin/python3"
 """The interpreter in the first line of scripts for another platform."""
+_LONGEST_FIRST_LINE = 127
+"""The kernel ignores what is behind it."""
+_STARTED_BY_SHELL = b"""#!/bin/sh
+'''exec' "%s" "$0" "$@"
+' '''
+%s"""
 
 
 @frozen
@@ -65,15 +73,53 @@ class WheelInstall:
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     """Build and install a package; return warnings. Raises ForgeError."""
     refuse_what_no_backend_reads(options.source, Path(options.site_packages))
-    wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
-    schemes = _schemes(options)
-    if options.target:
-        _refuse_compiled(wheel, options)
-    installed = _unpack(wheel, options, schemes)
+    if uses_setuptools(options.source):
+        installed, output = _run_setup(options)
+    else:
+        installed, output = _install_wheel(options)
     if options.link:
-        link_to_sources(Wheel(options.source, options.build, schemes, output), installed)
+        site = options.prefix / options.site_packages
+        link_to_sources(Installed(options.source, options.prefix, site, output), installed)
     _remove_stale(options.build / MANIFEST, installed, options.prefix)
     return tuple(wheel_warnings(options.source, options.prefix / options.site_packages, installed))
+
+
+def _run_setup(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
+    """Let setuptools install the package; return the installed files and the output."""
+    _remove_links(options.build / MANIFEST)
+    executable = TARGET_PYTHON if options.target else ""
+    setup = SetupInstall(
+        options.source,
+        options.build,
+        options.prefix,
+        options.python,
+        options.site_packages,
+        _scripts_of_setup(options),
+        executable,
+    )
+    installed, output = run_setup_install(setup)
+    _make_startable(installed, executable or options.python)
+    return installed, output
+
+
+def _make_startable(scripts: Sequence[Path], python: str) -> None:
+    """Replace the first lines of scripts that the kernel cannot start: a path with blanks, or a long one."""
+    usual = f"#!{python}".encode()
+    if b" " not in usual and len(usual) < _LONGEST_FIRST_LINE:
+        return
+    for path in scripts:
+        if os.access(path, os.X_OK) and not path.is_symlink():
+            first, _, rest = read_file(path).partition(b"\n")
+            if first in {usual, f'#!"{python}"'.encode(), f"#!{shlex.quote(python)}".encode()}:
+                path.write_bytes(_STARTED_BY_SHELL % (python.encode(), rest))
+
+
+def _install_wheel(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
+    """Build a wheel and unpack it; return the installed files and the backend's output."""
+    wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
+    if options.target:
+        _refuse_compiled(wheel, options)
+    return _unpack(wheel, options, _schemes(options)), output
 
 
 def _refuse_compiled(wheel: Path, options: WheelInstall) -> None:
@@ -142,34 +188,39 @@ class _Prefix(SchemeDictionaryDestination):
             return super().write_to_fs(scheme, path, stream, is_executable)
 
 
-def _scripts_folder(options: WheelInstall) -> str:
-    """Return the script folder relative to the prefix; with a setup.py, it is that of setuptools.
+def _scripts_of_setup(options: WheelInstall) -> str | None:
+    """Return the script folder for setuptools as colcon passes it, None for that of setuptools.
 
-    This is the folder in setup.cfg, or `bin` by default, as for `ros2` itself.
+    This is `bin`, as for `ros2` itself, unless setup.py contains another.
     """
-    configured = _install_scripts(options.source / "setup.cfg")
-    if configured:
-        return configured
-    if (options.source / "setup.py").is_file():
-        return "bin"
-    return options.scripts or f"lib/{options.package}"
+    cfg = options.source / "setup.cfg"
+    configured = _option(cfg, "develop", "script_dir") if options.link else ""
+    configured = configured or _option(cfg, "install", "install_scripts")
+    if configured or (options.source / "setup.py").is_file():
+        return configured or None
+    return f"$base/{options.scripts or f'lib/{options.package}'}"
 
 
-def _install_scripts(path: Path) -> str | None:
-    """Return install_scripts of a setup.cfg relative to the prefix, or None."""
-    parser = configparser.RawConfigParser()
-    with contextlib.suppress(configparser.Error, OSError):
-        parser.read_string(read_text(path))
-    section = dict(parser["install"]) if parser.has_section("install") else {}
-    # After a parse error, values may still be lists of lines.
-    value = str(section.get("install_scripts") or section.get("install-scripts") or "")
-    base, _, folder = value.partition("/")
+def _scripts_folder(options: WheelInstall) -> str:
+    """Return the folder of the scripts of a wheel, relative to the prefix."""
+    path = options.source / "setup.cfg"
+    base, _, folder = _option(path, "install", "install_scripts").partition("/")
     if base not in {"$base", "$platbase"}:
-        return None
+        return options.scripts or f"lib/{options.package}"
     if ".." in Path(folder).parts or "\0" in folder:
         message = f"install_scripts is '{folder}', which is outside the prefix"
         raise WorkspaceError(Problem(message, Location(path), "use a folder such as '$base/lib/PACKAGE'"))
     return folder
+
+
+def _option(path: Path, command: str, name: str) -> str:
+    """Return an option of a command in a setup.cfg, or ''."""
+    parser = configparser.RawConfigParser()
+    with contextlib.suppress(configparser.Error, OSError):
+        parser.read_string(read_text(path))
+    section = dict(parser[command]) if parser.has_section(command) else {}
+    # After a parse error, values may still be lists of lines.
+    return str(section.get(name) or section.get(name.replace("_", "-")) or "")
 
 
 def _remove_links(manifest: Path) -> None:

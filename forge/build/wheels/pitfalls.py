@@ -41,15 +41,18 @@ def _is_named(path: Path) -> bool:
 
 def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Iterator[Problem]:
     """Yield problems that occur when modules are imported or scripts started; `site` is site-packages."""
+    points = next((path for path in installed if path.match(f"*-info/{ENTRY_POINTS}")), None)
+    if points:
+        # The package may install its modules elsewhere, with their metadata.
+        site = points.parent.parent
     modules = {_module(path.relative_to(site)): path for path in installed if _is_module(path, site)}
     broken = set()
     if _same_version(site):
         for name, path in sorted(modules.items()):
-            problem = _syntax_problem(path, _origin(source, site, path))
+            problem = _syntax_problem(path, _origin(source, site, path)) if path.suffix == ".py" else None
             if problem:
                 broken.add(name)
                 yield problem
-    points = next((path for path in installed if path.name == ENTRY_POINTS), None)
     yield from invalid_scripts(text_or_nothing(points) if points else "", source)
     for script, module, function in _entry_points(points):
         if module in modules and module not in broken:

@@ -164,7 +164,8 @@ def test_a_program_counts_and_so_do_libraries_and_folders_of_headers(tree: Tree)
     assert found == tuple(f"{root}/{name}" for name in ("bin/cc", "include/.", "lib/liba.so"))
 
 
-def test_the_tracer_needs_no_more_than_python_3_8() -> None:
+@pytest.mark.parametrize("name", ["backend_tracer", "setup_install"])
+def test_what_runs_in_the_interpreter_of_the_workspace_needs_no_more_than_python_3_8(name: str) -> None:
     """The workspace's interpreter, and what a setup.py starts, may be older than forge's."""
-    text = (ROOT / "forge/build/wheels/backend_tracer.py").read_text(encoding="utf-8")
+    text = (ROOT / f"forge/build/wheels/{name}.py").read_text(encoding="utf-8")
     ast.parse(text, feature_version=(3, 8))

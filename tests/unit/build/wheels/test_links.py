@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.build.wheels.links import Wheel, link_to_sources
+from forge.build.wheels.links import Installed, link_to_sources
 
 if TYPE_CHECKING:
     from tests.conftest import Tree
@@ -23,6 +23,6 @@ def test_the_copy_in_an_environment_is_no_source(tree: Tree) -> None:
         }
     )
     installed = root / "install/p/mine.py"
-    link_to_sources(Wheel(root / "p", root / "build", {}, ""), [installed])
+    link_to_sources(Installed(root / "p", root / "install", root / "install/site", ""), [installed])
     assert installed.is_symlink()
     assert installed.resolve() == root / "p/p/mine.py"

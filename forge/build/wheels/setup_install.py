@@ -1,0 +1,136 @@
+"""Run `setup.py install` in the current folder as colcon does; argument: a JSON file with the request.
+
+Like backend_tracer, this module runs in the workspace's interpreter, which may not have forge. It has minimal
+imports and supports Python 3.8.
+"""
+
+import contextlib
+import json
+import os
+import sys
+import warnings
+
+TYPE_CHECKING = False  # importing typing would dominate the start-up time
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Any
+
+UNAVAILABLE = 100
+"""The exit code without setuptools."""
+OUTSIDE = "outside.txt"
+"""The file next to the request that names a path outside the prefix to which the package would install."""
+COMPILED = 101
+"""The exit code for compiled modules of a package for another platform."""
+
+_SCRIPT = """\
+import sys
+from {module} import {name}
+if __name__ == "__main__":
+    sys.exit({function}())
+"""
+_KINDS = ("lib", "scripts", "data", "headers")
+
+
+def main(path: str) -> None:
+    """Run the setup.py, or setuptools alone if there is none."""
+    with open(path, encoding="utf-8") as stream:
+        request = json.load(stream)
+    # As colcon does: what setup.py computes from sys.prefix, and setuptools' defaults, are in the prefix.
+    sys.real_prefix = sys.prefix  # type: ignore[attr-defined]
+    sys.prefix = sys.exec_prefix = request["prefix"]
+    try:
+        import setuptools
+    except ImportError:
+        sys.exit(UNAVAILABLE)
+    warnings.filterwarnings("ignore", "setup.py install is deprecated")
+    _adapt(request, os.path.join(os.path.dirname(path), OUTSIDE))
+    sys.argv[:] = ["setup.py", *request["words"]]
+    sys.path.insert(0, os.getcwd())
+    setup = os.path.join(os.getcwd(), "setup.py")
+    with _without_downloads():
+        if not os.path.exists(setup):
+            setuptools.setup()
+            return
+        with open(setup, "rb") as stream:
+            code = compile(stream.read(), setup, "exec")
+        module = type(sys)("__main__")
+        module.__dict__.update(__file__=setup, __builtins__=__builtins__)
+        sys.modules["__main__"] = module
+        exec(code, module.__dict__)  # noqa: S102  (the purpose of this module)
+
+
+@contextlib.contextmanager
+def _without_downloads() -> "Iterator[None]":
+    """Ignore setup_requires, as builds of wheels do: what it names would be downloaded into the sources."""
+    try:
+        from setuptools.build_meta import no_install_setup_requires  # type: ignore[attr-defined]
+    except ImportError:
+        yield
+    else:
+        with no_install_setup_requires():
+            yield
+
+
+def _adapt(request: "dict[str, Any]", outside: str) -> None:
+    """Set the default folders, write fast scripts, and check where files are installed."""
+    from distutils.command.install import install
+    from distutils.dist import Distribution
+
+    select_scheme, run_command = install.select_scheme, Distribution.run_command
+
+    def select_own_scheme(self: "Any", name: str) -> None:
+        """Set what the package does not set: distributions' defaults vary (local/, dist-packages)."""
+        site = os.path.join(self.install_base, request["site_packages"])
+        python = "python{0}.{1}".format(*sys.version_info) + getattr(sys, "abiflags", "")
+        headers = os.path.join(self.install_base, "include", python, self.distribution.get_name())
+        folders = {"purelib": site, "platlib": site, "headers": headers, "data": self.install_base}
+        folders["scripts"] = os.path.join(self.install_base, "bin")
+        for kind, folder in folders.items():
+            if getattr(self, "install_" + kind) is None:
+                setattr(self, "install_" + kind, folder)
+        select_scheme(self, name)
+
+    def run_checked(self: "Any", command: str) -> None:
+        """Run a command unless it would install files outside the prefix."""
+        if command == "install" and request["pure"] and self.has_ext_modules():
+            sys.exit(COMPILED)
+        if command in {"install_" + kind for kind in _KINDS}:
+            installing = self.get_command_obj(command)
+            installing.ensure_finalized()
+            base = installing.install_dir or ""
+            files = (self.data_files or ()) if command == "install_data" else ()
+            for folder in ("", *(entry[0] for entry in files if not isinstance(entry, str))):
+                path = os.path.abspath(os.path.join(base, folder))
+                if not (path + os.sep).startswith(request["prefix"] + os.sep):
+                    with open(outside, "w", encoding="utf-8") as stream:
+                        stream.write(path)
+                    sys.exit(1)
+        run_command(self, command)
+
+    install.select_scheme = select_own_scheme  # type: ignore[method-assign]
+    Distribution.run_command = run_checked  # type: ignore[method-assign]
+    try:
+        from setuptools._scripts import ScriptWriter  # type: ignore[import-not-found]
+    except ImportError:  # before 80
+        from setuptools.command.easy_install import ScriptWriter  # type: ignore[attr-defined]
+    ScriptWriter.template = _Template(ScriptWriter.template)
+
+
+class _Template(str):
+    """setuptools' template of scripts; its scripts search for their distribution at each start."""
+
+    __slots__ = ()
+
+    def __mod__(self, variables: "Any") -> str:
+        """Return a script that imports the function, or setuptools' own for a module without function."""
+        point = variables["ep"]
+        # An EntryPoint of pkg_resources or of importlib.metadata.
+        module = getattr(point, "module_name", None) or point.module
+        names = point.attrs if hasattr(point, "attrs") else list(filter(None, (point.attr or "").split(".")))
+        if not names:
+            return str.__mod__(self, variables)
+        return _SCRIPT.format(module=module, name=names[0], function=".".join(names))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
