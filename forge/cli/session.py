@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.text import listed
 from forge.build.events import Finished, Started
 from forge.cli.options import displayed_below
 from forge.execution.loop import execute
@@ -73,10 +74,17 @@ class Session:
 
         See forge.execution.loop.execute() for `resolve` and for the handling of interrupts.
         """
+        waits = False
         with closing(execute(plan, runner, scheduler, resolve)) as events:
             for event in events:
                 record(event)
                 self.notify(event)
+                failed = isinstance(event, Finished) and event.code
+                if failed and scheduler.stopped and scheduler.running and not waits:
+                    waits = True
+                    steps = "step" if len(scheduler.running) == 1 else "steps"
+                    names = listed(sorted(scheduler.running))
+                    self.write(f"waiting for the running {steps} of {names}\n", stderr=True)
 
     def notify(self, event: Event) -> None:
         """Pass on an event, first to the log, which must be complete if a later reporter fails."""

@@ -580,3 +580,16 @@ def test_a_build_of_nothing_warns_of_removed_packages(forge: Forge, workspace: P
     ran = forge("build", cwd=workspace)
     assert "Starting" not in ran.out
     assert "'c' is no longer in the workspace" in ran.err
+
+
+def test_after_a_failure_forge_says_for_what_it_waits(forge: Forge, tree: Tree) -> None:
+    """A step that runs is not killed; without a word, a long one would look like a hang."""
+    slow = "add_custom_target(wait ALL COMMAND ${CMAKE_COMMAND} -E sleep 3)"
+    late = "execute_process(COMMAND ${CMAKE_COMMAND} -E sleep 1)\nmessage(FATAL_ERROR no)"
+    root = tree({**files("fails", more=late), **files("slow", more=slow)})
+    ran = forge("build", "--parallel-workers", "2", cwd=root)
+    assert ran.code == 1
+    assert ran.err.count("waiting for the running step of 'slow'\n") == 1
+    ran = forge("build", "--parallel-workers", "2", "--continue-on-error", cwd=root)
+    assert ran.code == 1
+    assert "waiting" not in ran.err
