@@ -31,9 +31,16 @@ def changed_sources(home: str, build: Path, record: BuildRecord, table: FileTabl
     """Return which sources of a package below `home` changed since its last build."""
     then = _manifest(build, SOURCES, record)
     if then is None:
-        return UNKNOWN_SOURCES
-    changes = compare(then, tree_manifest(home, table))
+        recent = frozenset(path for path in recently_changed(table) if path.startswith(f"{home}/"))
+        changes = Changes(modified=recent)
+    else:
+        changes = compare(then, tree_manifest(home, table))
     return described(changes, lambda path: path.removeprefix(f"{home}/")) or UNKNOWN_SOURCES
+
+
+def recently_changed(table: FileTable) -> tuple[str, ...]:
+    """Return the files of which the table had another digest, without those that it did not know."""
+    return tuple(path for path, before in table.changed_files.items() if before is not None)
 
 
 def changed_installed_files(

@@ -5,7 +5,12 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from forge.build.change_texts import changed_external_files, changed_installed_files, changed_sources
+from forge.build.change_texts import (
+    changed_external_files,
+    changed_installed_files,
+    changed_sources,
+    recently_changed,
+)
 from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,
@@ -34,7 +39,7 @@ def take_snapshot(
     records = dict(journal.records)
     sources, installed, source_changes, installed_changes, present = {}, {}, {}, {}, set()
     changed_externals = find_changed_externals(journal, table)
-    recent = tuple(table.changed_files)
+    recent = recently_changed(table)
     states = InstalledStates(layout.build)
     for package in packages:
         name = package.name
