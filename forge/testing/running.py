@@ -66,7 +66,11 @@ class TestSetup:
             kind, before = task.steps[-1].kind if task.steps else None, self.before.get(task.name, {})
             folder = self.context.results_of(task.name)
             own = str(folder / f"{kind.value}.xml") if kind else ""
-            found = [one for each in self._folders(task) for one in collect(each).outcomes]
+            found = list(collect(folder).outcomes)
+            if folder != task.build_dir:
+                # CTest's own results were copied from there.
+                ctest = str(task.build_dir / "Testing")
+                found += [one for one in collect(task.build_dir).outcomes if not one.path.startswith(ctest)]
             if kind in {StepKind.PYTEST, StepKind.UNITTEST} and all(one.path != own for one in found):
                 found.append(unreadable(own, "", "the result is missing"))
             self.results[task.name] = tuple(

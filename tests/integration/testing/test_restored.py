@@ -99,6 +99,17 @@ def test_all_packages_are_tested_after_a_restore(forge: Forge, tree: Tree, layou
     assert "Starting" not in forge(*built, cwd=root).out
 
 
+def test_results_of_restored_packages_may_go_elsewhere(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("p", BAD), "src/p/text": ""})
+    option = ("--test-result-base", "results")
+    restore(forge, root, *option)
+    ran = forge(*TEST, *option, cwd=root)
+    assert ran.code == 1
+    assert "1 test, 0 errors, 1 failure" in ran.out
+    assert "\n1 failed test:\n" in ran.out
+    assert forge("test-result", *option, cwd=root).code == 1
+
+
 def test_tests_of_other_sources_are_not_run_after_a_restore(forge: Forge, tree: Tree) -> None:
     root = tree({**cmake_package("p", BAD), "src/p/text": "first"})
     build = ("build", "--cache", str(root / "cache"))
