@@ -462,3 +462,15 @@ def test_services_have_events_in_the_distributions_that_have_them(rosidl: Ament)
     assert "include/motion/motion/srv/detail/move__description.h" in project.files()
     exports = [file for file in project.files() if file.startswith("share/motion/cmake/")]
     assert any("service_msgs" in project.read(file) for file in exports)
+
+
+def test_two_types_with_the_same_generated_files_are_rejected_before_the_build(rosidl: Ament) -> None:
+    made = rosidl(
+        f"{GENERATORS}rosidl_generate_interfaces(${{PROJECT_NAME}} msg/IMUData.msg msg/ImuData.msg)\n",
+        name="clash",
+        manifest=MEMBER,
+        files={"msg/IMUData.msg": "int8 a\n", "msg/ImuData.msg": "int8 a\n"},
+    )
+    outcome = made.configure()
+    assert outcome.code != 0
+    assert "'ImuData' and 'IMUData' would both be generated into 'imu_data'" in " ".join(outcome.text.split())

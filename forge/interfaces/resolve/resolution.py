@@ -175,11 +175,15 @@ class _Search:
     def _nearest(self, name: TypeName, candidates: Mapping[str, TypeName]) -> str | None:
         """Return the type that was probably meant; types of declared packages are preferred."""
         written = f"{name.package}/{name.name}"
+        if name.package == self.package and name.name == "Header":
+            return "std_msgs/Header"  # as in ROS 1, where it is written without its package
         namesakes = sorted(
             (text for text, candidate in candidates.items() if candidate.name == name.name),
             key=lambda text: (not self.known.declares(candidates[text].package), text),
         )
         first = next(iter(namesakes), None)
         if name.package == self.package:  # most often written without its package
-            return first or nearest(written, candidates)
+            # The package that both names begin with would make any two of them similar.
+            own = {each.name: text for text, each in candidates.items() if each.package == name.package}
+            return first or own.get(nearest(name.name, own) or "") or nearest(name.name, candidates)
         return nearest(written, namesakes) or nearest(written, candidates) or first

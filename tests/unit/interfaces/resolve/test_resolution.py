@@ -124,6 +124,21 @@ def test_unknown_types_are_named_with_the_nearest_known() -> None:
     ]
 
 
+def test_the_header_of_ros_1_is_that_of_std_msgs_whatever_else_is_called_like_it() -> None:
+    shelf = Shelf({"own/msg/Header.msg": "int8 a"}, frozenset({"own"}))
+    assert problems({"msg/A.msg": "Header h", "msg/Headers.msg": ""}, shelf) == [
+        (
+            "msg/A.msg:1:1: unknown type 'tour/Header' (did you mean 'std_msgs/Header'? "
+            "add <depend>std_msgs</depend> to package.xml)"
+        )
+    ]
+
+
+def test_types_are_not_similar_because_their_package_is_the_same() -> None:
+    files = {"msg/A.msg": "Nope a", "msg/M9.msg": "int8 a", "msg/Other.msg": "int8 a"}
+    assert problems(files, Shelf({})) == ["msg/A.msg:1:1: unknown type 'tour/Nope' (None)"]
+
+
 def test_a_type_without_its_package_is_the_one_of_that_name_and_declared_packages_need_no_declaration() -> (
     None
 ):

@@ -58,6 +58,7 @@ macro(rosidl_generate_interfaces target)
     ament_get_python_install_dir(PYTHON_INSTALL_DIR)
   endif()
 
+  _rosidl_check_names(${_rosidl_tuples})
   _rosidl_generate("${target}" "${_rosidl_tuples}" "${_rosidl_packages}")
   _rosidl_add_targets("${target}" "${_rosidl_packages}")
   if(NOT _rosidl_SKIP_INSTALL)
@@ -77,6 +78,27 @@ macro(rosidl_generate_interfaces target)
   set(rosidl_generate_interfaces_ADD_LINTER_TESTS "${_rosidl_ADD_LINTER_TESTS}")
   ament_execute_extensions(rosidl_generate_idl_interfaces)
 endmacro()
+
+# _rosidl_check_names(<tuple>...): reject interfaces whose generated files would have the same names.
+#
+# Ninja would report them by the names of files that no user has written.
+function(_rosidl_check_names)
+  foreach(tuple IN LISTS ARGN)
+    string(REGEX REPLACE "^.*[:/]([^:/]+)\\.([^.]+)$" "\\1" name "${tuple}")
+    string(REGEX REPLACE "^.*\\.([^.]+)$" "\\1" kind "${tuple}")
+    if(kind STREQUAL "idl")
+      string(REGEX REPLACE "^.*[:/]([^:/]+)/[^:/]+$" "\\1" kind "${tuple}")
+    endif()
+    string_camel_case_to_lower_case_underscore("${name}" output)
+    set(first "${first_${kind}_${output}}")
+    if(first AND NOT first STREQUAL name)
+      message(FATAL_ERROR
+        "'${name}' and '${first}' would both be generated into '${output}': "
+        "rename one of them: the names of generated files are in lower case")
+    endif()
+    set("first_${kind}_${output}" "${name}")
+  endforeach()
+endfunction()
 
 # rosidl_interfaces_of_distribution(<variable>)
 #
