@@ -9,6 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from forge.base.errors import EnvironmentFault, ForgeError, Problem
+from forge.base.own_environment import extra_command, install_beside_forge
 from forge.cache import action_result
 from forge.cache.checking import decode_result, encode_result, open_source, read_blocks, receiving
 from forge.cache.deadline import Deadline, DeadlineExceeded, TimeoutExecutor
@@ -176,9 +177,9 @@ def _library(scheme: str) -> str | None:
     from fsspec.registry import known_implementations  # noqa: PLC0415  (as below)
 
     if scheme in _SHELLS:
-        return "run: pip install sshfs"
+        return f"run: {install_beside_forge('sshfs')}"
     module = str(known_implementations.get(scheme, {}).get("class", "")).partition(".")[0]
-    return f"run: pip install {module}" if module not in {"", "fsspec"} else None
+    return f"run: {install_beside_forge(module)}" if module not in {"", "fsspec"} else None
 
 
 def _file_system(url: str) -> Callable[[], tuple[_FileSystem, str]]:
@@ -188,7 +189,7 @@ def _file_system(url: str) -> Callable[[], tuple[_FileSystem, str]]:
         from fsspec.core import url_to_fs  # noqa: PLC0415
     except ImportError:
         message = "the remote cache requires the Python package 'fsspec', which is not installed"
-        raise EnvironmentFault(Problem(message, hint="run: pip install 'ros-forge[remote]'")) from None
+        raise EnvironmentFault(Problem(message, hint=f"run: {extra_command('remote')}")) from None
     scheme = url.partition(":")[0]
     try:
         kind = get_filesystem_class(scheme)

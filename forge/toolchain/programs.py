@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
+from forge.base.own_environment import extra_command, install_beside_forge
 from forge.toolchain.compiler_launchers.choice import not_found
 from forge.toolchain.program_lookup import ProgramLookup
 from forge.workspace.cmake_text import calls
@@ -28,9 +29,6 @@ CMAKE_TYPES = frozenset({"ament_cmake", "cmake"})
 PYTHON_TYPES = frozenset({"ament_python", "python"})
 CARGO_TYPES = frozenset({"ament_cargo", "cargo"})
 
-_CMAKE_HINT = (
-    "install it with forge, `pip install 'ros-forge[cmake]'`, or with your distribution's cmake package"
-)
 _COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _BEFORE_PROJECT = frozenset({"cmake_minimum_required", "cmake_policy", "message", "set"})
 _PROJECT_DETAILS = frozenset({"COMPAT_VERSION", "DESCRIPTION", "HOMEPAGE_URL", "SPDX_LICENSE", "VERSION"})
@@ -103,12 +101,16 @@ def _own_arguments(package: Package) -> tuple[str, ...]:
 
 def no_cmake(needy: Sequence[Package]) -> Problem:
     """Return a problem for missing CMake."""
-    return Problem(f"CMake not found; {_dependents(needy)} it", hint=_CMAKE_HINT)
+    return Problem(f"CMake not found; {_dependents(needy)} it", hint=_cmake_hint())
+
+
+def _cmake_hint() -> str:
+    return f"install your distribution's cmake package, or CMake beside forge: {extra_command('cmake')}"
 
 
 def no_builder(needy: Sequence[Package]) -> Problem:
     """Return a problem for missing Ninja and make."""
-    hint = "install Ninja with `pip install ninja`, or make with your distribution's package"
+    hint = f"install Ninja, `{install_beside_forge('ninja')}`, or make with your distribution's package"
     return Problem(f"neither Ninja nor make found; {_dependents(needy)} one", hint=hint)
 
 
@@ -157,7 +159,7 @@ def find_ctest(variables: Mapping[str, str]) -> Path:
     beside = cmake.with_name("ctest") if cmake else None
     found = beside if beside and beside.is_file() else find_program("ctest", variables)
     if found is None:
-        raise EnvironmentFault(Problem("ctest, which is part of CMake, not found", hint=_CMAKE_HINT))
+        raise EnvironmentFault(Problem("ctest, which is part of CMake, not found", hint=_cmake_hint()))
     return found
 
 

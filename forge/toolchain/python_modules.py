@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
-from forge.base.files import text_or_nothing
+from forge.base.own_environment import has_no_pip
 from forge.toolchain.interpreter import ask_python, is_own
 from forge.toolchain.os_release import DEBIAN, RED_HAT, families, os_release
 
@@ -83,7 +83,7 @@ def install_command(python: Path, modules: Sequence[str], system: Mapping[str, s
             return command
         activated = f"{program} -m venv --system-site-packages .venv && . .venv/bin/activate"
         return f"{command}; if there is no such package: {activated} && pip install {words}"
-    if _has_no_pip(python):
+    if has_no_pip(python.parent.parent):
         return f"uv pip install --python {program} {words}"
     return f"{program} -m pip install {words}"
 
@@ -123,10 +123,3 @@ def _is_default(python: Path) -> bool:
         return python.samefile(python.with_name("python3"))
     except OSError:
         return False
-
-
-def _has_no_pip(python: Path) -> bool:
-    """Tell whether the interpreter is in an environment that uv made without pip."""
-    environment = python.parent.parent
-    by_uv = any(line.startswith("uv =") for line in text_or_nothing(environment / "pyvenv.cfg").splitlines())
-    return by_uv and not any(environment.glob("lib/python*/site-packages/pip"))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import pytest
 
+from forge.base.own_environment import extra_command
 from tests.clusters import Loopback, alone, loopback, programs_of
 from tests.evolving import differences, look
 from tests.packages import manifest_text
@@ -345,4 +346,4 @@ def test_without_dask_the_way_to_get_it_is_said(tmp_path: Path) -> None:
     process = workspace.start(*workspace.options, env={"PYTHONPATH": path})
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert said == "error: '--executor dask' needs Dask\nhint: pip install 'ros-forge[dask]'\n"
+    assert said == f"error: '--executor dask' needs Dask\nhint: run: {extra_command('dask')}\n"

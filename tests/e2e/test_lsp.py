@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
+from forge.base.own_environment import extra_command
 from tests.packages import manifest_text
 from tests.snippets import ROOT
 
@@ -75,4 +76,4 @@ def test_without_pygls_the_way_to_get_it_is_said(tmp_path: Path) -> None:
         argv, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
     )
     assert ran.returncode == 2
-    assert ran.stderr == "error: 'forge lsp' needs pygls 2\nhint: run: pip install 'ros-forge[lsp]'\n"
+    assert ran.stderr == f"error: 'forge lsp' needs pygls 2\nhint: run: {extra_command('lsp')}\n"

@@ -192,7 +192,7 @@ def test_no_compiler(tree: Tree) -> None:
 
 def test_no_cmake_names_the_extra(tree: Tree) -> None:
     root = tree({"src/a/package.xml": manifest("a"), "src/a/CMakeLists.txt": cmakelists("a", "CXX")})
-    one_message(_bare(root, without=("cmake", "ninja")), "CMake not found", "ros-forge[cmake]")
+    one_message(_bare(root, without=("cmake", "ninja")), "CMake not found", "install 'cmake>=")
 
 
 def _bare(root: Path, without: tuple[str, ...]) -> Ran:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.base.own_environment import extra_command
 from forge.doctor.system_deps.system import system_of
 from forge.toolchain.os_release import os_release
 from tests.installs import Made, make_install
@@ -176,7 +177,7 @@ def test_without_a_database_keys_are_listed_with_the_way_to_get_one(forge: Forge
     assert "# libfoo-dev is unknown, needed by a, b\n" in ran.out
     assert ran.err == (
         "warning: cannot look up 4 dependencies for ubuntu:jammy: this machine has no rosdep database\n"
-        "hint: run `pip install 'ros-forge[rosdep]'`, `sudo rosdep init` and `rosdep update`, "
+        f"hint: run `{extra_command('rosdep')}`, `sudo rosdep init` and `rosdep update`, "
         "or give a file with names to '--rosdep-file'\n"
     )
 

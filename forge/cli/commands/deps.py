@@ -17,6 +17,7 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.names import did_you_mean
+from forge.base.own_environment import extra_command
 from forge.cli import options as shared
 from forge.cli import package_options
 from forge.cli.preparation import build_variables, known_rosdistro, workspace_interpreter
@@ -231,7 +232,7 @@ def _unresolved(
     if count and not names.has_data:
         yield Problem(
             f"cannot look up {keys} for {name}: this machine has no rosdep database",
-            hint="run `pip install 'ros-forge[rosdep]'`, `sudo rosdep init` and `rosdep update`, "
+            hint=f"run `{extra_command('rosdep')}`, `sudo rosdep init` and `rosdep update`, "
             "or give a file with names to '--rosdep-file'",
         )
     elif count and not names.covers_system:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Problem
+from forge.base.own_environment import extra_command
 from forge.cli.commands.interface.inputs import add_distribution, distribution_in_folder
 from forge.environment.installed import known_prefixes
 from forge.interfaces.read.sources import Library
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     except ImportError as error:
         if (error.name or "").partition(".")[0] not in {"pygls", "lsprotocol"}:
             raise
-        problem = Problem("'forge lsp' needs pygls 2", hint="run: pip install 'ros-forge[lsp]'")
+        problem = Problem("'forge lsp' needs pygls 2", hint=f"run: {extra_command('lsp')}")
         raise EnvironmentFault(problem) from None
     serve(lambda folder: _open(folder, options.rosdistro))
     return 0

@@ -9,6 +9,7 @@ import subprocess
 from typing import TYPE_CHECKING
 
 from forge.base.errors import EnvironmentFault, Location, Problem, Several, WorkspaceError
+from forge.base.own_environment import extra_command, install_beside_forge
 from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.install_state import recorded_python
 from forge.environment.shells import SHELLS
@@ -72,15 +73,13 @@ def cmake(subject: CheckContext) -> CheckResult:
         return graded("cmake", "none", (no_cmake(needy),), serious=bool(needy))
     version = _version(subject, [str(program)])
     if not version:
-        hint = (
-            "install another CMake, for example with `pip install 'ros-forge[cmake]'`, or set CMAKE_COMMAND"
-        )
+        hint = f"install another CMake, for example with `{extra_command('cmake')}`, or set CMAKE_COMMAND"
         problem = Problem(f"'{program}' does not run", hint=hint)
         return graded("cmake", str(program), (problem,), serious=bool(needy))
     found = _numbers(version)
     problems = [problem for package in needy for problem in _minimum(subject, package, found)]
     if found < _OLDEST_CMAKE:
-        hint = "install a newer one with `pip install 'ros-forge[cmake]'`"
+        hint = f"install a newer one, for example with `{extra_command('cmake')}`"
         problems.append(Problem(f"CMake {version} at '{program}' is older than 3.18", hint=hint))
     return CheckResult("cmake", f"{version} ({program})", errors=tuple(problems))
 
@@ -154,7 +153,7 @@ def _minimum(subject: CheckContext, package: Package, version: tuple[int, ...]) 
     place = Location(package.path / "CMakeLists.txt", call.line)
     shown = ".".join(map(str, version))
     if _numbers(least) > version:
-        hint = "install the newest with `pip install -U cmake`"
+        hint = f"install a newer one, for example with `{install_beside_forge(f'cmake>={least}')}`"
         yield Problem(f"'{package.name}' requires CMake {least}, but CMake {shown} is installed", place, hint)
     elif version >= _POLICIES_GONE and _numbers(most or least) < _LEAST_POLICY:
         hint = f"use VERSION {least}...3.10, or build with --cmake-args -DCMAKE_POLICY_VERSION_MINIMUM=3.5"

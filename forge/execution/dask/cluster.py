@@ -19,6 +19,7 @@ from forge import __version__
 from forge.base.errors import EnvironmentFault, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.layout import CLUSTER_DIR, NO_CODE, PACKAGE
+from forge.base.own_environment import extra_command
 from forge.build.inputs.fingerprints import source_files
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def _client(address: str) -> Client:
     try:
         from distributed import Client  # noqa: PLC0415  (an extra, and slow)
     except ImportError:
-        problem = Problem("'--executor dask' needs Dask", hint="pip install 'ros-forge[dask]'")
+        problem = Problem("'--executor dask' needs Dask", hint=f"run: {extra_command('dask')}")
         raise EnvironmentFault(problem) from None
 
     class Quiet(Client):
@@ -225,7 +226,7 @@ def _program_identity(path: str) -> str:
 
 
 def _unsurveyed(where: str, error: BaseException) -> Problem:
-    hint = "install the same version of forge there: pip install 'ros-forge[dask]'"
+    hint = "install the same version of forge there, with its extra 'dask'"
     missing = isinstance(error, ImportError)
     cause = "forge is not installed there, or another version" if missing else _first_line(error)
     return Problem(f"the worker at '{where}' cannot be used: {cause}", hint=hint if missing else None)

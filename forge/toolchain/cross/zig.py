@@ -14,6 +14,7 @@ from forge.base.errors import EnvironmentFault, Problem
 from forge.base.files import write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR
+from forge.base.own_environment import extra_command
 from forge.base.templating import render
 from forge.toolchain.programs import find_program
 
@@ -103,7 +104,7 @@ def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zi
     program = next((path for path in beside if path.is_file()), None) or find_program("zig", variables)
     if program is None:
         hint = (
-            "install zig with forge, `pip install 'ros-forge[cross]'`, or describe a cross compiler in a "
+            f"install zig beside forge, `{extra_command('cross')}`, or describe a cross compiler in a "
             "'--toolchain-file'"
         )
         raise EnvironmentFault(Problem(f"no compiler for '{target.triple}' found", hint=hint))

@@ -93,7 +93,7 @@ def test_leaving_is_no_fault_of_the_server(tmp_path: Path) -> None:
         ("s3", "s3fs", "pip install s3fs"),
         ("gs", "gcsfs", "pip install gcsfs"),
         ("ssh", "paramiko", "pip install sshfs"),
-        ("s3", "fsspec", r"ros-forge\[remote\]"),
+        ("s3", "fsspec", "pip install 'fsspec"),
     ],
 )
 def test_a_library_that_is_missing_is_named(scheme: str, module: str, words: str) -> None:

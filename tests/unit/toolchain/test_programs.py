@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from forge.base.errors import EnvironmentFault
+from forge.base.own_environment import extra_command
 from forge.toolchain.programs import find_tools, ninja_first
 from tests.packages import package
 
@@ -68,7 +69,7 @@ def test_everything_missing_is_reported_together_with_hints(
         "CMake not found; 'a' and 1 more package need it",
         "no C++ compiler found; 'a' needs one",
     ]
-    assert "ros-forge[cmake]" in (error.value.problems[0].hint or "")
+    assert extra_command("cmake") in (error.value.problems[0].hint or "")
 
 
 def test_cmake_without_a_build_program(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:

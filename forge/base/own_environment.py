@@ -1,0 +1,92 @@
+"""Tells how to install further Python packages beside forge, with the tool that installed forge."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from forge.base.files import text_or_nothing
+from forge.base.formats import read_toml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+_NAME = "ros-forge"
+_UV_RECEIPT = "uv-receipt.toml"
+_PIPX_METADATA = "pipx_metadata.json"
+
+
+def extra_command(extra: str) -> str:
+    """Return the shell command that installs the packages of an extra beside forge."""
+    return install_beside_forge(*_requirements_of(extra))
+
+
+def install_beside_forge(*requirements: str, prefix: Path | None = None) -> str:
+    """Return the shell command that installs packages into forge's own environment, by default `sys.prefix`.
+
+    `uv tool install` replaces what an earlier one was given, extras too, so the command repeats it.
+    """
+    own = prefix or Path(sys.prefix)
+    if (own / _UV_RECEIPT).is_file():
+        words = ["uv", "tool", "install", *_uv_arguments(own / _UV_RECEIPT, requirements)]
+    elif (own / _PIPX_METADATA).is_file():
+        words = ["pipx", "inject", own.name, *requirements]
+    elif has_no_pip(own):
+        words = ["uv", "pip", "install", "--python", sys.executable, *requirements]
+    else:
+        words = [sys.executable, "-m", "pip", "install", *requirements]
+    return shlex.join(words)
+
+
+def has_no_pip(environment: Path) -> bool:
+    """Tell whether a virtual environment was made by uv, without pip."""
+    by_uv = any(line.startswith("uv =") for line in text_or_nothing(environment / "pyvenv.cfg").splitlines())
+    return by_uv and not any(environment.glob("lib/python*/site-packages/pip"))
+
+
+def _requirements_of(extra: str) -> tuple[str, ...]:
+    """Return the requirements of an extra, as the metadata of forge tells them."""
+    from importlib.metadata import PackageNotFoundError, requires  # noqa: PLC0415  (only needed for hints)
+
+    from packaging.requirements import Requirement  # noqa: PLC0415  (as above)
+
+    try:
+        declared = [Requirement(text) for text in requires(_NAME) or ()]
+    except PackageNotFoundError:
+        return (f"{_NAME}[{extra}]",)
+    return tuple(
+        f"{requirement.name}{requirement.specifier}"
+        for requirement in declared
+        if requirement.marker is not None
+        and requirement.marker.evaluate({"extra": extra})
+        and not requirement.marker.evaluate({"extra": ""})
+    )
+
+
+def _uv_arguments(receipt: Path, requirements: tuple[str, ...]) -> Iterator[str]:
+    tool = read_toml(receipt.read_bytes(), receipt).get("tool", {})
+    entries = tool.get("requirements", [])
+    given = [_uv_requirement(entry) for entry in entries if entry.get("name") != _NAME]
+    for requirement in (*given, *(each for each in requirements if each not in given)):
+        yield from ("--with", requirement)
+    for entry in entries:
+        if entry.get("name") == _NAME:
+            yield from ("--editable",) if "editable" in entry else ()
+            yield _uv_requirement(entry)
+
+
+def _uv_requirement(entry: Mapping[str, Any]) -> str:
+    """Return an entry of uv's receipt as a requirement for its command line."""
+    extras = f"[{','.join(entry['extras'])}]" if entry.get("extras") else ""
+    path = next((entry[kind] for kind in ("editable", "directory", "path") if kind in entry), None)
+    if path is not None:
+        return f"{path}{extras}"
+    name = f"{entry['name']}{extras}"
+    if "git" in entry:
+        url, _, revision = entry["git"].partition("?rev=")
+        return f"{name} @ git+{url}{'@' if revision else ''}{revision}"
+    if "url" in entry:
+        return f"{name} @ {entry['url']}"
+    return f"{name}{entry.get('specifier', '')}"
