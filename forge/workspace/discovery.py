@@ -17,6 +17,7 @@ from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
 from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import Overrides
+from forge.workspace.python_metadata import project_name
 from forge.workspace.source_names import is_environment, is_source_folder, may_contain_packages
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from forge.workspace.identity import Identity
 
+_PYTHON_TYPES = ("python", "ament_python")
 _READ_BY_TOOLS = (
     *("CMakeLists.txt", "setup.cfg", "pyproject.toml", "MANIFEST.in", ".cmake", ".in", ".py"),
     *(".c", ".cc", ".cpp", ".cxx", ".h", ".hh", ".hpp", ".hxx", ".S", ".s"),
@@ -149,9 +151,10 @@ class _Walk:
             self.duplicates.append(package)
 
     def workspace(self) -> Workspace:
-        found = _with_groups([*self.packages.values(), *self.duplicates])
+        found = _with_groups(_with_project_names([*self.packages.values(), *self.duplicates]))
         count = len(self.packages)
         packages = {package.name: package for package in found[:count]}
+        self.notes += _projects_twice(found[:count])
         notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
         broken = (replace(each, name=each.name or self.guessed_name(each.path)) for each in self.broken)
         return Workspace(self.root, packages, tuple(broken), tuple(found[count:]), notes)
@@ -203,6 +206,48 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return entry.is_dir()
     except OSError:
         return False
+
+
+def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
+    """Return the Python packages by the names that PEP 503 compares."""
+    found: dict[str, list[Package]] = {}
+    for package in packages:
+        if package.build_type in _PYTHON_TYPES:
+            found.setdefault(project_name(package.name), []).append(package)
+    return found
+
+
+def _with_project_names(packages: Sequence[Package]) -> list[Package]:
+    """Return the packages with dependencies on Python projects spelled like the names of these packages.
+
+    Between two ROS packages, names are literal.
+    """
+    known, names = projects(packages), {package.name for package in packages}
+
+    def spelled(package: Package, need: Dependency) -> Iterator[Dependency]:
+        same = () if need.name in names else known.get(project_name(need.name), ())
+        found = dict.fromkeys(other.name for other in same if not (package.ros and other.ros))
+        yield from (replace(need, name=name) for name in found or (need.name,))
+
+    if not known:
+        return list(packages)
+    return [
+        replace(package, manifest=replace(package.manifest, dependencies=needs))
+        if (needs := tuple(each for need in before for each in spelled(package, need))) != before
+        else package
+        for package in packages
+        for before in (package.manifest.dependencies,)
+    ]
+
+
+def _projects_twice(packages: Sequence[Package]) -> Iterator[Problem]:
+    """Yield a warning for each Python project of which there are several spellings."""
+    for same in projects(packages).values():
+        plain = [package for package in same if not package.ros]
+        for other in plain[1:]:
+            message = f"'{plain[0].name}' and '{other.name}' are the same Python project (PEP 503)"
+            hint = f"rename one of them; the other is in '{plain[0].path}'"
+            yield Problem(message, Location(other.path), hint)
 
 
 def _with_groups(packages: Sequence[Package]) -> list[Package]:

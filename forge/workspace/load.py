@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from forge.base import ament_index
 from forge.base.distributions import distribution_in, has_service_events
@@ -15,11 +15,12 @@ from forge.base.graph import closure, ordered_names
 from forge.base.layout import IGNORE_MARK
 from forge.base.standard_interfaces import distribution_hint, is_embedded
 from forge.environment.prefixes import find_underlays, provider, system_prefixes
-from forge.workspace.discovery import discover, discover_embedded
+from forge.workspace.discovery import discover, discover_embedded, projects
 from forge.workspace.duplicates import clashes
 from forge.workspace.filters import apply_filters
 from forge.workspace.model import Manifest, Package, Selection
 from forge.workspace.overrides import read_overrides
+from forge.workspace.python_metadata import project_name
 from forge.workspace.resolve import (
     ALL_KINDS,
     GENERATORS,
@@ -38,6 +39,11 @@ if TYPE_CHECKING:
     from forge.workspace.selection import Query, SearchPaths
 
 Node = TypeVar("Node")
+_NAMING = (
+    *("select", "skip", "up_to", "above", "above_and_dependencies", "above_depth"),
+    *("select_by_dep", "skip_by_dep", "skip_up_to", "start", "end", "ignore"),
+)
+"""The fields of a query that contain names of packages."""
 
 
 @frozen
@@ -77,6 +83,7 @@ def load_workspace(  # noqa: PLR0913  (three are options)
     """
     found = find_packages(root, query.search, variables)
     every = found.packages.keys() | {broken.name for broken in found.broken}
+    query = _with_literal_names(query, found, every)
     workspace = _without(found, ignored(query, every))
     broken = _placeholders(workspace)
     whole = resolve_workspace(
@@ -106,6 +113,22 @@ def load_workspace(  # noqa: PLR0913  (three are options)
     faults = (*workspace.problems, *clashes(workspace, names)) if listing else ()
     loaded = LoadedWorkspace(workspace, resolution, selection, packages, needs, ordered, (*faults, *warnings))
     return _without_broken(loaded, frozenset(broken), listing=listing) if workspace.broken else loaded
+
+
+def _with_literal_names(query: Query, workspace: Workspace, every: Collection[str]) -> Query:
+    """Return the query with names of Python projects spelled as in the workspace (PEP 503)."""
+    plain = projects(package for package in workspace.packages.values() if not package.ros)
+
+    def literal(name: str) -> str:
+        same = () if name in every else plain.get(project_name(name), ())
+        return same[0].name if len(same) == 1 else name
+
+    def literals(value: Any) -> Any:  # noqa: ANN401  (each field has its own type)
+        if isinstance(value, str):
+            return literal(value)
+        return tuple(map(literals, value)) if isinstance(value, tuple) else value
+
+    return replace(query, **{name: literals(getattr(query, name)) for name in _NAMING}) if plain else query
 
 
 def _placeholders(workspace: Workspace) -> dict[str, Package]:
