@@ -43,6 +43,7 @@ from forge.build.reuse import (
     restorable_outputs,
     undeclared_readers,
 )
+from forge.build.side_outputs import files_below, find_side_outputs, record_configured
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -135,18 +136,27 @@ def restore_outputs(build: Path) -> None:
     """Move products of the earlier build that the new build graph still contains back into the build folder.
 
     Files that CMake generated again with identical content get their old times, so that they cause no
-    rebuild. Does nothing unless a folder was set aside.
+    rebuild. A product with other files that its command wrote is moved only with these, see `side_outputs`.
+    Records which files CMake wrote; does nothing else unless a folder was set aside.
     """
+    configured = tuple(files_below(build, _KEPT))
     before = set_aside_path(build)
-    if not before.is_dir():
-        return
+    if before.is_dir():
+        _restore(build, before)
+    record_configured(build, configured)
+
+
+def _restore(build: Path, before: Path) -> None:
     note_data = read_json(build / SCRATCH_DIR / _DROPPED)
     dropped = frozenset(note_data.get("dropped", ()))
-    graph = replace(read_native_graph(build), reported=read_native_graph(before, build).reported)
+    graph, then = read_native_graph(build), read_native_graph(before, build)
+    side_outputs = find_side_outputs(before, build, then, graph, _KEPT)
+    graph = replace(graph, reported=then.reported)
     dropped |= undeclared_readers(graph, _generated_changes(build, before), read_or_nothing)
-    for path in restorable_outputs(graph, dropped):
-        if path.startswith(f"{build}/"):
-            _move(path, path.replace(str(build), str(before), 1))
+    for product in restorable_outputs(graph, dropped | side_outputs.dropped):
+        for path in (product, *side_outputs.beside.get(product, ())):
+            if path.startswith(f"{build}/"):
+                _move(path, path.replace(str(build), str(before), 1))
     for path in note_data.get("generated", ()):
         _restore_time(path, path.replace(str(build), str(before), 1))
     for name in (".ninja_deps", ".ninja_log"):
@@ -302,16 +312,9 @@ def _discard_path(path: str) -> None:
 
 
 def _move(path: str, source: str) -> None:
-    """Move a product back to its path, with the files that compilers write beside an object."""
-    for target, origin in ((path, source), *_beside(path, source)):
-        if os.path.lexists(origin) and not os.path.lexists(target):
-            os.makedirs(os.path.dirname(target), exist_ok=True)  # noqa: PTH103, PTH120
-            os.rename(origin, target)  # noqa: PTH104
-
-
-def _beside(path: str, source: str) -> Iterator[tuple[str, str]]:
-    if path.endswith(".o"):
-        yield from ((path[:-1] + ending, source[:-1] + ending) for ending in ("gcno", "dwo"))
+    if os.path.lexists(source) and not os.path.lexists(path):
+        os.makedirs(os.path.dirname(path), exist_ok=True)  # noqa: PTH103, PTH120
+        os.rename(source, path)  # noqa: PTH104
 
 
 def _restore_time(path: str, source: str) -> None:

@@ -97,6 +97,7 @@ class NativeGraph:
     """'ninja' or 'make'; '' for an unconfigured folder."""
     has_dyndeps: bool = False
     """Whether C++ modules or Fortran make the order of compilation depend on contents."""
+    written_by_cmake: tuple[str, ...] = ()
 
     def inputs_of(self, edge: Edge) -> tuple[str, ...]:
         """Return all known inputs of an edge, including reported ones."""
@@ -147,9 +148,10 @@ def cmake_edge(build: Path) -> Edge:
 def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
     edges: list[Edge] = []
     read: tuple[str, ...] = ()
+    written: tuple[str, ...] = ()
     for edge in _ninja_edges(build, rules):
         if edge.rule == "RERUN_CMAKE":
-            read = edge.inputs
+            read, written = edge.inputs, edge.outputs
         elif edge.rule not in _WITHOUT_FILES and edge.outputs:
             edges.append(edge)
     reported = dict(_ninja_reports(folder, build))
@@ -158,7 +160,7 @@ def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
         if depfile and edge.outputs[0] not in reported:
             where = _absolute(build, depfile).replace(str(build), str(folder), 1)
             reported[edge.outputs[0]] = tuple(_depfile(build, Path(where)))
-    return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules)
+    return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules, written)
 
 
 _WITHOUT_FILES = frozenset({"phony", "CLEAN", "HELP", "VERIFY_GLOBS", "RERUN_CMAKE"})
