@@ -173,6 +173,30 @@ path = "../../shared/version.py"
     assert workspace.change({"shared/version.py": "__version__ = '2.0'\n"})
 
 
+def test_configuration_of_the_user_for_setuptools(
+    tree: Tree, forge: Forge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is followed as by colcon, and a change of it is noticed."""
+    root = tree(package() | {"src/talk/tool": "#!/usr/bin/python\n"})
+    setup = root / "src/talk/setup.py"
+    setup.write_text(setup.read_text().replace("setup(", "setup(scripts=['tool'], ", 1))
+    one, two = root / "home/.pydistutils.cfg", root / "other.cfg"
+    one.parent.mkdir()
+    monkeypatch.setenv("HOME", str(one.parent))
+
+    def first_line() -> str:
+        assert forge("build", cwd=root).code == 0
+        (tool,) = root.glob("install/talk/bin/tool")
+        return tool.read_text().partition("\n")[0]
+
+    for python in ("/bin/one", "/bin/two"):
+        one.write_text(f"[build_scripts]\nexecutable = {python}\n")
+        assert first_line() == f"#!{python}"
+    two.write_text("[build_scripts]\nexecutable = /bin/three\n")
+    monkeypatch.setenv("DIST_EXTRA_CONFIG", str(two))
+    assert first_line() == "#!/bin/three"
+
+
 def test_a_manifest_that_names_fewer_files(tree: Tree, forge: Forge) -> None:
     """Setuptools would keep what its earlier list of sources named."""
     more = "more = {'include_package_data': True}"
