@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, compiled_templates, own_cache, without_secrets
-from forge.base.errors import WorkspaceError, raise_if_any
+from forge.base.errors import WorkspaceError, print_problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, PROGRAMS_DIR, TEMPLATES_DIR
 from forge.build.cleaning import stale_package_warnings
@@ -38,6 +38,7 @@ from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.precompiled_headers import LIBRARY_PATH_BELOW, prepare_precompiled_headers
 from forge.toolchain.programs import CMAKE_TYPES, ninja_first
 from forge.toolchain.resources import memory
+from forge.workspace.downloads import announced_downloads
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.whereabouts import Whereabouts
 
@@ -355,6 +356,14 @@ def _warn_of_packages(plan: BuildPlan, build: PreparedBuild, state: BuildState) 
     ).warnings
     stale = stale_package_warnings(state.journal.records, loaded.packages, layout, loaded.workspace.root)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables), *stale))
+    configured = (
+        loaded.packages[name]
+        for name in own
+        if loaded.packages[name].build_type in CMAKE_TYPES
+        and not (layout.build_dir(name) / "CMakeCache.txt").exists()
+    )
+    if downloads := announced_downloads(configured):
+        print_problem(downloads, "note")
 
 
 def _report_results(plan: BuildPlan, build: PreparedBuild, opened: _Opened) -> None:

@@ -91,7 +91,9 @@ def _sources(
 ) -> Iterator[OptionFile]:
     """Yield the files with options of the command, in order of increasing priority."""
     defaults = Path(setting("DEFAULTS_FILE", variables) or home(variables) / "defaults.yaml")
-    for path in (defaults, root / _LOCAL_DEFAULTS):
+    local = root / _LOCAL_DEFAULTS
+    is_same = defaults.exists() and local.exists() and defaults.samefile(local)
+    for path in (defaults,) if is_same else (defaults, local):
         if path.exists():
             content = read_yaml(read_file(path), path)
             general = {
@@ -123,12 +125,11 @@ def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str
             continue
         try:
             values[action.dest] = _value(action, value)
-        except (TypeError, ValueError, argparse.ArgumentTypeError) as error:
-            _warn(
-                Problem(
-                    f"option '{key}' of 'forge {verb}' expects {error}, not {value!r}", Location(source.path)
-                )
-            )
+        except argparse.ArgumentTypeError as error:
+            _warn(Problem(f"option '{key}' of 'forge {verb}': {error}", Location(source.path)))
+        except (TypeError, ValueError) as error:
+            message = f"option '{key}' of 'forge {verb}' expects {error}, not {value!r}"
+            _warn(Problem(message, Location(source.path)))
     return values
 
 
@@ -158,7 +159,10 @@ def _single(action: argparse.Action, value: object) -> object:
         raise TypeError("a string without NUL characters")
     if action.choices is not None and value not in action.choices:
         raise ValueError(f"one of {', '.join(map(str, action.choices))}")
-    return action.type(str(value)) if callable(action.type) else value
+    try:
+        return action.type(str(value)) if callable(action.type) else value
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _mixed(

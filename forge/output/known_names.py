@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-_DEFINITION = re.compile(r"^\s*(?:function|macro)\s*\(\s*([A-Za-z]\w*)", re.MULTILINE | re.IGNORECASE)
 _HEADERS = (".h", ".hh", ".hpp", ".hxx", ".inl", ".ipp", ".cuh")
 _CMAKE_COMMANDS = re.findall(
     r"\w+",
@@ -36,10 +35,9 @@ def cmake_commands(folder: Path, files: Iterable[str]) -> frozenset[str]:
     """Return the commands of CMake, of ament and rosidl, and of a package with these files below `folder`."""
     own = (folder / name for name in files if name.endswith((".cmake", "CMakeLists.txt")))
     embedded = (PACKAGE / "embedded").rglob("*.cmake")
-    texts = (text_or_nothing(path) for path in (*own, *embedded))
-    return frozenset(
-        (*_CMAKE_COMMANDS, *(match[1] for text in texts for match in _DEFINITION.finditer(text)))
-    )
+    defined = (call for path in (*own, *embedded) for call in calls(text_or_nothing(path)))
+    names = (call.words[0] for call in defined if call.command in {"function", "macro"} and call.words)
+    return frozenset((*_CMAKE_COMMANDS, *names))
 
 
 def exported_targets(package: str, prefix: Path) -> tuple[str, ...]:

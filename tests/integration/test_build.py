@@ -593,3 +593,22 @@ def test_after_a_failure_forge_says_for_what_it_waits(forge: Forge, tree: Tree) 
     ran = forge("build", "--parallel-workers", "2", "--continue-on-error", cwd=root)
     assert ran.code == 1
     assert "waiting" not in ran.err
+
+
+def test_downloads_are_announced_before_the_first_build(forge: Forge, tree: Tree) -> None:
+    vendor = """include(FetchContent)
+if(NEVER)
+  ExternalProject_Add(y GIT_REPOSITORY https://x.org/y.git GIT_TAG 1)
+  file(DOWNLOAD https://x.org/z.tar.gz z)
+endif()
+# FetchContent_Declare(no URL https://x.org/no)
+set(doc "FetchContent_Declare(no URL https://x.org/no)")
+FetchContent_Declare(local URL file:///x)"""
+    root = tree({**files("vendor", more=vendor), **files("b", more="message(STATUS https://x.org/no)")})
+    first = forge("build", cwd=root)
+    assert first.code == 0, first.err
+    addresses = "https://x.org/y.git ('vendor'), https://x.org/z.tar.gz ('vendor')"
+    assert f"note: this build may download 2 things: {addresses}\n" in first.err
+    with (root / "src/vendor/CMakeLists.txt").open("a") as lists:
+        lists.write("# changed\n")
+    assert "may download" not in forge("build", cwd=root).err

@@ -71,7 +71,7 @@ def test_invalid_settings_are_reported_and_ignored(forge: Forge, root: Path) -> 
     assert "option 'names-only' of 'forge list' expects true or false, not 1" in told
     assert "option 'metas' of 'forge list' expects a string, not [2]" in told
     told = forge("build", "--packages-select", cwd=root).err
-    assert "option 'parallel-workers' of 'forge build' expects an integer, not 'many'" in told
+    assert "option 'parallel-workers' of 'forge build': 'many' is not a number of packages" in told
     assert "option 'executor' of 'forge build' expects one of parallel, sequential, dask, not 'none'" in told
     assert "option 'build-base' of 'forge build' expects a string, not 1" in told
 
@@ -205,3 +205,9 @@ def test_the_tables_are_shown(forge: Forge) -> None:
     assert shown.startswith("build types (entry points 'forge.build_types'):\n  ament_cargo   ros-forge ")
     assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  c " in shown
     assert f"\nshells:\n  bash  ros-forge {__version__}\n" in shown
+
+
+def test_a_file_that_a_variable_names_is_read_once(forge: Forge, root: Path) -> None:
+    (root / "colcon_defaults.yaml").write_text("list: {no-such-option: 1}")
+    ran = forge("list", cwd=root, env={"COLCON_DEFAULTS_FILE": "./colcon_defaults.yaml"})
+    assert ran.err.count("has no option 'no-such-option'") == 1

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
         "project(x LANGUAGES\n  CXX)",
         "project(x LANGUAGES C CUDA)",
         "project(x ${languages})",
-        'project(x DESCRIPTION "of (two)" LANGUAGES C)',
         "project(x C)\nenable_language(CXX OPTIONAL)",
     ],
 )
@@ -37,6 +36,7 @@ def test_a_project_with_cxx(text: str) -> None:
     [
         "",
         "project(x C)",
+        'project(x DESCRIPTION "of (two)" LANGUAGES C)',
         "project(x NONE)",
         "project(x C)  # project(y)",
         'project(x VERSION 1 DESCRIPTION "With CXX" LANGUAGES C ASM)\nenable_language(Fortran OPTIONAL)',
