@@ -42,6 +42,7 @@ PARSERS = dict(all_parsers())
 _INLINE = re.compile(r"(?<!`)`(forge(?: [^`]+)?)`(?!`)")
 _IN_FILE = re.compile(r"""(?:^|&& |- |run: |")\s*(forge [a-z][^&|"\n\\>]*)""", re.MULTILINE)
 """A command in a file for another tool."""
+_FROM_INDEX = re.compile(r"\b(?:install|--with)\b.* '?ros-forge\b(?!.* @ git)")
 _HEADING = re.compile(r"^(#+) ", re.MULTILINE)
 
 
@@ -101,6 +102,13 @@ def test_the_reader_sees_where_the_text_of_a_block_goes(document: Path) -> None:
             words = text[seen:begin].partition(f"<!-- {block.mark}")[0]
             assert file[1].rpartition("/")[2] in words, f"{document}:{block.line}"
         seen = begin + len(block.text)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
+def test_no_page_installs_forge_from_an_index_that_does_not_have_it(document: Path) -> None:
+    """Until forge is on PyPI, whatever is there by this name is a stranger's."""
+    lines = document.read_text(encoding="utf-8").splitlines()
+    assert not [line for line in lines if _FROM_INDEX.search(line)]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=_name)
