@@ -52,9 +52,12 @@ class CrossBuild:
 
     def prepare_compilers(self, packages: Iterable[Package]) -> tuple[Problem, ...]:
         """Compile the C++ library of the compilers if one of the packages needs it; return warnings."""
-        if self.zig and any_enables_cxx(package for package in packages if not package.embedded):
-            return self.zig.compile_library(self.file.parent)
-        return ()
+        if not self.zig:
+            return ()
+        warnings = self.zig.glibc_warnings()
+        if any_enables_cxx(package for package in packages if not package.embedded):
+            warnings += self.zig.compile_library(self.file.parent)
+        return warnings
 
 
 def prepare_cross_build(  # noqa: PLR0913  (what describes a target)

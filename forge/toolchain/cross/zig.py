@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import os
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,6 +73,19 @@ class Zig:
         status = self.program.stat()
         key = f"{self.program.resolve()} {status.st_size} {status.st_mtime_ns} {' '.join(self.flags)}"
         return self.cache / "forge" / hashlib.sha256(key.encode()).hexdigest()[:16] / "libc++.a"
+
+    def glibc_warnings(self) -> tuple[Problem, ...]:
+        """Return what zig says about a version of glibc that it does not have; build tools hide it."""
+        if self.target.with_glibc == self.target.triple:
+            return ()
+        argv = (str(self.program), "cc", *self.flags, "-x", "c", "-", "-o", os.devnull)
+        environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": str(self.cache)}
+        done = subprocess.run(
+            argv, input=b"int main(void) { return 0; }\n", capture_output=True, env=environment, check=False
+        )
+        lines = done.stderr.decode(errors="replace").splitlines()
+        said = (line.partition("warning:")[2].strip() for line in lines if "glibc" in line)
+        return tuple(Problem(f"zig: {text}") for text in dict.fromkeys(filter(None, said)))
 
     def compile_library(self, folder: Path) -> tuple[Problem, ...]:
         """Compile the C++ library for the target unless that was done before; return a warning on failure."""

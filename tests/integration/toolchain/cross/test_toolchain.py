@@ -13,8 +13,9 @@ import pytest
 
 from forge.base.errors import EnvironmentFault
 from forge.base.layout import Layout
-from forge.toolchain.cross.targets import parse_target
+from forge.toolchain.cross.targets import Target, parse_target
 from forge.toolchain.cross.toolchain import has_emulator, prepare_cross_build
+from forge.toolchain.cross.zig import Zig
 from tests.packages import package
 
 if TYPE_CHECKING:
@@ -239,3 +240,13 @@ def test_only_a_link_gets_the_library(tree: Tree, monkeypatch: pytest.MonkeyPatc
     assert both == f"c++ {flags} a.cpp -o a"
     assert identified == f"c++ {flags} -c CMakeCXXCompilerId.cpp"
     assert version == f"c++ {flags} --version"
+
+
+def test_a_version_of_glibc_that_zig_does_not_have_is_a_warning(tree: Tree) -> None:
+    """Build tools show no warnings of compilers that only link."""
+    said = "warning: cannot build new glibc version 9.9.0; providing instead 2.44.0"
+    root = tree({"bin/zig": f"#!/bin/sh\necho '{said}' >&2\n"})
+    (root / "bin/zig").chmod(0o755)
+    for version, expected in (("9.9", [f"zig: {said.partition(': ')[2]}"]), ("", [])):
+        zig = Zig(root / "bin/zig", Target("aarch64-linux-gnu", version), root / "cache")
+        assert [problem.message for problem in zig.glibc_warnings()] == expected
