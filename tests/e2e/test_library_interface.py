@@ -106,3 +106,49 @@ def test_what_may_read_or_run_the_library_is_built(forge: Forge, tree: Tree, oth
     change(root)
     assert started(build(forge, root))[:2] == ["base", "user"]
     hold_against_clean(forge, root)
+
+
+VARIABLE = '.data\n.globl v\nv: .long {values}\n.size v, {size}\n.section .note.GNU-stack,"",@progbits\n'
+"""A variable whose symbol has no type."""
+
+
+@pytest.mark.parametrize(
+    ("file", "one", "other", "main"),
+    [
+        (
+            "v.s",
+            VARIABLE.format(values="1", size=4),
+            VARIABLE.format(values="1,2,3,4", size=16),
+            "extern int v[];\nint main(void) { return v[0] + v[1] + v[2] + v[3]; }\n",
+        ),
+        (
+            "v.c",
+            "static int q; int *v = &q;\n",
+            "static int q; int *const v = &q;\n",
+            "extern int *v;\nint main(void) { return *v; }\n",
+        ),
+    ],
+    ids=["a symbol without a type", "a constant pointer"],
+)
+def test_a_copied_variable_that_changes_links_its_users_again(  # noqa: PLR0913, PLR0917
+    forge: Forge, tree: Tree, file: str, one: str, other: str, main: str
+) -> None:
+    library = f"enable_language(ASM)\nadd_library(base SHARED {file})\n"
+    library += "set_target_properties(base PROPERTIES LINKER_LANGUAGE C)\n"
+    library += "install(TARGETS base EXPORT base DESTINATION lib)\n"
+    library += "install(EXPORT base FILE baseConfig.cmake NAMESPACE base:: DESTINATION share/base/cmake)"
+    user = (
+        "find_package(base REQUIRED)\nadd_executable(user main.c)\ntarget_link_libraries(user base::base)\n"
+    )
+    user += "target_compile_options(user PRIVATE -fno-pic)\ntarget_link_options(user PRIVATE -no-pie)\n"
+    user += "install(TARGETS user DESTINATION bin)"
+    root = tree(
+        {
+            **cmake("base", library, languages="C", **{file: one}),
+            **cmake("user", user, "base", languages="C", **{"main.c": main}),
+        }
+    )
+    build(forge, root)
+    (root / "src/base" / file).write_text(other)
+    assert started(build(forge, root)) == ["base", "user"]
+    hold_against_clean(forge, root)

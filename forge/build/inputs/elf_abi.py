@@ -1,7 +1,9 @@
 """Compute a digest of the ABI of a shared library: all that linking with it depends on (ELF, System V gABI).
 
 A linker reads the dynamic symbols of a shared library, not its code: linking with a library of the same ABI
-produces an identical program.
+produces an identical program. A program that is not position-independent holds copies of the variables that
+it uses. Where and how large they are follows from size, alignment and section of each symbol that is no
+function, whether its type says so or not; symbols of the same variable refer to one copy.
 """
 
 from __future__ import annotations
@@ -9,14 +11,13 @@ from __future__ import annotations
 import hashlib
 import re
 import struct
-from dataclasses import field
 from typing import TYPE_CHECKING
 
 from forge.base.files import open_regular
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
 SHARED_LIBRARY = re.compile(r"/lib[^/]+\.so(\.[\d.]+)?$")
 """Paths of shared libraries, by the names that linkers look for."""
@@ -27,21 +28,28 @@ _HEADER = struct.Struct("<16xHHIQQQIHHHHHH")
 _SECTION = struct.Struct("<IIQQQQIIQQ")
 _SYMBOL = struct.Struct("<IBBHQQ")
 _DYNAMIC = struct.Struct("<qQ")
+_SEGMENT = struct.Struct("<IIQQQQQQ")
 
 _ET_DYN = 3
 _SHT_DYNAMIC, _SHT_NOBITS, _SHT_DYNSYM = 6, 8, 11
-_STT_OBJECT, _STT_COMMON, _STT_TLS = 1, 5, 6
+_PT_GNU_RELRO = 0x6474E552
+_FUNCTIONS = frozenset({2, 10})
+"""STT_FUNC and STT_GNU_IFUNC."""
 _SHN_UNDEF, _SHN_LORESERVE = 0, 0xFF00
 _NAMES = frozenset({1, 14, 15, 29})
 """DT_NEEDED, DT_SONAME, DT_RPATH and DT_RUNPATH, whose values are names in the string table."""
 _FLAGS = frozenset({16, 22, 30, 0x6FFFFFFB})
 """DT_SYMBOLIC, DT_TEXTREL, DT_FLAGS and DT_FLAGS_1."""
-_WHOLE = (".gnu.version", ".gnu.version_d", ".gnu.version_r", ".note.gnu.property")
+_WHOLE = (
+    *(".gnu.version", ".gnu.version_d", ".gnu.version_r", ".note.gnu.property"),
+    *(".gnu.attributes", ".ARM.attributes", ".riscv.attributes"),
+)
 _WARNING = ".gnu.warning"
 
 
 @frozen
 class _Section:
+    name: str
     type: int
     flags: int
     body: bytes
@@ -51,10 +59,11 @@ class _Section:
 
 @frozen
 class _Library:
-    machine: int
-    flags: int
-    sections: tuple[_Section, ...] = ()
-    names: Mapping[str, int] = field(default_factory=dict)
+    machine: tuple[int, int, bytes]
+    """The machine, its flags, and the ABI of the operating system."""
+    sections: tuple[_Section, ...]
+    relro: tuple[tuple[int, int], ...]
+    """The addresses that are read-only after relocation."""
 
 
 def abi_digest(path: str) -> str:
@@ -77,26 +86,35 @@ def _read(content: bytes) -> _Library | None:
     """Return the sections of a shared library; None for any other file."""
     if not content.startswith(_IDENT):
         return None
-    type_, machine, _, _, _, start, flags, _, _, _, size, count, names_at = _HEADER.unpack_from(content)
+    type_, machine, _, _, segments, start, flags, _, segment_size, segment_count, size, count, names_at = (
+        _HEADER.unpack_from(content)
+    )
     if type_ != _ET_DYN or not start or size != _SECTION.size:
         return None
     headers = [_SECTION.unpack_from(content, start + number * size) for number in range(count)]
+    _, _, _, _, names_offset, names_size, *_ = headers[names_at]
+    names = content[names_offset : names_offset + names_size]
     sections = []
-    for _, kind, attributes, _, offset, length, link, _, alignment, _ in headers:
+    for name, kind, attributes, _, offset, length, link, _, alignment, _ in headers:
         body = b"" if kind == _SHT_NOBITS else content[offset : offset + length]
-        sections.append(_Section(kind, attributes, body, link, alignment))
-    texts = sections[names_at].body
-    names = {_text(texts, header[0]): number for number, header in enumerate(headers)}
-    return _Library(machine, flags, tuple(sections), names)
+        sections.append(_Section(_text(names, name), kind, attributes, body, link, alignment))
+    relro = tuple(
+        (address, address + extent)
+        for kind, _, _, address, _, _, extent, _ in (
+            _SEGMENT.unpack_from(content, segments + number * segment_size) for number in range(segment_count)
+        )
+        if kind == _PT_GNU_RELRO
+    )
+    return _Library((machine, flags, content[7:9]), tuple(sections), relro)
 
 
 def _lines(library: _Library) -> Iterator[object]:
     """Yield the facts that linkers use; raises LookupError for a library without dynamic symbols."""
-    yield library.machine, library.flags
+    yield library.machine
     sections = library.sections
-    for name, number in sorted(library.names.items()):
-        if name in _WHOLE or name.startswith(_WARNING):
-            yield name, sections[number].body
+    for section in sections:
+        if section.name in _WHOLE or section.name.startswith(_WARNING):
+            yield section.name, section.body
     dynamic = next((section for section in sections if section.type == _SHT_DYNAMIC), None)
     if dynamic is None:
         raise LookupError("there is no dynamic section")
@@ -105,24 +123,36 @@ def _lines(library: _Library) -> Iterator[object]:
             yield tag, _text(sections[dynamic.link].body, value)
         elif tag in _FLAGS:
             yield tag, value
-    symbols = next((section for section in sections if section.type == _SHT_DYNSYM), None)
+    yield from _symbols(library)
+
+
+def _symbols(library: _Library) -> Iterator[object]:
+    symbols = next((section for section in library.sections if section.type == _SHT_DYNSYM), None)
     if symbols is None:
         raise LookupError("there are no dynamic symbols")
-    texts = sections[symbols.link].body
-    for name, info, other, home, value, size in _SYMBOL.iter_unpack(symbols.body):
-        yield _text(texts, name), info, other, _data(sections, info & 15, home, value, size)
+    texts = library.sections[symbols.link].body
+    first: dict[tuple[int, int], int] = {}
+    """The first symbol at each address."""
+    for number, (name, info, other, home, value, size) in enumerate(_SYMBOL.iter_unpack(symbols.body)):
+        if home == _SHN_UNDEF:
+            place: object = "undefined"
+        elif home >= _SHN_LORESERVE:
+            place = home, value, size
+        elif info & 15 in _FUNCTIONS:
+            place = "function"
+        else:
+            place = _variable(library, home, value, size)
+            if size:
+                place = place, first.setdefault((home, value), number)
+        yield _text(texts, name), info, other, place
 
 
-def _data(sections: tuple[_Section, ...], type_: int, home: int, value: int, size: int) -> object:
-    """Return what a linker uses of a symbol's address and size: programs hold copies of variables."""
-    if home == _SHN_UNDEF:
-        return "undefined"
-    if home >= _SHN_LORESERVE:
-        return home, value, size
-    if type_ not in {_STT_OBJECT, _STT_COMMON, _STT_TLS}:
-        return "defined"
-    section = sections[home]
-    return size, section.flags, section.alignment, value % max(section.alignment, 1)
+def _variable(library: _Library, home: int, value: int, size: int) -> tuple[object, ...]:
+    """Return what a linker uses of the address of a variable; of one without a size, it makes no copy."""
+    section = library.sections[home]
+    read_only = any(start <= value < end for start, end in library.relro)
+    alignment = (section.alignment, value % max(section.alignment, 1)) if size else ()
+    return size, section.name, section.flags, read_only, alignment
 
 
 def _text(strings: bytes, at: int) -> str:

@@ -1,0 +1,133 @@
+"""The interface of a shared library differs wherever a program that links it would."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from forge.build.inputs.elf_abi import abi_digest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.needs("gcc")
+
+ASSEMBLY = """
+    .data
+    .globl v
+    .p2align {align}
+{label}v:
+    .long {values}
+    .size v, {size}
+    .section .note.GNU-stack,"",@progbits
+"""
+CHANGES = {
+    "the size of a symbol without a type": (
+        ASSEMBLY.format(align=2, label="", values="1", size=4),
+        ASSEMBLY.format(align=2, label="", values="1,2,3,4", size=16),
+    ),
+    "the alignment of a symbol without a type": (
+        ASSEMBLY.format(align=2, label="", values="1", size=4),
+        ASSEMBLY.format(align=6, label="", values="1", size=4),
+    ),
+    "the offset of a symbol without a type": (
+        ASSEMBLY.format(align=6, label="", values="1", size=4),
+        ASSEMBLY.format(align=6, label="    .long 0\n", values="1", size=4),
+    ),
+    "a constant pointer": ("static int q; int *v = &q;", "static int q; int *const v = &q;"),
+    "a constant": ("int v = 1;", "const int v = 1;"),
+    "two names of one variable": (
+        'int v = 1; extern int w __attribute__((alias("v")));',
+        "int v = 1; int w = 1;",
+    ),
+    "the size": ("int v[2] = {1};", "int v[3] = {1};"),
+    "the alignment": ("int v = 1;", "_Alignas(128) int v = 1;"),
+    "a variable of each thread": ("int v = 1;", "_Thread_local int v = 1;"),
+    "a weak symbol": ("int v = 1;", "__attribute__((weak)) int v = 1;"),
+    "a protected symbol": ("int v = 1;", '__attribute__((visibility("protected"))) int v = 1;'),
+    "a function in place of a variable": ("int v = 1;", "int v(void) { return 1; }"),
+    "a function chosen at run time": (
+        "int v(void) { return 1; }",
+        """static int f(void) { return 1; } static void *r(void) { return f; }
+        int v(void) __attribute__((ifunc("r")));""",
+    ),
+    "another function": ("int v(void) { return 1; }", "int v(void) { return 1; } int w(void) { return 1; }"),
+    "a function that is called": (
+        "int v(void) { return 1; }",
+        "int w(void); int v(void) { return w(); }",
+    ),
+}
+SAME = {
+    "the code of a function": ("int v(int a) { return a; }", "int v(int a) { return a * a + 7; }"),
+    "the value of a variable": ("int v = 1;", "int v = 2;"),
+    "a static function": (
+        "int v(void) { return 1; }",
+        "static int w(int a) { return a + 3; }\nint v(void) { return w(4); }",
+    ),
+}
+
+
+def library(folder: Path, name: str, text: str, *flags: str) -> Path:
+    """Return a shared library made of C or assembly."""
+    source = folder / f"{name}.{'s' if '.globl' in text else 'c'}"
+    source.write_text(text)
+    path = folder / name / "libd.so"
+    path.parent.mkdir()
+    argv = ("gcc", "-shared", "-fPIC", "-O1", *flags, "-o", str(path), str(source))
+    subprocess.run(argv, check=True, capture_output=True)
+    return path
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_concerns_programs_changes_the_interface(tmp_path: Path, change: str) -> None:
+    one, other = (
+        library(tmp_path, name, text) for name, text in zip(("one", "other"), CHANGES[change], strict=True)
+    )
+    assert abi_digest(str(one)) != abi_digest(str(other)) != ""
+
+
+@pytest.mark.parametrize("change", SAME)
+def test_what_concerns_the_library_alone_does_not(tmp_path: Path, change: str) -> None:
+    one, other = (
+        library(tmp_path, name, text) for name, text in zip(("one", "other"), SAME[change], strict=True)
+    )
+    assert abi_digest(str(one)) == abi_digest(str(other)) != ""
+
+
+@pytest.mark.parametrize(
+    "flag",
+    ["-Wl,-soname,libe.so", "-Wl,-rpath,/x", "-Wl,-z,norelro", "-Wl,-z,nodelete", "-Wl,-Bsymbolic", "-lm"],
+)
+def test_options_of_the_linker_that_others_see_change_the_interface(tmp_path: Path, flag: str) -> None:
+    text = "static int q; int *const v = &q; double w(double a) { return __builtin_sin(a); }"
+    one, other = library(tmp_path, "one", text, "-Wl,--no-as-needed"), library(tmp_path, "other", text, flag)
+    assert abi_digest(str(one)) != abi_digest(str(other)) != ""
+
+
+PROGRAM = """#include <stdio.h>
+extern int *v; extern int w;
+int main(void) { printf("%p %d", (void *)v, w); return 0; }
+"""
+
+
+VARIABLES = [name for name in CHANGES if "function" not in name and "thread" not in name]
+
+
+@pytest.mark.parametrize("linker", ["bfd", "gold", "lld"])
+@pytest.mark.parametrize("change", VARIABLES)
+def test_equal_interfaces_make_equal_programs(tmp_path: Path, change: str, linker: str) -> None:
+    """A program that links two libraries differently shows that their interfaces differ."""
+    programs, digests = [], []
+    (tmp_path / "x.c").write_text(PROGRAM)
+    for name, text in zip(("one", "other"), CHANGES[change], strict=True):
+        path = library(tmp_path, name, text)
+        argv = ("gcc", "-no-pie", "-fno-pic", "-o", "x", "../x.c", "libd.so")
+        options = ("-Wl,--unresolved-symbols=ignore-all", f"-fuse-ld={linker}")
+        done = subprocess.run((*argv, *options), cwd=path.parent, capture_output=True, check=False)
+        if done.returncode:
+            pytest.skip(f"{linker} is not installed, or cannot link this")
+        programs.append((path.parent / "x").read_bytes())
+        digests.append(abi_digest(str(path)))
+    assert programs[0] == programs[1] or digests[0] != digests[1]
