@@ -1,0 +1,373 @@
+"""Each intended difference that docs/reference/from-colcon.md lists is shown by a test.
+
+Most are shown here, by running both tools.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.packages import manifest_text
+from tests.peers import Colcon
+from tests.snippets import ROOT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tests.conftest import Forge, Ran
+
+pytestmark = pytest.mark.needs("colcon", "cmake", "make")
+
+CMAKE = """cmake_minimum_required(VERSION 3.16)
+project({name} NONE)
+{more}
+install(FILES package.xml DESTINATION share/{name})
+"""
+ROS = {"ROS_VERSION": "2", "ROS_DISTRO": "humble", "ROS_PYTHON_VERSION": "3"}
+
+
+class Twins:
+    """Two copies of a workspace, one for each tool."""
+
+    def __init__(self, home: Path, forge: Forge) -> None:
+        """Begin with two empty folders."""
+        self.ours, self.theirs = home / "ours", home / "theirs"
+        self._home = home
+        self._forge = forge
+        self._colcon: Colcon | None = None
+        self.variables = dict(ROS)
+
+    def write(self, name: str, text: str = "") -> None:
+        """Write a file into both."""
+        for root in (self.ours, self.theirs):
+            path = root / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+
+    def package(
+        self, name: str, *lines: str, more: str = "", folder: str = "", build_type: str = "cmake"
+    ) -> None:
+        """Write a package into both."""
+        home = f"src/{folder or name}"
+        self.write(f"{home}/package.xml", manifest_text(name, *lines, build_type=build_type))
+        self.write(f"{home}/CMakeLists.txt", CMAKE.format(name=name, more=more))
+
+    def python(self, name: str, more: str = "") -> None:
+        """Write a Python package into both."""
+        self.write(f"src/{name}/package.xml", manifest_text(name, build_type="ament_python"))
+        self.write(
+            f"src/{name}/setup.py",
+            f"from setuptools import setup\n{more}\nsetup(name='{name}', version='1', packages=['{name}'])\n",
+        )
+        self.write(f"src/{name}/{name}/__init__.py")
+
+    def run(self, *argv: str) -> tuple[Ran, Ran]:
+        """Run the same words with both."""
+        if self._colcon is None:
+            home = str(self._home / "home")
+            self._colcon = Colcon({**self.variables, "HOME": home, "COLCON_HOME": home})
+        ours = self._forge(*argv, cwd=self.ours, env={**dict.fromkeys(ROS), **self.variables})
+        return ours, self._colcon(*argv, cwd=self.theirs)
+
+    def end(self) -> None:
+        """End colcon."""
+        if self._colcon:
+            self._colcon.end()
+
+
+@pytest.fixture
+def twins(tmp_path: Path, forge: Forge) -> Iterator[Twins]:
+    """Return two copies of an empty workspace."""
+    running = Twins(tmp_path, forge)
+    running.write("src/README")
+    yield running
+    running.end()
+
+
+def exit_codes(twins: Twins) -> None:
+    twins.package("a", more="add_custom_target(fail ALL COMMAND false)")
+    ours, theirs = twins.run("build", "--cmake-args", "-GUnix Makefiles")
+    assert (ours.code, theirs.code) == (1, 2)
+
+
+def info_begins_with_the_workspace(twins: Twins) -> None:
+    twins.package("a")
+    ours, theirs = twins.run("info")
+    assert ours.out.startswith(f"workspace: {twins.ours}\n")
+    assert "workspace" not in theirs.out
+
+
+def environments_are_not_searched(twins: Twins) -> None:
+    twins.write("venv/pyvenv.cfg")
+    for folder in ("venv/lib", "site-packages", "node_modules"):
+        twins.write(
+            f"{folder}/inside/package.xml", manifest_text(folder.replace("/", "_"), build_type="cmake")
+        )
+        twins.write(f"{folder}/inside/CMakeLists.txt", "project(inside)\n")
+    ours, theirs = twins.run("list", "-n")
+    assert ours.out == ""
+    assert len(theirs.out.split()) == 3
+
+
+def listing_runs_no_code(twins: Twins) -> None:
+    twins.write(
+        "src/p/setup.py",
+        "from setuptools import setup\nopen('ran', 'w').close()\nsetup(name=''.join(['comp', 'uted']))\n",
+    )
+    ours, theirs = twins.run("list", "-n")
+    assert ours.out.split() == ["p"]
+    assert theirs.out.split() == ["computed"]
+    assert not (twins.ours / "src/p/ran").exists()
+    assert (twins.theirs / "src/p/ran").exists()
+
+
+def info_has_no_addresses(twins: Twins) -> None:
+    twins.python("p")
+    ours, theirs = twins.run("info", "--packages-select", "p")
+    assert "get_python_setup_options" not in ours.out
+    assert "get_python_setup_options" in theirs.out
+
+
+def a_pyproject_is_a_package(twins: Twins) -> None:
+    twins.write("src/p/pyproject.toml", '[project]\nname = "p"\nversion = "1"\n')
+    ours, theirs = twins.run("list", "-n")
+    assert (ours.out, theirs.out) == ("p\n", "")
+
+
+def a_broken_manifest_is_reported(twins: Twins) -> None:
+    twins.package("a")
+    twins.write("src/b/package.xml", '<package format="3"><name>b</name>')
+    twins.write("src/b/CMakeLists.txt", "project(plain)\n")
+    ours, theirs = twins.run("list", "-n")
+    assert ours.out == "a\n"
+    assert theirs.out.split() == ["a", "plain"]
+    ours, _ = twins.run("build")
+    assert ours.code == 2
+    assert "src/b/package.xml" in ours.err
+    ours, _ = twins.run("build", "--packages-select", "a")
+    assert ours.code == 0
+
+
+def ros_2_is_the_default(twins: Twins) -> None:
+    twins.variables = {}
+    twins.package("a", '<depend condition="$ROS_VERSION == 2">b</depend>')
+    twins.package("b")
+    ours, theirs = twins.run("list", "-t", "-n")
+    assert ours.out.split() == ["b", "a"]
+    assert theirs.out.split() == ["a", "b"]
+
+
+def several_build_types(twins: Twins) -> None:
+    text = manifest_text("a", build_type="cmake")
+    twins.write(
+        "src/a/package.xml",
+        text.replace("</build_type>", "</build_type><build_type>ament_cmake</build_type>"),
+    )
+    twins.write("src/a/CMakeLists.txt", "# nothing\n")
+    ours, theirs = twins.run("list")
+    assert ours.out.split() == ["a", "src/a", "(ros.ament_cmake)"]
+    assert "warning" in ours.err
+    assert "ament_cmake" not in theirs.out
+
+
+def attributes_of_licenses(twins: Twins) -> None:
+    text = manifest_text("a", build_type="cmake")
+    twins.write("src/a/package.xml", text.replace("<license>", '<license type="SPDX" source-files="a b">'))
+    ours, theirs = twins.run("list", "-n")
+    assert (ours.out, theirs.out) == ("a\n", "")
+
+
+def unreadable_manifests_are_reported(twins: Twins) -> None:
+    twins.write("src/a/package.xml", "<package>")
+    ours, theirs = twins.run("list", "-n")
+    assert "src/a/package.xml" in ours.err
+    assert "package.xml" not in theirs.err
+
+
+def all_packages_of_a_name_come_first(twins: Twins) -> None:
+    twins.package("lib", folder="first")
+    twins.package("lib", "<depend>z</depend>", folder="second")
+    twins.package("app", "<depend>lib</depend>")
+    twins.package("z")
+    ours, theirs = twins.run("list", "-t", "-p")
+    assert ours.out.split() == ["src/first", "src/z", "src/second", "src/app"]
+    assert theirs.out.split() == ["src/first", "src/z", "src/app", "src/second"]
+
+
+def dependencies_of_tests_that_are_not_built(twins: Twins) -> None:
+    twins.package("a", "<test_depend>b</test_depend>")
+    twins.package("b")
+    ours, theirs = twins.run("build", "--packages-up-to", "a", "--cmake-args", "-DBUILD_TESTING=OFF")
+    assert "Finished <<< b" not in ours.out
+    assert "Finished <<< b" in theirs.out
+
+
+def the_shortest_cycle(twins: Twins) -> None:
+    for name, need in ("ab", "ba", "cd", "de", "ec"):
+        twins.package(name, f"<depend>{need}</depend>")
+    ours, theirs = twins.run("list", "-t", "-n")
+    assert "dependency cycle: a -> b -> a\n" in ours.err
+    assert all(re.search(rf"\b{name}\b", theirs.err) for name in "abcde")
+
+
+def missing_packages_are_reported_first(twins: Twins) -> None:
+    twins.package("a", "<depend>rclcpp</depend>", more="find_package(rclcpp REQUIRED)")
+    ours, theirs = twins.run("build")
+    assert ours.code == 2
+    assert "'a' needs 'rclcpp'" in ours.err
+    assert "Starting" not in ours.out
+    assert "Starting >>> a" in theirs.out
+    assert "rclcppConfig.cmake" in theirs.err
+    for name, more in (
+        ("rclcpp", "if(WITH_ROS)\nfind_package(rclcpp REQUIRED)\nendif()"),
+        ("some_lib", "find_package(some_lib REQUIRED)"),
+    ):
+        twins.package("a", f"<depend>{name}</depend>", more=more)
+        ours, _ = twins.run("build")
+        assert "Starting >>> a" in ours.out, name
+
+
+def forgotten_arguments(twins: Twins) -> None:
+    twins.package("a", more='file(WRITE "${CMAKE_BINARY_DIR}/said" "[${X}]")')
+    twins.run("build", "--cmake-args", "-DX=1")
+    twins.run("build", "--cmake-force-configure")
+    assert (twins.ours / "build/a/said").read_text() == "[]"
+    assert (twins.theirs / "build/a/said").read_text() == "[1]"
+
+
+def unreadable_results(twins: Twins) -> None:
+    twins.write("build/a/test_results/a/r.xml", "<testsuite ")
+    ours, theirs = twins.run("test-result")
+    assert (ours.code, theirs.code) == (1, 0)
+
+
+def wrong_numbers_in_results(twins: Twins) -> None:
+    twins.write(
+        "build/a/test_results/a/r.xml",
+        '<testsuite name="s" tests="1" errors="0" failures="0" skipped="0"><testcase name="t">'
+        '<failure message="m"/></testcase></testsuite>',
+    )
+    ours, theirs = twins.run("test-result")
+    assert (ours.code, theirs.code) == (1, 0)
+
+
+def only_some_commands_write_logs(twins: Twins) -> None:
+    twins.package("a")
+    twins.run("list")
+    assert not (twins.ours / "log").exists()
+    assert (twins.theirs / "log/latest_list").exists()
+
+
+def unused_variables(twins: Twins) -> None:
+    twins.package("a")
+    twins.package("b")
+    ours, theirs = twins.run("build", "--cmake-args", "-DNOBODY_USES_THIS=1")
+    assert "CMake variables not used by any package: NOBODY_USES_THIS\n" in ours.out
+    assert "NOBODY_USES_THIS" not in ours.err
+    assert theirs.err.count("NOBODY_USES_THIS") == 2
+
+
+def repeated_warnings(twins: Twins) -> None:
+    for name in "ab":
+        twins.package(name, more='message(DEPRECATION "this is old")')
+    ours, theirs = twins.run("build", "--executor", "sequential")
+    assert ours.err.count("this is old") == 1
+    assert theirs.err.count("this is old") == 2
+
+
+def python_packages_are_checked(twins: Twins) -> None:
+    twins.python("p", "import setuptools\n")
+    text = (twins.ours / "src/p/setup.py").read_text()
+    entry_points = "entry_points={'console_scripts': ['start = p.missing:main']}"
+    twins.write("src/p/setup.py", text.replace("packages=", f"{entry_points}, packages="))
+    ours, theirs = twins.run("build")
+    assert (ours.code, theirs.code) == (0, 0)
+    assert "p.missing" in ours.err
+    assert "p.missing" not in theirs.err
+
+
+def cmake_in_the_sources(twins: Twins) -> None:
+    twins.package("a")
+    for root in (twins.ours, twins.theirs):
+        subprocess.run(["cmake", "."], cwd=root / "src/a", check=True, stdout=subprocess.DEVNULL)
+    twins.run("build")
+    assert (twins.ours / "build/a/CMakeCache.txt").exists()
+    assert not (twins.theirs / "build/a/CMakeCache.txt").exists()
+
+
+def messages(twins: Twins) -> None:
+    ours, theirs = twins.run("list", "--packages-select", "nobody")
+    assert ours.err.startswith("warning: ")
+    assert re.match(r"\[\d.*\] WARNING:colcon\.", theirs.err)
+
+
+SHOWN: dict[str, Callable[[Twins], None]] = {
+    "exits with 1, 2": exit_codes,
+    "`info` only describes": info_begins_with_the_workspace,
+    "searches virtual environments": environments_are_not_searched,
+    "runs `setup.py` to list": listing_runs_no_code,
+    "prints how it reads Python metadata": info_has_no_addresses,
+    "does not find packages with only": a_pyproject_is_a_package,
+    "treats a folder with a broken": a_broken_manifest_is_reported,
+    "without a sourced ROS": ros_2_is_the_default,
+    "rejects a package with several": several_build_types,
+    "rejects licenses": attributes_of_licenses,
+    "ignores an unreadable manifest": unreadable_manifests_are_reported,
+    "if two packages have the same": all_packages_of_a_name_come_first,
+    "with `-DBUILD_TESTING=OFF`": dependencies_of_tests_that_are_not_built,
+    "lists all packages that it cannot": the_shortest_cycle,
+    "reports a missing package": missing_packages_are_reported_first,
+    "a CMake argument that is no longer": forgotten_arguments,
+    "ignores result files": unreadable_results,
+    "trusts the numbers": wrong_numbers_in_results,
+    "creates a log folder": only_some_commands_write_logs,
+    "each package that does not use": unused_variables,
+    "prints the same CMake warning": repeated_warnings,
+    "installs Python packages without checks": python_packages_are_checked,
+    "uses a source folder in which": cmake_in_the_sources,
+    "stderr contains": messages,
+}
+"""Lines of the page, by their beginnings, and what shows them."""
+_WHEELS = "integration/build/wheels/test_install_wheel.py"
+SHOWN_ELSEWHERE = {
+    "builds Python packages with the interpreter": "e2e/test_tool_environment.py::test_every_command_uses",
+    "drops an underlay": "integration/test_underlays.py::test_a_build_tells_and_can_forget",
+    "makes a sourced overlay": "integration/test_underlay_chains.py::test_an_overlay_never_becomes",
+    "warns about every package that is also": "integration/test_underlays.py::test_what_is_overridden",
+    "rejects a cycle that only": "e2e/test_colcon_builds.py::test_what_the_page_says_of_builds_is_so",
+    "skips packages of an unknown": "e2e/test_colcon_builds.py::test_packages_of_an_unknown_build_type",
+    "counts tests that CTest could not run": "unit/testing/test_outcomes.py::test_a_test_that_ctest_could",
+    "with `--symlink-install`, a new": "e2e/test_python_inputs.py::test_links_show_edits_and_new_modules",
+    "of several mixins": "unit/cli/test_mixins.py::test_flags_of_several_mixins_are_joined",
+    "`mixin update` also": "integration/cli/test_mixin_repositories.py::test_mixins_of_an_index_are_fetched",
+    "an unknown mixin": "integration/test_configuration.py::test_mixins_can_be_listed_and_shown",
+    "compares names of Python projects": "integration/workspace/test_project_names.py::test_a_dependency_may",
+    "follows `[install]`": f"{_WHEELS}::test_what_would_leave_the_prefix_or_is_malformed_is_refused",
+    "installs what `setup_requires`": f"{_WHEELS}::test_what_setup_requires_is_not_downloaded",
+    "with `--symlink-install`, runs": f"{_WHEELS}::test_links_have_scripts_where_develop_installs_them",
+    "installs a Python package that moves": "e2e/test_colcon_python.py::test_install_trees_are_the_same",
+    "runs `setup.py` even if": f"{_WHEELS}::test_a_pyproject_with_its_own_backend",
+}
+
+
+@pytest.mark.parametrize("claim", SHOWN)
+def test_both_tools_do_what_the_page_says(twins: Twins, claim: str) -> None:
+    SHOWN[claim](twins)
+
+
+def test_every_line_of_the_page_is_shown_by_a_test() -> None:
+    text = (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
+    section = text.partition("\n## Intended differences\n")[2].partition("\n## ")[0]
+    lines = [line.removeprefix("| ") for line in section.splitlines() if line.startswith("| ")][1:]
+    claims = [*SHOWN, *SHOWN_ELSEWHERE]
+    shown = {line: [claim for claim in claims if line.startswith(claim)] for line in lines}
+    assert {line: found for line, found in shown.items() if len(found) != 1} == {}
+    assert len(lines) == len(claims)
+    for place in SHOWN_ELSEWHERE.values():
+        file, _, name = place.partition("::")
+        assert f"\ndef {name}" in (ROOT / "tests" / file).read_text(encoding="utf-8"), place
