@@ -7,11 +7,15 @@ installers write the others.
 from __future__ import annotations
 
 import os
+import struct
 from pathlib import Path
 
 from forge.base.frozen import frozen
 
-LOG_VARIABLE, PREFIX_VARIABLE = "FORGE_OBSERVER_LOG", "FORGE_OBSERVER_PREFIX"
+LOG_VARIABLE = "FORGE_OBSERVER_LOG"
+PREFIX_VARIABLE, REAL_PREFIX_VARIABLE = "FORGE_OBSERVER_PREFIX", "FORGE_OBSERVER_REAL_PREFIX"
+
+_COUNTERS = struct.Struct("=QQ")
 
 
 @frozen
@@ -38,33 +42,30 @@ class ObservedWrites:
 def read_log(log: Path, prefix: Path) -> ObservedWrites:
     """Return what a log says; nothing, and not complete, if there is none."""
     try:
-        records = log.read_bytes().split(b"\0")[:-1]
-    except OSError:
+        content = log.read_bytes()
+        executed, loaded = _COUNTERS.unpack_from(content)
+    except (OSError, struct.error):
         return ObservedWrites()
+    records = content[_COUNTERS.size :].split(b"\0")
     real = os.path.realpath(prefix)
-    files: set[str] = set()
-    folders: set[str] = set()
-    spawned: set[str] = set()
-    loaded: set[str] = set()
-    unconfirmed: set[str] = set()
+    words: dict[bytes, set[str]] = {b"W": set(), b"D": set(), b"P": set()}
+    complete = records.pop() == b""
     for record in records:
-        kind, word = record[:1], os.fsdecode(record[1:])
-        match kind:
-            case b"W" | b"D":
-                if word == real or word.startswith(f"{real}/"):
-                    word = f"{prefix}{word[len(real) :]}"
-                (files if kind == b"W" else folders).add(word)
-            case b"E":
-                unconfirmed.add(word)
-            case b"S" | b"F":
-                unconfirmed.discard(word)
-                loaded.add(word)
-            case b"P":
-                spawned.add(word)
-            case _:
-                unconfirmed.add(word)  # a torn record
-    complete = bool(records) and not unconfirmed and spawned <= loaded
-    return ObservedWrites(frozenset(files), frozenset(folders), complete)
+        word = os.fsdecode(record[1:])
+        if word == real or word.startswith(f"{real}/"):
+            word = f"{prefix}{word[len(real) :]}"
+        if record[:1] in words:
+            words[record[:1]].add(word)
+        else:
+            complete = False
+    steps = len(words[b"P"])
+    complete = complete and steps > 0 and loaded == executed + steps
+    return ObservedWrites(frozenset(words[b"W"]), frozenset(words[b"D"]), complete)
+
+
+def begin_log(log: Path) -> None:
+    """Create an empty log."""
+    log.write_bytes(bytes(_COUNTERS.size))
 
 
 def note_written(path: str) -> None:

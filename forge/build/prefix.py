@@ -28,7 +28,7 @@ from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
 from forge.build.install_manifests import MANIFESTS
-from forge.build.observed_writes import ObservedWrites, read_log
+from forge.build.observed_writes import ObservedWrites, begin_log, read_log
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
@@ -182,7 +182,7 @@ class PrefixExchange:
         if not self._moved.is_dir():
             self._note_state((*movable, *folders))
         self._move_aside(movable, folders)
-        written_log(self._name, self._layout).write_bytes(b"")
+        begin_log(written_log(self._name, self._layout))
         if not self._layout.merged:
             self._copy_others()
 
@@ -216,6 +216,11 @@ class PrefixExchange:
                 yield self._problem(path, blocking)
             elif path in above:
                 yield self._problem(path, above[path])
+
+    def announce(self, paths: Iterable[str]) -> None:
+        """Log files that forge is about to write, so that they are known after a kill."""
+        with written_log(self._name, self._layout).open("ab") as stream:
+            stream.write(b"".join(b"W%s\0" % os.fsencode(path) for path in paths))
 
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
         """Give back files of others that lay where the package has installed some; yield a problem for each.

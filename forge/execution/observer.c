@@ -1,35 +1,45 @@
 /* Log the files that a step writes below one prefix.
  *
  * LD_PRELOAD loads this library into every process of a step. FORGE_OBSERVER_LOG names the log,
- * FORGE_OBSERVER_PREFIX the prefix. A record is a letter followed by a word, and ends with NUL:
+ * FORGE_OBSERVER_PREFIX the prefix and FORGE_OBSERVER_REAL_PREFIX its path without links. The log starts
+ * with two counters, which all processes share:
+ *
+ *   executed   programs that processes with this library have executed
+ *   loaded     programs that have loaded it
+ *
+ * Where they differ, a program was not observed: a static one, one for another machine, or one that was
+ * started without LD_PRELOAD. Records follow, a letter and a word that ends with NUL:
  *
  *   W path   a file or link was written, or renamed to this path; a renamed folder with all that is in it
  *   D path   a folder was created
- *   S pid    a process has loaded this library
- *   E pid    a process is about to execute another program, which has failed if F follows
- *   P pid    a process was started by posix_spawn
- *
- * A process with E or P but without a later S is not observed: a static program, one for another machine,
- * or one that was started without LD_PRELOAD.
+ *   P pid    forge has started a step
  *
  * The log is opened for each record, since programs close descriptors that they do not know.
  */
 #define _GNU_SOURCE
+#include <alloca.h>
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <spawn.h>
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
 
+struct counters {
+    uint64_t executed, loaded;
+};
+
 static char log_file[PATH_MAX], prefix[PATH_MAX], real_prefix[PATH_MAX];
+static struct counters *counters;
 
 #define NEXT(name) ((__typeof__(&name))next(#name))
 
@@ -52,14 +62,6 @@ static void append(char kind, const char *word)
         syscall(SYS_close, descriptor);
     }
     errno = saved;
-}
-
-static void append_process(char kind, long process)
-{
-    char word[24];
-
-    snprintf(word, sizeof word, "%ld", process);
-    append(kind, word);
 }
 
 /* Remove "//", "/." and "/.." as text. */
@@ -119,19 +121,42 @@ static void written(char kind, int folder, const char *path)
     errno = saved;
 }
 
+static int read_variable(const char *name, char *value)
+{
+    const char *found = getenv(name);
+
+    if (!found || strlen(found) >= PATH_MAX)
+        return 0;
+    strcpy(value, found);
+    return 1;
+}
+
 __attribute__((constructor)) static void start(void)
 {
-    const char *log = getenv("FORGE_OBSERVER_LOG"), *folder = getenv("FORGE_OBSERVER_PREFIX");
-    int saved = errno;
+    int saved = errno, descriptor;
+    void *page;
 
-    if (!log || !folder || strlen(log) >= PATH_MAX || strlen(folder) >= PATH_MAX)
+    if (!read_variable("FORGE_OBSERVER_PREFIX", prefix) || !read_variable("FORGE_OBSERVER_REAL_PREFIX", real_prefix)
+        || !read_variable("FORGE_OBSERVER_LOG", log_file)) {
+        *log_file = 0;
         return;
-    strcpy(prefix, folder);
-    if (!realpath(folder, real_prefix))
-        *real_prefix = 0;
-    strcpy(log_file, log);
-    append_process('S', syscall(SYS_getpid));
+    }
+    descriptor = syscall(SYS_openat, AT_FDCWD, log_file, O_RDWR | O_CLOEXEC);
+    if (descriptor >= 0) {
+        page = mmap(NULL, sizeof *counters, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
+        syscall(SYS_close, descriptor);
+        if (page != MAP_FAILED) {
+            counters = page;
+            __atomic_add_fetch(&counters->loaded, 1, __ATOMIC_SEQ_CST);
+        }
+    }
     errno = saved;
+}
+
+static void count_executed(int programs)
+{
+    if (counters)
+        __atomic_add_fetch(&counters->executed, (uint64_t)programs, __ATOMIC_SEQ_CST);
 }
 
 /* Opening */
@@ -329,9 +354,9 @@ char *mkdtemp(char *name)
 
 #define EXECUTE(call)                                                   \
     int result;                                                         \
-    append_process('E', syscall(SYS_getpid));                           \
+    count_executed(1);                                                  \
     result = call;                                                      \
-    append_process('F', syscall(SYS_getpid));                           \
+    count_executed(-1);                                                 \
     return result
 
 int execve(const char *file, char *const argv[], char *const envp[])
@@ -352,16 +377,68 @@ int execvpe(const char *file, char *const argv[], char *const envp[])
 }
 #endif
 
-#define SPAWN(name)                                                                             \
-    int name(pid_t *process, const char *file, const posix_spawn_file_actions_t *actions,       \
-             const posix_spawnattr_t *attributes, char *const argv[], char *const envp[])       \
-    {                                                                                           \
-        pid_t own = 0;                                                                          \
-        int result = NEXT(name)(process ? process : &own, file, actions, attributes, argv, envp); \
-        if (!result)                                                                            \
-            append_process('P', process ? *process : own);                                      \
-        return result;                                                                          \
+/* The C library's execl() does not call the functions above. */
+#define EXECUTE_LIST(first, call)                                       \
+    va_list arguments;                                                  \
+    size_t count = 1;                                                   \
+    char **argv;                                                        \
+    va_start(arguments, first);                                         \
+    while (va_arg(arguments, char *))                                   \
+        count++;                                                        \
+    va_end(arguments);                                                  \
+    argv = alloca((count + 1) * sizeof *argv);                          \
+    argv[0] = (char *)first;                                            \
+    va_start(arguments, first);                                         \
+    for (size_t at = 1; at <= count; at++)                              \
+        argv[at] = va_arg(arguments, char *);                           \
+    call;                                                               \
+    va_end(arguments);                                                  \
+    return result
+
+int execl(const char *file, const char *first, ...)
+{
+    EXECUTE_LIST(first, int result = execv(file, argv));
+}
+
+int execlp(const char *file, const char *first, ...)
+{
+    EXECUTE_LIST(first, int result = execvp(file, argv));
+}
+
+int execle(const char *file, const char *first, ...)
+{
+    EXECUTE_LIST(first, int result = execve(file, argv, va_arg(arguments, char **)));
+}
+
+#define SPAWN(name)                                                                       \
+    int name(pid_t *process, const char *file, const posix_spawn_file_actions_t *actions, \
+             const posix_spawnattr_t *attributes, char *const argv[], char *const envp[]) \
+    {                                                                                     \
+        int result;                                                                       \
+        count_executed(1);                                                                \
+        result = NEXT(name)(process, file, actions, attributes, argv, envp);              \
+        if (result)                                                                       \
+            count_executed(-1);                                                           \
+        return result;                                                                    \
     }
 
 SPAWN(posix_spawn)
 SPAWN(posix_spawnp)
+
+int system(const char *command)
+{
+    if (command)
+        count_executed(1);
+    return NEXT(system)(command);
+}
+
+FILE *popen(const char *command, const char *mode)
+{
+    FILE *result;
+
+    count_executed(1);
+    result = NEXT(popen)(command, mode);
+    if (!result)
+        count_executed(-1);
+    return result;
+}

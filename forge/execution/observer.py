@@ -15,7 +15,7 @@ from shutil import which
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.observed_writes import LOG_VARIABLE, PREFIX_VARIABLE
+from forge.build.observed_writes import LOG_VARIABLE, PREFIX_VARIABLE, REAL_PREFIX_VARIABLE
 from forge.build.prefix import written_log
 from forge.toolchain.programs import CARGO_TYPES
 
@@ -43,6 +43,7 @@ class Observer:
             **variables,
             LOG_VARIABLE: str(written_log(task.name, self.layout)),
             PREFIX_VARIABLE: str(task.prefix),
+            REAL_PREFIX_VARIABLE: os.path.realpath(task.prefix),
         }
         if self.library is not None and is_observed(task):
             found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(self.library))))
@@ -52,7 +53,7 @@ class Observer:
         return found
 
     def note_process(self, variables: Mapping[str, str], process: int) -> None:
-        """Log the start of a step, which the library confirms if it is loaded."""
+        """Log the start of a step, which counts as loaded if its program can be observed."""
         if self.library is not None and str(self.library) in variables.get("LD_PRELOAD", ""):
             with Path(variables[LOG_VARIABLE]).open("ab") as stream:
                 stream.write(b"P%d\0" % process)

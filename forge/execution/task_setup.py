@@ -134,8 +134,10 @@ class TaskSetup:
             return None
         with closing(found):
             self._back_up(task)
-            paths = (f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves)
-            raise_if_any(PrefixExchange(task.name, self.layout).in_the_way(paths), WorkspaceError)
+            paths = [f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves]
+            exchange = PrefixExchange(task.name, self.layout)
+            raise_if_any(exchange.in_the_way(paths), WorkspaceError)
+            exchange.announce(paths)
             files, empty = self.cache.restore(task, found)
             record = self.recorder.restored_record(task, found.build, files, empty)
             if tests_need_build(task.package):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import struct
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from forge.base.layout import Layout
-from forge.build.observed_writes import ObservedWrites, read_log
+from forge.build.observed_writes import ObservedWrites, begin_log, read_log
 from forge.build.prefix import written_log
 from forge.build.tasks import Task
 from forge.execution.observer import Observer, open_observer
@@ -30,6 +31,8 @@ WRITERS = {
     "cmake": "cmake -E touch a; cmake -E copy a b; cmake -E make_directory d/e; cmake -E rename b c; "
     "cmake -E create_symlink a l; cmake -E copy_directory d f",
     "make": "printf 'all:\\n\\techo x > a\\n' | make -f -",
+    "system": 'python3 -c \'import os; os.system("echo x > a"); os.popen("echo x > b").close()\'',
+    "execl": "perl -e 'exec(q(sh), q(-c), q(echo x > a))'",
     "background": "(sleep 0.1; echo x > a) & wait",
 }
 UNSEEN = {
@@ -53,7 +56,7 @@ def observed(tmp_path: Path, folder: Path) -> tuple[Layout, Task, Observer]:
     task.prefix.mkdir(parents=True)
     log = written_log("a", layout)
     log.parent.mkdir()
-    log.touch()
+    begin_log(log)
     observer = open_observer([task], layout, folder, dict(os.environ))
     assert observer.library is not None
     return layout, task, observer
@@ -124,8 +127,8 @@ def test_without_a_compiler_nothing_is_observed(
 
 def test_a_torn_log_is_not_complete(tmp_path: Path) -> None:
     log = tmp_path / "log"
-    log.write_bytes(b"P1\0S1\0W/p/a\0")
+    log.write_bytes(struct.pack("=QQ", 2, 3) + b"P1\0W/p/a\0")
     assert read_log(log, Path("/p")).complete
-    for text in (b"", b"P1\0", b"P1\0S1\0\0", b"P1\0S1\0E1\0", b"xyz\0"):
+    for text in (b"", b"P1\0", bytes(16), bytes(16) + b"P1\0", struct.pack("=QQ", 0, 1) + b"P1\0W/p"):
         log.write_bytes(text)
         assert not read_log(log, Path("/p")).complete

@@ -78,7 +78,9 @@ def test_a_package_that_was_not_there_is_not_there_again(tmp_path: Path) -> None
     prefix = layout.prefix("walker")
     PrefixExchange("walker", layout).begin([])
     (prefix / "share").mkdir(parents=True)
-    written_log("walker", layout).write_bytes(b"D%s\0D%s\0" % (bytes(prefix), bytes(prefix / "share")))
+    written_log("walker", layout).write_bytes(
+        bytes(16) + b"D%s\0D%s\0" % (bytes(prefix), bytes(prefix / "share"))
+    )
     PrefixExchange("walker", layout).roll_back()
     assert not prefix.exists()
     prefix.write_text("mine")
