@@ -25,7 +25,7 @@ from forge.environment.sourcing import own_edits, package_edits, packages_in_ord
 from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -45,6 +45,7 @@ def install_package(
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
     `installed` are the absolute paths of the package's files; by default, `installed_files` finds them.
+    `own_files` returns what this writes.
     """
     prefix = layout.prefix(package.name)
     paths = installed_files(package, layout).files if installed is None else installed
@@ -81,28 +82,30 @@ class InstalledFiles:
     unclaimed: frozenset[str] = frozenset()
 
 
-def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
-    """Return what a build has just installed.
+def own_files(package: Package, layout: Layout) -> Iterator[str]:
+    """Yield the absolute paths of what forge writes for a package, as far as it exists."""
+    name, prefix = package.name, layout.prefix(package.name)
+    share = prefix / "share" / name
+    yield from (str(share / f"package.{extension}") for extension in ("dsv", *SHELLS))
+    yield from map(str, (share / "hook").glob("*.dsv"))
+    yield str(prefix / PACKAGES / name)
+    if _is_registered_by_forge(package):
+        yield from (str(prefix / INDEX / "packages" / name), str(share / "package.xml"))
 
-    These are the files in install manifests, and those that forge writes. In an isolated prefix, so are files
-    and folders that steps of the package were observed to write there. If some process could not be observed,
-    all that has appeared during the build counts, and so does what an earlier build counted.
+
+def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
+    """Return what the steps of a package have just installed.
+
+    These are the files in install manifests. In an isolated prefix, so are files and folders that its steps
+    were observed to write there. If some process could not be observed, all that has appeared during the
+    build counts, and so does what an earlier build counted.
     Raises WorkspaceError if a file of somebody else lay where the package has installed one.
     """
     name, prefix = package.name, layout.prefix(package.name)
     exchange = PrefixExchange(name, layout)
-    share = prefix / "share" / name
-    own = [str(share / f"package.{extension}") for extension in ("dsv", *SHELLS)]
-    own += [*map(str, (share / "hook").glob("*.dsv")), str(prefix / PACKAGES / name)]
-    if _is_registered_by_forge(package):
-        own += [str(prefix / INDEX / "packages" / name), str(share / "package.xml")]
     build = layout.build_dir(name)
     below = f"{prefix}/"
-    listed = {
-        *own,
-        *listed_files(build),
-        *(path for path in written_by_backend(build) if path.startswith(below)),
-    }
+    listed = {*listed_files(build), *(path for path in written_by_backend(build) if path.startswith(below))}
     raise_if_any(exchange.overwritten(listed), WorkspaceError)
     # A listed file may be missing: the package's own code can remove files that CMake installed.
     if layout.merged:

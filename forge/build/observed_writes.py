@@ -6,11 +6,16 @@ installers write the others.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 LOG_VARIABLE = "FORGE_OBSERVER_LOG"
 PREFIX_VARIABLE, REAL_PREFIX_VARIABLE = "FORGE_OBSERVER_PREFIX", "FORGE_OBSERVER_REAL_PREFIX"
@@ -47,18 +52,20 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
     except (OSError, struct.error):
         return ObservedWrites()
     records = content[_COUNTERS.size :].split(b"\0")
-    real = os.path.realpath(prefix)
-    words: dict[bytes, set[str]] = {b"W": set(), b"D": set(), b"P": set()}
-    complete = records.pop() == b""
+    below, real = f"{prefix}/", ""
+    words: dict[bytes, set[str]] = {b"W": set(), b"D": set()}
+    steps, complete = 0, records.pop() == b""
     for record in records:
-        word = os.fsdecode(record[1:])
-        if word == real or word.startswith(f"{real}/"):
-            word = f"{prefix}{word[len(real) :]}"
-        if record[:1] in words:
-            words[record[:1]].add(word)
+        kind, word = record[:1], os.fsdecode(record[1:])
+        if kind == b"P":
+            steps += 1
+        elif kind in words:
+            if not word.startswith(below):
+                real = real or os.path.realpath(prefix)
+                word = f"{prefix}{word[len(real) :]}" if f"{word}/".startswith(f"{real}/") else word
+            words[kind].add(word)
         else:
             complete = False
-    steps = len(words[b"P"])
     complete = complete and steps > 0 and loaded == executed + steps
     return ObservedWrites(frozenset(words[b"W"]), frozenset(words[b"D"]), complete)
 
@@ -70,17 +77,38 @@ def begin_log(log: Path) -> None:
 
 def note_written(path: str) -> None:
     """Log a file that this process is about to write, or has written, as a step of a package."""
-    _append(b"W", path)
+    append(os.environ.get(LOG_VARIABLE), b"W" + os.fsencode(path))
+
+
+def note_start(variables: Mapping[str, str]) -> None:
+    """Log that this process is about to start a program of a step that the library observes.
+
+    The library itself counts the programs that an observed process starts; forge's worker is none.
+    """
+    if "LD_PRELOAD" in variables and not _is_observed():
+        append(variables.get(LOG_VARIABLE), b"P")
+
+
+def _is_observed() -> bool:
+    """Tell whether this process started with the library."""
+    try:
+        return LOG_VARIABLE.encode() in Path("/proc/self/environ").read_bytes()
+    except OSError:
+        return False
 
 
 def note_unobserved(program: str) -> None:
     """Log a program that has run as part of a step, unless the library observes the processes of the step."""
     if "LD_PRELOAD" not in os.environ:
-        _append(b"E", program)
+        append(os.environ.get(LOG_VARIABLE), b"E" + os.fsencode(program))
 
 
-def _append(kind: bytes, word: str) -> None:
-    log = os.environ.get(LOG_VARIABLE)
-    if log and os.path.isfile(log):  # noqa: PTH113  (a string)
-        with Path(log).open("ab") as stream:
-            stream.write(b"%s%s\0" % (kind, os.fsencode(word)))
+def append(log: str | None, *records: bytes) -> None:
+    """Append records to a log that exists."""
+    with contextlib.suppress(FileNotFoundError):
+        descriptor = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC) if log else -1
+        if descriptor >= 0:
+            try:
+                os.write(descriptor, b"".join(b"%s\0" % record for record in records))
+            finally:
+                os.close(descriptor)

@@ -28,7 +28,7 @@ from forge.base.files import BYTECODE, remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR
 from forge.build.install_manifests import MANIFESTS
-from forge.build.observed_writes import ObservedWrites, begin_log, read_log
+from forge.build.observed_writes import ObservedWrites, append, begin_log, read_log
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
@@ -91,13 +91,13 @@ def write_installed_list(
     folders: Iterable[str],
     unclaimed: Collection[str] = (),
 ) -> None:
-    """Record the installed files of a package, with the digests of regular files as `contents`."""
+    """Record the installed files of a package, with their contents as by `contents_of`."""
     base = str(layout.install)
     inside = [path for path in contents if path.startswith(f"{base}/") and path not in unclaimed]
     parents = {parent for path in inside for parent in _parents(path, base)}
     data = {
         "version": _VERSION,
-        "files": {path[len(base) + 1 :]: identity(path, contents[path]) for path in inside},
+        "files": {path[len(base) + 1 :]: _identity(path, contents[path]) for path in inside},
         "folders": [path.rstrip("/")[len(base) + 1 :] for path in folders if path.startswith(f"{base}/")],
         "links": {
             path[len(base) + 1 :]: os.readlink(path)  # noqa: PTH115
@@ -121,9 +121,9 @@ def forget_installed_list(name: str, layout: Layout) -> None:
     _list_file(name, layout).unlink(missing_ok=True)
 
 
-def identity(path: str, digest: str) -> str:
+def _identity(path: str, content: str) -> str:
     """Return what tells a file from another one at its path: the target of a link, else the digest."""
-    return f"-> {os.readlink(path)}" if os.path.islink(path) else digest  # noqa: PTH114, PTH115
+    return f"-> {os.readlink(path)}" if content.startswith("link ") else content.rpartition(" ")[2]  # noqa: PTH115
 
 
 def written_log(name: str, layout: Layout) -> Path:
@@ -219,8 +219,8 @@ class PrefixExchange:
 
     def announce(self, paths: Iterable[str]) -> None:
         """Log files that forge is about to write, so that they are known after a kill."""
-        with written_log(self._name, self._layout).open("ab") as stream:
-            stream.write(b"".join(b"W%s\0" % os.fsencode(path) for path in paths))
+        log = written_log(self._name, self._layout)
+        append(str(log), *(b"W" + os.fsencode(path) for path in paths))
 
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
         """Give back files of others that lay where the package has installed some; yield a problem for each.
@@ -254,8 +254,8 @@ class PrefixExchange:
             original = f"{self._prefix}{path[cut:]}"
             if listed is None or os.path.lexists(original) or original not in listed.files:
                 continue
-            digest = "" if os.path.islink(path) else content_digest(path)  # noqa: PTH114
-            if identity(path, digest) != listed.files[original]:
+            content = "link " if os.path.islink(path) else content_digest(path)  # noqa: PTH114
+            if _identity(path, content) != listed.files[original]:
                 os.makedirs(os.path.dirname(original), exist_ok=True)  # noqa: PTH103, PTH120
                 os.rename(path, original)  # noqa: PTH104
                 message = f"kept '{original}', which '{self._name}' no longer installs, because it was edited"

@@ -23,7 +23,7 @@ from forge.build.inputs.fingerprints import (
     fingerprint_tree,
     tree_manifest,
 )
-from forge.build.installation import InstalledFiles, installed_files
+from forge.build.installation import InstalledFiles, own_files
 from forge.build.installed_files import remove_stale, set_file_times
 from forge.build.model import BuildRecord
 from forge.build.prefix import write_installed_list
@@ -91,11 +91,15 @@ class PackageRecorder:
             reconfigure=task.reconfigure,
         )
 
-    def make_record(self, task: Task) -> BuildRecord:
-        """Remove stale installed files and return the record of a successful task."""
+    def make_record(self, task: Task, installed: InstalledFiles) -> BuildRecord:
+        """Remove stale installed files and return the record of a successful task.
+
+        `installed` are the files that its steps have installed, without those that forge writes.
+        """
         build = task.build_dir
-        installed = installed_files(task.package, self._layout, task.earlier)
-        files = installed.files
+        own = filter(os.path.lexists, own_files(task.package, self._layout))
+        files = tuple(sorted({*installed.files, *own}))
+        installed = replace(installed, files=files)
         stats = set_file_times(task, files, self._layout, self._table)
         prefixes = map(self._layout.prefix, (task.name, *task.needs))
         declared = (self._state.source(task), build, self._layout.build / TOOLCHAIN_DIR, *prefixes)
@@ -172,8 +176,8 @@ class PackageRecorder:
         installed = fingerprint_files((*files, *folders), self._table, stats=stats)
         contents = contents_of((*files, *folders), self._table, stats)
         self._state.installed_states.keep(task.name, installed.digest, contents)
-        digests = {path: contents[path].rpartition(" ")[2] for path in files}
-        write_installed_list(task.name, self._layout, digests, folders, installed_files.unclaimed)
+        own = {path: contents[path] for path in files}
+        write_installed_list(task.name, self._layout, own, folders, installed_files.unclaimed)
         return BuildRecord(
             inputs=task.inputs,
             complete=True,

@@ -15,7 +15,7 @@ from shutil import which
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
-from forge.build.observed_writes import LOG_VARIABLE, PREFIX_VARIABLE, REAL_PREFIX_VARIABLE
+from forge.build.observed_writes import LOG_VARIABLE, PREFIX_VARIABLE, REAL_PREFIX_VARIABLE, append
 from forge.build.prefix import written_log
 from forge.toolchain.programs import CARGO_TYPES
 
@@ -55,8 +55,7 @@ class Observer:
     def note_process(self, variables: Mapping[str, str], process: int) -> None:
         """Log the start of a step, which counts as loaded if its program can be observed."""
         if self.library is not None and str(self.library) in variables.get("LD_PRELOAD", ""):
-            with Path(variables[LOG_VARIABLE]).open("ab") as stream:
-                stream.write(b"P%d\0" % process)
+            append(variables[LOG_VARIABLE], b"P%d" % process)
 
 
 def is_observed(task: Task) -> bool:

@@ -158,11 +158,11 @@ class TaskSetup:
         # A dependency that an embedded package provides under another name is recorded by the package's name.
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
-        installed = installation.installed_files(task.package, self.layout, task.earlier).files
+        installed = installation.installed_files(task.package, self.layout, task.earlier)
         installation.install_package(
-            task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed
+            task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
         )
-        record = self.recorder.make_record(task)
+        record = self.recorder.make_record(task, installed)
         self._commit(task)
         return self.cache.keep(task, record) if self.cache else record
 

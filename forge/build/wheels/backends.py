@@ -26,7 +26,7 @@ from forge.base.frozen import frozen
 from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
 from forge.build.inputs.fingerprints import source_files
-from forge.build.observed_writes import note_unobserved, note_written
+from forge.build.observed_writes import note_start, note_unobserved, note_written
 from forge.build.wheels import setup_install
 from forge.build.wheels.backend_inputs import (
     Traced,
@@ -370,6 +370,7 @@ def _run_backend(  # noqa: PLR0913  (pyproject_hooks passes three of them)
 
     Raises CalledProcessError after printing the reason to stderr.
     """
+    note_start(environment)
     done = subprocess.run(
         trace.argv(cmd, prefix),
         cwd=cwd,
