@@ -68,6 +68,15 @@ def documented(number: int = 0) -> str:
     return block
 
 
+def prepare(files: Path) -> None:
+    """Create the folder of the cache with the command on the page, for the user of the tests."""
+    command = re.search(
+        r"^\$ sudo (install -d) -o www-data (/srv/forge-cache)$", PAGE.read_text("utf-8"), re.MULTILINE
+    )
+    assert command is not None
+    subprocess.run([*command[1].split(), str(files)], check=True)
+
+
 @contextlib.contextmanager
 def serving(folder: Path, server: str | None = None, scheme: str = "http") -> Iterator[Nginx]:
     """Run nginx below a folder, which need not be there; on a port of the system's choice."""
@@ -83,7 +92,7 @@ def serving(folder: Path, server: str | None = None, scheme: str = "http") -> It
 
 def _started(folder: Path, server: str, scheme: str) -> Nginx:
     files = folder / "files"
-    files.mkdir(parents=True, exist_ok=True)
+    prepare(files)
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
     server = re.sub(r"listen \d+", f"listen 127.0.0.1:{port}", server)

@@ -32,7 +32,7 @@ PICTURE = ROOT / "docs/images/terminal.svg"
 HOME = b"/home/me/ws"
 """Printed for the folder of the copy, so that the picture does not name this machine."""
 
-COLUMNS, LINES = 100, 200
+COLUMNS, LINES = 106, 200
 CELL, LINE = 8.0, 18
 """Width and height of a character."""
 
@@ -62,13 +62,17 @@ class Run:
 def main(argv: Sequence[str]) -> int:
     """Write the picture; the argument is another file."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name) / "robot_ws"
-        shutil.copytree(ROOT / "examples_ws/src", folder / "src")
-        for command in BEFORE:
-            subprocess.run(["bash", "-c", command], cwd=folder, env=surroundings(folder), check=True)
-        lines = list(screen(TYPED, folder))
+        lines = session(Path(name) / "robot_ws")
     write_if_changed(Path(argv[0]) if argv else PICTURE, picture(lines))
     return 0
+
+
+def session(folder: Path) -> list[tuple[Run, ...]]:
+    """Build a copy of the example workspace, and return what the picture shows of it."""
+    shutil.copytree(ROOT / "examples_ws/src", folder / "src")
+    for command in BEFORE:
+        subprocess.run(["bash", "-c", command], cwd=folder, env=surroundings(folder), check=True)
+    return list(screen(TYPED, folder))
 
 
 def screen(typed: Iterable[str], folder: Path) -> Iterator[tuple[Run, ...]]:

@@ -106,7 +106,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Time:
-    """One tool at one task: a bar from zero; the longest of a task fills the chart."""
+    """One tool at one task: a bar from zero. All bars of a chart have one scale."""
 
     task: str
     """The task, only beside its first bar."""
@@ -134,8 +134,8 @@ def times(title: str, tasks: Sequence[tuple[str, Sequence[tuple[str, float, str]
     """Return the chart of tasks, each with tools, their times and these as text; None without tasks."""
     drawn: list[Time] = []
     y = TIMES_TOP
+    longest = max((value for _, tools in tasks for _, value, _ in tools), default=1.0)
     for words, tools in tasks:
-        longest = max(value for _, value, _ in tools)
         for number, (tool, value, text) in enumerate(tools):
             width = round(max((WIDTH - TIMES_NUMBERS - TIMES_LABELS) * value / longest, 1), 1)
             kind = "forge" if tool == SUBJECT else "other"

@@ -130,13 +130,13 @@ def test_a_task_that_was_not_measured_is_left_out() -> None:
     assert f"{IMAGES}/overview-interfaces.svg" not in found
 
 
-def test_the_longest_time_of_a_task_fills_the_chart() -> None:
+def test_all_bars_of_a_chart_have_one_scale() -> None:
     chart = charts.times(
         "x", [("a", [("forge", 5, "5 s"), ("colcon", 10, "10 s")]), ("b", [("forge", 1, "")])]
     )
     assert chart
     forge, colcon, alone = chart.bars
-    assert forge.width * 2 == colcon.width == alone.width
+    assert forge.width * 2 == colcon.width == alone.width * 10
     assert [bar.task for bar in chart.bars] == ["a", "", "b"]
     assert [bar.kind for bar in chart.bars] == ["forge", "other", "forge"]
 
