@@ -28,6 +28,8 @@ class Editor:
         self._versions: dict[Path, int] = {}
         self.diagnostics: dict[str, list[dict[str, Any]]] = {}
         """The problems that the server has reported last, by the address of the document."""
+        self.messages: list[str] = []
+        """What the server has shown to the user."""
         self.registered: list[str] = []
         """What the server wants to be told."""
 
@@ -102,6 +104,8 @@ class Editor:
         match message.get("method"):
             case "textDocument/publishDiagnostics":
                 self.diagnostics[message["params"]["uri"]] = message["params"]["diagnostics"]
+            case "window/showMessage":
+                self.messages.append(message["params"]["message"])
             case "client/registerCapability":
                 self.registered += [each["method"] for each in message["params"]["registrations"]]
                 self._send({"id": message["id"], "result": None})

@@ -15,13 +15,14 @@ from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.occurrences import NameKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from forge.editor.index import Index
     from forge.interfaces.read.occurrences import Occurrence, Reading
 
 _CMAKE = "CMakeLists.txt"
+_OWN_FOLDER = r"\$\{(?:CMAKE_CURRENT_SOURCE|CMAKE_CURRENT_LIST|PROJECT_SOURCE)_DIR\}"
 
 
 @frozen
@@ -30,6 +31,8 @@ class Renaming:
 
     edits: tuple[Edit, ...]
     moves: tuple[tuple[Path, Path], ...] = ()
+    remark: str = ""
+    """What the user may have to change by hand."""
 
 
 @frozen
@@ -103,13 +106,15 @@ def _type(index: Index, old: TypeName, new: str) -> Renaming:
         raise InterfaceError(Problem(f"invalid interface name '{new}'", hint=hint))
     if index.find_or_none(TypeName(old.package, old.kind, new)):
         raise InterfaceError(Problem(f"'{old.package}/{old.kind}/{new}' already exists"))
+    path = declared.source.path
+    in_cmake = tuple(_in_cmake(index, declared, old.name, new))
     edits = [
         *(Edit(user, Span(use.line, use.stem, use.end), new) for user, use in uses(index, old)),
         *_in_own_file(declared, old.name, new),
-        *_in_cmake(index, declared, old.name, new),
+        *in_cmake,
     ]
-    path = declared.source.path
-    return Renaming(tuple(dict.fromkeys(edits)), ((path, path.with_name(f"{new}{path.suffix}")),))
+    remark = _remark(index, path, in_cmake)
+    return Renaming(tuple(dict.fromkeys(edits)), ((path, path.with_name(f"{new}{path.suffix}")),), remark)
 
 
 def _in_own_file(reading: Reading, old: str, new: str) -> Iterator[Edit]:
@@ -126,9 +131,30 @@ def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Ed
         return
     path = manifest.path.with_name(_CMAKE)
     folder, _, file = reading.source.relative.rpartition("/")
-    written = re.compile(
-        rf"(?<![\w/]){re.escape(folder)}/({re.escape(old)}){re.escape(file[len(old) :])}(?!\w)"
-    )
+    start = rf"(?:(?<![\w/])|{_OWN_FOLDER}/){re.escape(folder)}/"
+    written = re.compile(rf"{start}({re.escape(old)}){re.escape(file[len(old) :])}(?!\w)")
     for number, line in enumerate(index.text(path).splitlines()):
         for found in written.finditer(line):
             yield Edit(path, Span(number, *found.span(1)), new)
+
+
+def _remark(index: Index, path: Path, edits: Sequence[Edit]) -> str:
+    """Return where CMake files of the package seem to name a file in another way than the edits change."""
+    manifest = index.manifest_of(path)
+    if manifest is None:
+        return ""
+    folder = manifest.path.parent
+    word = re.compile(rf"(?<!\w){re.escape(path.stem)}\b")
+    changed = {(edit.path, edit.span.line) for edit in edits}
+    places = [
+        f"{file.relative_to(folder.parent)}:{number}"
+        for file in sorted({*folder.rglob(_CMAKE), *folder.rglob("*.cmake")})
+        for number, line in enumerate(index.text(file).splitlines(), 1)
+        if word.search(line.partition("#")[0]) and (file, number - 1) not in changed
+    ]
+    if places:
+        return f"not changed: {', '.join(places)} may also mean '{path.name}'"
+    text = index.text(folder / _CMAKE)
+    if edits or "rosidl_generate_interfaces" not in text or "GLOB" in text:
+        return ""
+    return f"not changed: '{folder.name}/{_CMAKE}' does not name '{path.name}' literally"

@@ -206,6 +206,8 @@ class InterfaceServer(LanguageServer):
             raise _RefusedError("; ".join(each.message for each in error.problems)) from None
         if found.moves and not self._can_rename_files():
             raise _RefusedError("this editor cannot rename files, which renaming a type requires")
+        if found.remark:
+            self.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, found.remark))
         return self._workspace_edit(asked[0], found)
 
     def _can_rename_files(self) -> bool:

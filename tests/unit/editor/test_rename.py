@@ -49,6 +49,46 @@ def test_a_type_is_renamed_with_its_file_and_its_uses(workspace: Pointer, file: 
         assert diagnose(workspace.index, path) == ()
 
 
+@pytest.mark.parametrize(
+    ("cmake", "remark"),
+    [
+        ("rosidl_generate_interfaces(shapes\n  msg/Point.msg)  # Point\n", ""),
+        ("rosidl_generate_interfaces(shapes\n  ${CMAKE_CURRENT_SOURCE_DIR}/msg/Point.msg)\n", ""),
+        (
+            "rosidl_generate_interfaces(shapes\n  ${HERE}/msg/Point.msg)\n",
+            "not changed: shapes/CMakeLists.txt:2 may also mean 'Point.msg'",
+        ),
+        (
+            "rosidl_generate_interfaces(shapes dir:msg/../msg/Point.msg)\n",
+            "not changed: shapes/CMakeLists.txt:1 may also mean 'Point.msg'",
+        ),
+        (
+            "foreach(name Box Point)\n  list(APPEND files msg/${name}.msg)\nendforeach()\n",
+            "not changed: shapes/CMakeLists.txt:1 may also mean 'Point.msg'",
+        ),
+        (
+            "include(cmake/files.cmake)\nrosidl_generate_interfaces(shapes ${files})\n",
+            "not changed: shapes/cmake/files.cmake:1 may also mean 'Point.msg'",
+        ),
+        (
+            "rosidl_generate_interfaces(shapes ${FROM_ELSEWHERE})\n",
+            "not changed: 'shapes/CMakeLists.txt' does not name 'Point.msg' literally",
+        ),
+        ("file(GLOB files msg/*.msg)\nrosidl_generate_interfaces(shapes ${files})\n", ""),
+    ],
+)
+def test_what_a_rename_does_not_change_in_cmake_is_said(workspace: Pointer, cmake: str, remark: str) -> None:
+    files = {"CMakeLists.txt": cmake}
+    if "include(" in cmake:
+        files["cmake/files.cmake"] = "set(files ${CMAKE_CURRENT_LIST_DIR}/../msg/Point.msg)\n"
+    for name, text in files.items():
+        path = workspace.path(f"shapes/{name}")
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        workspace.index.refresh(path)
+    assert rename(*workspace.at("nav/msg/Path.msg", "Point"), "Spot").remark == remark
+
+
 def test_the_structs_of_an_idl_file_follow_it(workspace: Pointer) -> None:
     apply(workspace, rename(*workspace.at("nav/action/Drive.action", "shapes/Box"), "Crate"))
     text = words(workspace, "shapes/msg/Crate.idl")

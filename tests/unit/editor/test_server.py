@@ -104,6 +104,14 @@ def test_a_rename_edits_all_files_and_moves_one(client: Editor, root: Path) -> N
     assert client.at("textDocument/rename", root / "notes.txt", "0:0", newName="A") is None
 
 
+def test_a_rename_says_what_it_does_not_change(client: Editor, root: Path) -> None:
+    (root / "src/shapes/CMakeLists.txt").write_text("rosidl_generate_interfaces(shapes ${FILES})\n")
+    path = root / "src/nav/msg/Path.msg"
+    client.open(path, "shapes/Point[] points\n")
+    assert client.at("textDocument/rename", path, "0:8", newName="Spot")["documentChanges"]
+    assert client.messages == ["not changed: 'shapes/CMakeLists.txt' does not name 'Point.msg' literally"]
+
+
 def test_an_editor_that_cannot_rename_files_is_told(root: Path, caplog: pytest.LogCaptureFixture) -> None:
     """The answer is an error of the protocol, and no failure of the server that its log would show."""
     with editor() as client:
