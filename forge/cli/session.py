@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from forge.workspace.selection import Query
 
 
+_MOST_NEEDS = 100_000
+"""Writing so many dependencies to the log takes a tenth of a second."""
+
+
 class Session:
     """The reporters of one run and its loop; used by the main thread only."""
 
@@ -182,14 +186,17 @@ def _announce(
     layout: Layout,
     needs: Mapping[str, Collection[str]],
 ) -> None:
-    """Write the packages of the run to the log; those that are up to date start and end at once.
+    """Write the packages of the run to the log with their dependencies.
 
-    Their indirect dependencies are left out: in a large workspace, they are hundreds of thousands.
+    Indirect ones are left out of packages that are up to date, which start and end at once, and of all if
+    there are too many.
     """
     if log.folder is None:
         return
     jobs = {name: needs.get(name, ()) for name in plan.fresh}
-    jobs |= {name: task.needs or needs.get(name, ()) for name, task in plan.tasks.items()}
+    direct = sum(len(task.needs) for task in plan.tasks.values()) > _MOST_NEEDS
+    for name, task in plan.tasks.items():
+        jobs[name] = needs.get(name, ()) if direct else task.needs or needs.get(name, ())
     prefixes = {need: layout.prefix(need) for found in jobs.values() for need in found}
     unselected = [name for name, package in packages.items() if name not in jobs and not package.embedded]
     queued = {name: {need: prefixes[need] for need in found} for name, found in jobs.items()}
