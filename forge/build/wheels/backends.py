@@ -105,7 +105,9 @@ class SetupInstall:
     scripts: str | None
     """The folder of the scripts, with setuptools' variables such as `$base`; None for setuptools' own."""
     executable: str = ""
-    """The interpreter of the scripts if it is not `python`; compiled modules are refused then."""
+    """The interpreter of the scripts if it is not `python`."""
+    target: str = ""
+    """The platform, '' for this machine; compiled modules for another one are refused."""
 
 
 def uses_setuptools(source: Path) -> bool:
@@ -135,7 +137,7 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
         "prefix": str(options.prefix),
         "site_packages": options.site_packages,
         "words": words,
-        "pure": bool(options.executable),
+        "pure": bool(options.target),
     }
     file = trace.folder / "request.json"
     file.write_text(json.dumps(request), "utf-8")
@@ -174,13 +176,18 @@ def _setup_fault(code: int, outside: str, options: SetupInstall) -> EnvironmentF
         hint = "check data_files, and the options of setuptools' install command, in its setup"
         return WorkspaceError(Problem(message, Location(options.source), hint))
     if code == setup_install.COMPILED:
-        message = "compiled modules cannot be built for another platform"
-        hint = "build them with CMake in a package of their own, or build this package on the target"
-        return WorkspaceError(Problem(message, Location(options.source), hint))
+        return compiled_modules(options.source, options.target)
     if code == setup_install.UNAVAILABLE:
         return _unavailable("setuptools.build_meta", options.python)
     message = "the package's build backend 'setuptools.build_meta' failed; see its output above"
     return EnvironmentFault(Problem(message))
+
+
+def compiled_modules(source: Path, target: str) -> WorkspaceError:
+    """Return the error for a package with compiled modules, which would be for this machine."""
+    message = f"compiled modules cannot be built for '{target}'"
+    hint = "build them with CMake in a package of their own, or build this package on the target"
+    return WorkspaceError(Problem(message, Location(source), hint))
 
 
 def _full_disk(folder: Path) -> OSError:

@@ -27,7 +27,13 @@ from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
 from forge.base.frozen import frozen
 from forge.build.observed_writes import note_written
-from forge.build.wheels.backends import SetupInstall, build_wheel, run_setup_install, uses_setuptools
+from forge.build.wheels.backends import (
+    SetupInstall,
+    build_wheel,
+    compiled_modules,
+    run_setup_install,
+    uses_setuptools,
+)
 from forge.build.wheels.entry_points import ENTRY_POINTS, without_invalid_scripts
 from forge.build.wheels.links import Installed, link_to_sources
 from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
@@ -96,6 +102,7 @@ def _run_setup(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
         options.site_packages,
         _scripts_of_setup(options),
         executable,
+        options.target,
     )
     installed, output = run_setup_install(setup)
     _make_startable(installed, executable or options.python)
@@ -117,17 +124,9 @@ def _make_startable(scripts: Sequence[Path], python: str) -> None:
 def _install_wheel(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
     """Build a wheel and unpack it; return the installed files and the backend's output."""
     wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
-    if options.target:
-        _refuse_compiled(wheel, options)
+    if options.target and not wheel.stem.endswith("-none-any"):
+        raise compiled_modules(options.source, options.target)
     return _unpack(wheel, options, _schemes(options)), output
-
-
-def _refuse_compiled(wheel: Path, options: WheelInstall) -> None:
-    """Raise WorkspaceError for a wheel with compiled modules, which are for this machine."""
-    if not wheel.stem.endswith("-none-any"):
-        message = f"compiled modules of '{options.package}' cannot be built for '{options.target}'"
-        hint = "build them with CMake in a package of their own, or build this package on the target"
-        raise WorkspaceError(Problem(message, Location(options.source), hint))
 
 
 def _schemes(options: WheelInstall) -> dict[str, str]:
