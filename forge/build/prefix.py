@@ -283,8 +283,10 @@ class PrefixExchange:
         if not _restore_copies(self._copies):
             for path in _markers(self._name, self._layout):
                 remove_tree(path)
-        with contextlib.suppress(FileNotFoundError):
+        if self._list.is_file():
             self._list.replace(_list_file(self._name, self._layout))
+        elif self._state.is_file():
+            forget_installed_list(self._name, self._layout)
         if not self._layout.merged and not self._noted("state").get("existed", True):
             with contextlib.suppress(OSError):
                 os.rmdir(self._prefix)  # noqa: PTH106
