@@ -275,11 +275,7 @@ class PrefixExchange:
             (self._layout.build_dir(self._name) / manifest).unlink(missing_ok=True)
         if self._moved.is_dir():
             self._move_back(self._moved)
-        for path, mode in self._noted("folders").items():
-            if mode is not None and not os.path.lexists(path):
-                os.makedirs(path, exist_ok=True)  # noqa: PTH103
-            if mode is not None and os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
-                os.chmod(path, mode)  # noqa: PTH101
+        self._restore_folders()
         if not _restore_copies(self._copies):
             for path in _markers(self._name, self._layout):
                 remove_tree(path)
@@ -291,6 +287,13 @@ class PrefixExchange:
             with contextlib.suppress(OSError):
                 os.rmdir(self._prefix)  # noqa: PTH106
         self._drop()
+
+    def _restore_folders(self) -> None:
+        for path, mode in self._noted("folders").items():
+            if not os.path.lexists(path):
+                os.makedirs(path, exist_ok=True)  # noqa: PTH103
+            if os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
+                os.chmod(path, mode)  # noqa: PTH101
 
     def _drop(self) -> None:
         for folder in (self._moved, self._copies, *(() if self._layout.merged else (self._others,))):

@@ -96,7 +96,7 @@ def test_a_build_without_ros_names_what_is_missing_and_starts_nothing(forge: For
     ran = forge("build", cwd=workspace / "ros2")
     assert ran.code == 2
     errors = [line for line in ran.err.splitlines() if ": error: " in line]
-    # rclcpp_action is not among them: robot_motion, on which its user depends, includes files that CMake reads.
+    # Not rclcpp_action: robot_motion, a package of the workspace, could install it.
     assert [re.findall(r"need\w* '(\w+)'", line) for line in errors] == [
         ["rclcpp"],
         ["rclcpp_components"],
