@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import own_cache
 from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE, own_folders
+from forge.base.layout import BACKUP_DIR, PACKAGE, own_folders
 from forge.build.audit.comparison import SOURCES, Disk, Tracked, findings, report
 from forge.build.audit.ignored_inputs import LINKED, MERGED, Machine
 from forge.build.inputs.depfiles import cmake_root
@@ -190,6 +190,7 @@ def _own_folders(context: BuildContext, variables: Mapping[str, str]) -> Iterato
         yield str(cache_of_user), "forge"
     for folder in context.layout.build.glob("*forge_*"):
         yield str(folder), "forge"
+    yield str(context.layout.install / BACKUP_DIR), "forge"
 
 
 @cache
