@@ -118,6 +118,7 @@ def _location(script: str, shell: Shell, variable: str, baked: Path) -> dict[str
     return {
         "shell": shell.name,
         "locate": f"scripts/{shell.family}/locate{shell.own}.j2",
+        "script": script,
         "file": f"{script}.{shell.name}",
         "variable": variable,
         "baked": shlex.quote(str(baked)),

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import itertools
+import re
+import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
@@ -50,3 +53,28 @@ def test_a_hook_that_ends_the_shell_is_a_message(tmp_path: Path) -> None:
         with pytest.raises(EnvironmentFault) as caught:
             build_environment([(name, prefix)], {})
         assert str(caught.value) == f"error: the environment hook '{prefix}/{path}' failed: {said}"
+
+
+@pytest.mark.parametrize(
+    "shell", [pytest.param(name, marks=pytest.mark.needs(name)) for name in ("bash", "dash", "fish", "zsh")]
+)
+def test_a_script_works_or_names_the_script_for_the_shell(tmp_path: Path, shell: str) -> None:
+    """Nothing is half set: the exit code is 0 only where the package was added."""
+    layout = make_install(tmp_path, [dsv_package("p", "prepend-non-duplicate;PATH;bin", files={"bin/x": ""})])
+    for kind, name in itertools.product(("bash", "fish", "sh", "zsh"), ("setup", "local_setup", "package")):
+        script = (layout.prefix("p") / "share/p" if name == "package" else layout.install) / f"{name}.{kind}"
+        ran = subprocess.run(
+            (shell, "-c", f". {script} && echo set $PATH"),
+            cwd=tmp_path,
+            env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if kind == shell or (kind == "sh" and shell != "fish"):
+            assert (ran.returncode, ran.stderr) == (0, "")
+            assert ran.stdout.startswith(f"set {layout.prefix('p')}/bin")
+        else:
+            own = f"{name}.{'sh' if shell == 'dash' else shell}"
+            assert (ran.returncode != 0, ran.stdout) == (True, "")
+            assert re.search(rf"source .*\b{own}\b.* instead", ran.stderr)
