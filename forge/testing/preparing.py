@@ -23,13 +23,13 @@ from forge.execution.job_pool import JobPool
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.interpreter import find_interpreter
-from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, find_ctest
+from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, compiled_packages, find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.resources import is_overloaded, processors
 from forge.toolchain.untested import was_built_without_tests
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from forge.base.errors import WarningReporter
     from forge.base.layout import Layout
@@ -78,7 +78,10 @@ def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, t
 def absent_problems(
     needs: Mapping[str, Sequence[str]], layout: Layout, variables: Mapping[str, str]
 ) -> dict[str, Problem]:
-    """Return problems for packages that are not installed, or whose dependencies are not."""
+    """Return problems for packages that are not installed, or whose dependencies are not.
+
+    Raises WorkspaceError if no package can be tested.
+    """
     underlays = find_underlays(variables, layout.install)
     found = {}
     for name, wanted in needs.items():
@@ -94,18 +97,18 @@ def absent_problems(
             verb = "is" if len(absent) == 1 else "are"
             message = f"'{name}' cannot be tested: {quoted} {verb} not built"
             found[name] = Problem(message, hint=f"forge build --packages-up-to {name}")
+    if found and len(found) == len(needs):
+        raise _none_built(found)
     return found
 
 
-def require_any_built(names: Sequence[str], absent: Mapping[str, Problem]) -> None:
-    """Raise WorkspaceError if no package can be tested, with one problem if there are several."""
-    if not absent or len(absent) < len(names):
-        return
+def _none_built(absent: Mapping[str, Problem]) -> WorkspaceError:
+    """Return the error if no package can be tested: one problem, also for several packages."""
     if len(absent) == 1:
-        raise WorkspaceError(*absent.values())
+        return WorkspaceError(*absent.values())
     message = f"no package can be tested: {listed(tuple(absent))} or their dependencies are not built"
     hint = "run 'forge build' first, with the same options to select packages"
-    raise WorkspaceError(Problem(message, hint=hint))
+    return WorkspaceError(Problem(message, hint=hint))
 
 
 def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
@@ -157,29 +160,59 @@ def _is_python(loaded: LoadedWorkspace, name: str) -> bool:
 def prepare_context(
     options: TestOptions,
     loaded: LoadedWorkspace,
-    names: Sequence[str],
     layout: Layout,
     variables: Mapping[str, str],
-) -> TestContext:
-    """Return the programs and options of the tests; raises EnvironmentFault for missing programs."""
-    rust = next((name for name in names if loaded.packages[name].build_type in CARGO_TYPES), None)
-    if rust is not None:
+    names: Sequence[str],
+) -> tuple[TestContext, dict[str, Problem]]:
+    """Return the programs and options of the tests, and a problem for each package that lacks a program.
+
+    Raises EnvironmentFault if no package can be tested.
+    """
+    packages = [loaded.packages[name] for name in names]
+    cmake, rust, python = (
+        [package for package in packages if package.build_type in types]
+        for types in (CMAKE_TYPES, CARGO_TYPES, PYTHON_TYPES)
+    )
+    without_ctest = _lacking(cmake, lambda: find_ctest(os.environ))
+    lacking = dict(without_ctest)
+    if rust:
         from forge.toolchain.rust import require_cargo  # noqa: PLC0415  (few workspaces have Rust)
 
-        require_cargo(loaded.packages[rust], variables)
-    types = {loaded.packages[name].build_type for name in names}
-    ctest = find_ctest(os.environ) if types & CMAKE_TYPES else None
+        lacking |= _lacking(rust, lambda: require_cargo(rust[0], variables))
+    if layout.target:
+        from forge.testing.emulation import require_emulator  # noqa: PLC0415  (only with --target)
+
+        lacking |= _lacking(compiled_packages(packages), lambda: require_emulator(packages, layout))
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, recorded)
-    missing = missing_modules(interpreter.path, _TEST_MODULES) if types & PYTHON_TYPES else ()
-    return TestContext(
+    missing = missing_modules(interpreter.path, _TEST_MODULES) if python else ()
+    context = TestContext(
         root=loaded.workspace.root,
         layout=layout,
         python=interpreter.path,
-        ctest=ctest,
+        ctest=find_ctest(os.environ) if cmake and not without_ctest else None,
         modules=frozenset(_TEST_MODULES) - frozenset(missing),
         options=options,
     )
+    if "pytest" in missing:
+        wanting = tuple(package.name for package in python if _framework(package, context) == "pytest")
+        message = f"'{interpreter.path}' has no pytest, which is required by {listed(wanting)}"
+        command = install_command(interpreter.path, ("pytest",))
+        hint = f"{command}; or test with unittest: --python-testing unittest"
+        lacking |= dict.fromkeys(wanting, Problem(message, hint=hint))
+    if lacking and len(lacking) == len(names):
+        raise EnvironmentFault(*dict.fromkeys(lacking.values()))
+    return context, lacking
+
+
+def _lacking(packages: Sequence[Package], require: Callable[[], object]) -> dict[str, Problem]:
+    """Return the problem for each of the packages if what they need is missing."""
+    try:
+        if packages:
+            require()
+    except EnvironmentFault as fault:
+        return {package.name: fault.problems[0] for package in packages}
+    return {}
 
 
 def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> JobPool:
@@ -193,9 +226,8 @@ def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> Job
 def make_test_plan(
     names: Sequence[str], loaded: LoadedWorkspace, context: TestContext, warn: WarningReporter
 ) -> BuildPlan:
-    """Return a task per package, without dependencies. Raises EnvironmentFault if pytest is missing."""
+    """Return a task per package, without dependencies."""
     packages = [loaded.packages[name] for name in names]
-    raise_if_any(_without_pytest(packages, context), EnvironmentFault)
     if context.options.pytest_with_coverage and "pytest_cov" not in context.modules:
         warn([Problem("coverage is not measured: the interpreter has no pytest-cov")])
     return BuildPlan({package.name: _task(package, context.of(package)) for package in packages})
@@ -215,19 +247,6 @@ def _task(package: Package, context: TestContext) -> Task:
         clean=recipe.clean,
         scratch_dir=TEST_SCRATCH_DIR,
     )
-
-
-def _without_pytest(packages: Sequence[Package], context: TestContext) -> Iterator[Problem]:
-    wanting = [
-        package.name
-        for package in packages
-        if package.build_type in PYTHON_TYPES and _framework(package, context) == "pytest"
-    ]
-    if wanting and "pytest" not in context.modules:
-        packages_text = ", ".join(f"'{name}'" for name in wanting)
-        command = install_command(context.python, ("pytest",))
-        hint = f"{command}; or test with unittest: --python-testing unittest"
-        yield Problem(f"'{context.python}' has no pytest, which is required by {packages_text}", hint=hint)
 
 
 def _framework(package: Package, context: TestContext) -> str:

@@ -357,14 +357,40 @@ def test_an_unknown_kind_of_package_is_left_out_with_a_word(forge: Forge, tree: 
     assert "Summary: 0 packages finished" in ran.out
 
 
-def test_pytest_must_be_there_where_it_is_asked_for(forge: Forge, workspace: Path, tmp_path: Path) -> None:
+def test_only_packages_that_need_pytest_are_not_tested_without_it(
+    forge: Forge, workspace: Path, tmp_path: Path
+) -> None:
     python = tmp_path / "python"
     python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S -E "$@"\n')
     python.chmod(0o755)
     ran = forge("test", "--python", str(python), cwd=workspace)
-    assert ran.code == 2
+    assert ran.code == 1
     assert f"error: '{python}' has no pytest, which is required by 'p_test'" in ran.err
     assert "--python-testing unittest" in ran.err
+    assert "Finished <<< c_good" in ran.out
+    assert "1 package not tested: p_test" in ran.out
+    assert "has no pytest" in forge("test-result", "--verbose", cwd=workspace).out
+    alone = forge("test", "--python", str(python), "--packages-select", "p_test", cwd=workspace)
+    assert (alone.code, "has no pytest" in alone.err) == (2, True)
+
+
+def test_other_packages_are_tested_without_cargo(
+    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree(
+        {
+            **cmake_package("a", "add_test(NAME t COMMAND sh -c true)"),
+            "src/r/package.xml": manifest_text("r", build_type="ament_cargo"),
+            "src/r/Cargo.toml": '[package]\nname = "r"\nversion = "0.1.0"\n',
+            "install/r/share/colcon-core/packages/r": "",
+        }
+    )
+    assert forge("build", "--packages-select", "a", cwd=root).code == 0
+    monkeypatch.setattr("forge.toolchain.rust.find_program", lambda *_: None)
+    ran = forge("test", cwd=root)
+    assert (ran.code, "error: cargo not found; 'r' needs it\n" in ran.err) == (1, True)
+    assert "1 package finished" in ran.out
+    assert "1 package not tested: r" in ran.out
 
 
 def test_tests_in_a_cycle_see_packages_that_were_built_later(forge: Forge, tree: Tree) -> None:

@@ -33,7 +33,6 @@ from forge.testing.preparing import (
     needs_of_tests,
     open_test_job_pool,
     prepare_context,
-    require_any_built,
     tested_names,
 )
 from forge.testing.restored import has_no_tests, not_runnable, plan_restored
@@ -52,14 +51,12 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from forge.base.errors import Problem
-    from forge.base.layout import Layout
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan, Task
     from forge.cli.main import Parser
     from forge.cli.session import Session
     from forge.execution.job_pool import JobPool
     from forge.testing.coverage import CoveredLines
-    from forge.workspace.load import LoadedWorkspace
 
 
 def register(parser: Parser) -> None:
@@ -94,12 +91,12 @@ def run(namespace: argparse.Namespace) -> int:
     require_packages(loaded)
     needs = needs_of_tests(names, loaded)
     absent = absent_problems(needs, layout, variables)
-    require_any_built(names, absent)
     create_output_folders(layout)
     built = [name for name in names if name not in absent]
     warn(changed_since_build({name: needs[name] for name in built}, loaded, layout))
-    _require_emulator(built, loaded, layout)
-    context = prepare_context(options, loaded, names, layout, variables)
+    context, lacking = prepare_context(options, loaded, layout, variables, built)
+    absent |= lacking
+    built = [name for name in built if name not in lacking]
     setup = TestSetup(context, needs, variables)
 
     def session_of(plan: BuildPlan) -> AbstractContextManager[Session]:
@@ -139,7 +136,7 @@ def run(namespace: argparse.Namespace) -> int:
         with session_of(plan) as session:
             coverage = plan_coverage(plan, context, variables, warn) if options.coverage else ()
             session.json_events.announce()
-            _fail_unbuilt(absent, session)
+            _fail_absent(absent, session)
             write_results_of_untested(names, {**absent, **unbuilt}, context)
             session.report.not_tested = tuple(sorted((*absent, *unbuilt)))
             try:
@@ -164,18 +161,11 @@ def _building(plan: BuildPlan) -> str:
     return f"building the tests of {count} package{'' if count == 1 else 's'} from the cache"
 
 
-def _require_emulator(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> None:
-    """Raise EnvironmentFault if tests need an emulator of another platform that is not installed."""
-    if layout.target:
-        from forge.testing.emulation import require_emulator  # noqa: PLC0415  (only with --target)
-
-        require_emulator([loaded.packages[name] for name in names], layout)
-
-
-def _fail_unbuilt(problems: Mapping[str, Problem], session: Session) -> None:
-    """Report packages that are not built and count them as failed; the others are still tested."""
-    for name, problem in problems.items():
+def _fail_absent(problems: Mapping[str, Problem], session: Session) -> None:
+    """Report packages that cannot be tested and count them as failed; the others are still tested."""
+    for problem in dict.fromkeys(problems.values()):
         print_problem(problem)
+    for name, problem in problems.items():
         session.fail_unbuilt(name, problem)
 
 
