@@ -32,7 +32,15 @@ from forge.base.layout import (
     UNITS_FAILED_FILE,
 )
 from forge.base.xml import mentions
-from forge.build.build_notes import BEGUN, ENDED, EXTERNALS, SOURCES, read_json, written_since
+from forge.build.build_notes import (
+    BEGUN,
+    ENDED,
+    EXTERNALS,
+    SOURCES,
+    generated_digest,
+    read_json,
+    written_since,
+)
 from forge.build.inputs.input_manifest import Changes, compare, read_manifest, write_manifest
 from forge.build.inputs.native_graph import cmake_edge, read_native_graph
 from forge.build.reuse import (
@@ -187,6 +195,9 @@ def _decision(build: Path, inputs: BuildDirInputs, checks: FileChecks, *, reconf
     then = read_manifest(build / SCRATCH_DIR / SOURCES)
     known = then is not None and isinstance(note.get("began"), int) and note.get("base") == inputs.base
     if not known or then is None or _in_future(build, note["began"]):
+        return _NOTHING
+    if ended and ended.get("generated") != generated_digest(build):
+        # Damaged, or written by a run of CMake that forge does not know.
         return _NOTHING
     own = compare(then, inputs.sources, by_stats=not ended)
     saved = frozenset(ended.get("saved", ()))

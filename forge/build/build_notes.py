@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from typing import TYPE_CHECKING, Any
 
-from forge.base.files import replace_file
+from forge.base.files import replace_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.depfiles import written_by_backend
@@ -25,6 +26,14 @@ BEGUN, ENDED = "begun.json", "ended.json"
 EXTERNALS = "externals.json"
 SOURCES = "sources.json"
 """The sources at the start of the last build, successful or not."""
+_GENERATED = (
+    "build.ninja",
+    "CMakeFiles/rules.ninja",
+    "Makefile",
+    "CMakeFiles/Makefile2",
+    "cmake_install.cmake",
+)
+"""What CMake generates for the native tool, which may not be able to read a damaged file."""
 
 
 @frozen
@@ -52,7 +61,17 @@ def finish_build_dir(build: Path, externals: InputManifest, saved: Iterable[str]
     """Record that a build succeeded, its external inputs, and the inputs saved while it ran."""
     folder = build / SCRATCH_DIR
     write_manifest(folder / EXTERNALS, externals)
-    replace_file(folder / ENDED, json.dumps({"saved": sorted(saved)}).encode())
+    note = {"saved": sorted(saved), "generated": generated_digest(build)}
+    replace_file(folder / ENDED, json.dumps(note).encode())
+
+
+def generated_digest(build: Path) -> str:
+    """Return a digest of what CMake generated in a build folder."""
+    digest = hashlib.sha256()
+    for name in _GENERATED:
+        text = text_or_nothing(build / name)
+        digest.update(hashlib.sha256(text.encode(errors="surrogateescape")).digest())
+    return digest.hexdigest()
 
 
 def read_last(build: Path) -> LastBuild:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
-from contextlib import suppress
 from pathlib import Path
 
-from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 
-_SOURCED_BY_COLCON = re.compile(r'^COLCON_CURRENT_PREFIX="(/[^"]+)"$', re.MULTILINE)
-"""The lines of a setup.sh written by colcon that name its underlays, lowest first."""
+_SOURCED = re.compile(r'^ *COLCON_CURRENT_PREFIX="(/(?:[^"\\]|\\.)*)"$', re.MULTILINE)
+"""The lines of a setup.sh written by colcon or forge that name its underlays, lowest first."""
 
 
 @frozen
@@ -51,17 +49,11 @@ def is_built_on(overlay: Path, root: Path) -> bool:
 
 
 def underlays_of(root: Path) -> tuple[Path, ...]:
-    """Return the underlays of any install tree as recorded by forge, else as sourced by colcon's script.
-
-    None if the record is invalid, which commands report that need it.
-    """
+    """Return the underlays of any install tree as recorded by forge, else as sourced by colcon's script."""
     if (root / INSTALL_STATE_FILE).is_file():
-        with suppress(WorkspaceError):
-            return _recorded(root).underlays
-        return ()
+        return _recorded(root).underlays
     # Other tools write a setup.sh, too; only colcon's prefixes have this marker.
-    text = text_or_nothing(root / "setup.sh") if (root / LAYOUT_MARKER).is_file() else ""
-    return tuple(map(Path, _SOURCED_BY_COLCON.findall(text)))
+    return _sourced(root) if (root / LAYOUT_MARKER).is_file() else ()
 
 
 def forget_underlays(root: Path) -> None:
@@ -97,8 +89,11 @@ def _recorded(root: Path) -> _State:
         return _State(str(state["python"]), underlays, state.get("rosdistro"))
     except OSError:  # begin_workspace reports inaccessible files
         return _State()
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        problem = Problem(
-            "invalid state file", Location(root / INSTALL_STATE_FILE), hint="remove the file and build again"
-        )
-        raise WorkspaceError(problem) from error
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        # The next build writes a damaged file anew; the script names the underlays, too.
+        return _State(underlays=_sourced(root))
+
+
+def _sourced(root: Path) -> tuple[Path, ...]:
+    found = _SOURCED.findall(text_or_nothing(root / "setup.sh"))
+    return tuple(Path(re.sub(r"\\(.)", r"\1", path)) for path in found)

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING
 
-from forge.base.errors import EnvironmentFault, Location, Problem, Several, WorkspaceError
+from forge.base.errors import EnvironmentFault, Location, Problem, Several
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.doctor.checks.model import CheckResult, graded
 from forge.environment.install_state import recorded_python
@@ -111,16 +111,8 @@ def python(subject: CheckContext) -> CheckResult:
     errors += _old_setuptools(subject, interpreter, setuptools)
     summary = f"{known['version']} ({interpreter.path}, {interpreter.origin}), "
     summary += f"setuptools {setuptools or 'lent by forge'}"
-    warnings = other_than_recorded(_recorded(subject), interpreter)
+    warnings = other_than_recorded(recorded_python(subject.layout.install), interpreter)
     return CheckResult("python", summary, errors=tuple(errors), warnings=warnings)
-
-
-def _recorded(subject: CheckContext) -> str | None:
-    """Return the interpreter of the last build; an invalid record is reported by another check."""
-    try:
-        return recorded_python(subject.layout.install)
-    except WorkspaceError:
-        return None
 
 
 def shells(subject: CheckContext) -> CheckResult:

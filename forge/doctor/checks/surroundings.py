@@ -80,10 +80,6 @@ def results(subject: CheckContext) -> CheckResult:
     notes = [problem for name in subject.packages for problem in _moved(name, subject)]
     built = (layout.build / ".built_by").is_file()
     said = f"{layout.build.name}, {layout.install.name}" if built else "nothing built yet"
-    try:
-        recorded_underlays(layout.install)
-    except WorkspaceError as error:
-        errors += error.problems
     return CheckResult("results", said, tuple(errors), notes=tuple(notes))
 
 

@@ -318,6 +318,18 @@ def test_lost_or_corrupt_state_never_reuses_changed_files(probe: Probe, name: st
     assert "one" in probe.make()[1]
 
 
+@pytest.mark.parametrize("name", ["build.ninja", "CMakeFiles/rules.ninja", "cmake_install.cmake"])
+@pytest.mark.parametrize("kept", [0, 100, None])
+def test_a_damaged_file_of_cmake_starts_from_empty(probe: Probe, name: str, kept: int | None) -> None:
+    """The native tool could not read it, or would leave something out."""
+    path = probe.build / name
+    text = path.read_text(encoding="utf-8")
+    path.write_text("{}" if kept is None else text[:kept], encoding="utf-8")
+    probe.write("one.h", "#define ONE 2\n")
+    assert probe.make() == (Reuse.NOTHING, OBJECTS)
+    assert path.read_text(encoding="utf-8") == text
+
+
 def test_a_changed_external_file_rebuilds_everything(probe: Probe) -> None:
     outside = probe.root / "outside.h"
     outside.write_text("1", encoding="utf-8")

@@ -287,12 +287,13 @@ def test_without_a_state_there_are_no_underlays(tmp_path: Path) -> None:
     assert recorded_underlays(tmp_path) == ()
 
 
-@pytest.mark.parametrize("text", ["{", "[]", "{}"])
-def test_a_broken_state_is_a_message(text: str, tree: Tree) -> None:
-    """With the file, and what to do about it."""
-    root = tree({".forge.json": text})
-    with pytest.raises(WorkspaceError) as caught:
-        recorded_underlays(root)
-    assert str(caught.value) == (
-        f"{root}/.forge.json: error: invalid state file\nhint: remove the file and build again"
-    )
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}"])
+def test_a_damaged_state_is_written_anew_with_the_underlays_of_the_script(tmp_path: Path, text: str) -> None:
+    low, high = tmp_path / "l o$w", tmp_path / "high"
+    layout = make_install(tmp_path, [], underlays=(low, high))
+    state = layout.install / ".forge.json"
+    whole = state.read_text()
+    state.write_text(text)
+    assert recorded_underlays(layout.install) == (low, high)
+    assert finish_workspace(layout, (), PYTHON.path) == (low, high)
+    assert state.read_text() == whole
