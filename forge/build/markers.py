@@ -85,13 +85,18 @@ def remove_empty(folder: Path, root: Path) -> None:
         folder = folder.parent
 
 
+def mark_build_base(build: Path) -> None:
+    """Create the build folder of a workspace with its marks."""
+    _make_ignored(build)
+    write_if_changed(build / BUILT_BY, "colcon\n")
+
+
 def _begin_build(layout: Layout) -> Problem | None:
     """Create the build folder; return a problem if another tool owns it."""
     problem = foreign_build(layout)
     if problem:
         return problem
-    _make_ignored(layout.build)
-    write_if_changed(layout.build / BUILT_BY, "colcon\n")
+    mark_build_base(layout.build)
     return None
 
 

@@ -11,6 +11,7 @@ from forge.base.errors import ForgeError, InterfaceError, Location, Problem, pri
 from forge.base.files import read_file
 from forge.base.names import did_you_mean
 from forge.base.standard_interfaces import EMBEDDED
+from forge.build.markers import mark_build_base
 from forge.cli.commands.interface.inputs import distribution_of
 from forge.environment.installed import underlay_prefixes
 from forge.interfaces.model import Catalog
@@ -57,6 +58,8 @@ def make_site(options: argparse.Namespace, default: Path) -> int:
         each.package: _about(each.package, library, packages, whole=each.package in whole)
         for each in catalogs
     }
+    if options.output is None and not out.parent.exists():
+        mark_build_base(out.parent)
     written = write_site(site(catalogs, abouts, options.title), out, _FIRST_PAGE)
     count = f"{len(written.changed)} of {written.total} files"
     print(f"{count} written, start page: '{out / _FIRST_PAGE}'")
