@@ -45,6 +45,8 @@ SET_ASIDE_DIR = ".forge_set_aside"
 """The earlier build folders of packages that are being configured anew."""
 TRASH_DIR = ".forge_trash"
 """Build folders that are being removed."""
+INTERFACE_PAGES_DIR = "forge_interface_docs"
+"""The pages of `forge interface docs` without --output."""
 STYLES_FILE = "styles.json"
 """The jobserver styles that ninja and make support; in the user's cache folder if there is one."""
 
@@ -54,6 +56,7 @@ BUILD_BASE_FILES = (
     *(BUILT_BY, IGNORE_MARK, JOURNAL_FILE, FILE_TABLE, NAMED_INPUTS_FILE, INSTALLED_STATES_DIR),
     *(TOOLCHAIN_DIR, COMPILE_COMMANDS, LOCK_FILE, PROCESSES_FILE, PROGRAMS_DIR, COMPILATIONS_FILE),
     *(AUDIT_DIR, CLUSTER_DIR, OWN_CACHE_DIR, TEMPLATES_DIR, SET_ASIDE_DIR, TRASH_DIR, STYLES_FILE),
+    INTERFACE_PAGES_DIR,
 )
 """What forge and colcon create in the build folder of a workspace, beside the folders of packages."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.layout import INTERFACE_PAGES_DIR
 from forge.cli.commands.interface.inputs import add_includes
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
     from forge.cli.commands.interface.inputs import Verbs
 
-_OUTPUT = Path("build/forge_interface_docs")
+_OUTPUT = Path("build") / INTERFACE_PAGES_DIR
 
 
 def register(verbs: Verbs) -> None:
