@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from forge.base.errors import InterfaceError
+from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
 from forge.build.build_types import is_known_type, unknown_type
 from forge.editor.nearby import NearbyTypes
@@ -13,13 +13,13 @@ from forge.interfaces.model import Catalog
 from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.dependencies import undeclared_dependencies
-from forge.interfaces.resolve.resolution import nested_messages
+from forge.interfaces.resolve.resolution import nested_messages, same_output
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from forge.base.errors import Problem, Severity
+    from forge.base.errors import Severity
     from forge.editor.index import Index
     from forge.editor.manifests import ManifestReading
     from forge.editor.text import Span
@@ -82,7 +82,16 @@ def _unresolved(index: Index, reading: Reading) -> Iterator[Problem]:
 
 
 def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
-    """Yield missing dependencies of the package, and definitions that `--strict` rejects."""
+    """Yield conflicts of files, missing dependencies of the package, and what `--strict` rejects.
+
+    Conflicts are warnings, since CMake decides which files of the package are generated.
+    """
+    own = reading.source.path
+    for path, name in index.same_outputs(reading.name).items():
+        if name != reading.name:
+            yield same_output(reading.name, name, own)
+        elif path != own:
+            yield Problem(f"'{name}' is also defined in '{path.relative_to(index.root)}'", Location(own))
     if reading.interface is None:
         return
     manifest = index.manifest_of(reading.source.path)

@@ -10,6 +10,7 @@ import os
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, InterfaceError
+from forge.base.names import snake_case
 from forge.editor.manifests import MANIFEST, ManifestReading, read_manifest
 from forge.interfaces.model import Message, Source, TypeName
 from forge.interfaces.read.occurrences import Reading, read_leniently
@@ -40,6 +41,8 @@ class Index:
         self._readings: dict[Path, Reading] = {}
         self._manifests: dict[Path, ManifestReading] = {}
         self._by_name: dict[TypeName, Path] = {}
+        self._outputs: dict[tuple[str, str, str], dict[Path, TypeName]] = {}
+        """The definitions by package, kind and name of the generated files."""
         self._assigned: set[Path] = set()
         """The manifests whose build type is overridden, by colcon.pkg for example."""
         self._uses: dict[TypeName, dict[Path, list[Occurrence]]] = {}
@@ -139,6 +142,10 @@ class Index:
         # Many paths are slow to compare.
         return sorted(self._uses.get(name, {}).items(), key=lambda use: str(use[0]))
 
+    def same_outputs(self, name: TypeName) -> Mapping[Path, TypeName]:
+        """Return the definitions of the workspace whose generated files would be named as those of a type."""
+        return self._outputs.get(_output(name), {})
+
     def find(self, name: TypeName) -> Parsed | None:
         """Return an interface, without what is invalid in it, or None."""
         path = self._by_name.get(name)
@@ -180,6 +187,7 @@ class Index:
             reading = read_leniently(Source(self._package_of(path), _relative(path), path, text))
             self._readings[path] = reading
             self._by_name.setdefault(reading.name, path)
+            self._outputs.setdefault(_output(reading.name), {})[path] = reading.name
             for each in reading.occurrences:
                 if each.type:
                     self._uses.setdefault(each.type, {}).setdefault(path, []).append(each)
@@ -202,6 +210,7 @@ class Index:
             return
         if self._by_name.get(old.name) == path:
             del self._by_name[old.name]
+        self._outputs[_output(old.name)].pop(path, None)
         for each in old.occurrences:
             if each.type:
                 self._uses[each.type].pop(path, None)
@@ -215,6 +224,10 @@ class Index:
                 self.refresh(found)
                 manifest = self._manifests.get(found)
         return (manifest.name if manifest else None) or path.parent.parent.name
+
+
+def _output(name: TypeName) -> tuple[str, str, str]:
+    return name.package, name.kind, snake_case(name.name)
 
 
 def is_known(path: Path) -> bool:

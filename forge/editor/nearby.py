@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from forge.base.names import nearest
 from forge.interfaces.model import Message
 from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.resolve.resolution import MAX_EXPLAINED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable
 
     from forge.editor.index import Index
     from forge.interfaces.model import TypeName
@@ -41,18 +44,24 @@ class NearbyTypes:
             return parsed
         return Parsed(parsed.source, Message(name))
 
-    def names(self) -> Iterator[TypeName]:
-        """Yield the names that are similar to an unknown one in the file: of its package, or in another."""
-        unknown = {
+    def names(self) -> Iterable[TypeName]:
+        """Return the names that are similar to an unknown one in the file: of its package, or in another."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[TypeName, ...]:
+        missing = (
             each.type
             for each in self._reading.occurrences
             if each.type and self._index.find_or_none(each.type) is None
-        }
+        )
+        unknown = set(islice(missing, MAX_EXPLAINED))
         known = list(self._index.names())
         packages = {name.package for name in known}
-        near = {nearest(name.package, packages) for name in unknown} | {name.package for name in unknown}
+        wanted = {name.package for name in unknown}
+        near = wanted | {nearest(package, packages) for package in wanted}
         stems = {name.name for name in unknown}
-        return (name for name in known if name.package in near or name.name in stems)
+        return tuple(name for name in known if name.package in near or name.name in stems)
 
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which ROS distributions have an interface that this one lacks, or None."""

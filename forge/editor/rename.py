@@ -13,6 +13,7 @@ from forge.interfaces.model import TypeName
 from forge.interfaces.read.declarations import TYPE_NAME, read_declaration
 from forge.interfaces.read.errors import ParseError
 from forge.interfaces.read.occurrences import NameKind
+from forge.interfaces.resolve.resolution import same_output
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,10 +42,12 @@ class Renamable:
 
     span: Span
     name: str
+    file: Path | None = None
+    """The file of a type, which is renamed, too."""
 
 
 def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | None:
-    """Return the name under a cursor, or None.
+    """Return the name under a cursor, or None; raises InterfaceError for a type of another workspace.
 
     A line of a .msg, .srv or .action file without a declaration stands for the interface of the file.
     """
@@ -56,12 +59,14 @@ def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | N
         return None
     if occurrence:
         name = _type_of(reading, occurrence)
-        start = occurrence.stem if name else occurrence.start
-        return Renamable(Span(line, start, occurrence.end), name.name if name else occurrence.name)
+        if name is None:
+            return Renamable(Span(line, occurrence.start, occurrence.end), occurrence.name)
+        file = _declaration(index, name).source.path
+        return Renamable(Span(line, occurrence.stem, occurrence.end), name.name, file)
     lines = reading.source.text.splitlines()
     if path.suffix == ".idl" or line >= len(lines) or any(each.line == line for each in reading.occurrences):
         return None
-    return Renamable(Span(line, 0, len(lines[line])), reading.name.name)
+    return Renamable(Span(line, 0, len(lines[line])), reading.name.name, path)
 
 
 def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renaming:
@@ -74,6 +79,15 @@ def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renami
     if name is None and occurrence:
         return _member(reading, occurrence, new)
     return _type(index, name or reading.name, new)
+
+
+def _declaration(index: Index, name: TypeName) -> Reading:
+    """Return the file that declares a type."""
+    parsed = index.find_or_none(name)
+    declared = index.reading(parsed.source.path) if parsed else None
+    if declared is None:
+        raise InterfaceError(Problem(f"'{name}' is not part of the workspace"))
+    return declared
 
 
 def _type_of(reading: Reading, occurrence: Occurrence) -> TypeName | None:
@@ -97,16 +111,16 @@ def _member(reading: Reading, occurrence: Occurrence, new: str) -> Renaming:
 
 
 def _type(index: Index, old: TypeName, new: str) -> Renaming:
-    parsed = index.find_or_none(old)
-    declared = index.reading(parsed.source.path) if parsed else None
-    if declared is None:
-        raise InterfaceError(Problem(f"'{old}' is not part of the workspace"))
+    declared = _declaration(index, old)
     if not TYPE_NAME.fullmatch(new):
         hint = "use CamelCase: letters and digits, the first in upper case"
         raise InterfaceError(Problem(f"invalid interface name '{new}'", hint=hint))
-    if index.find_or_none(TypeName(old.package, old.kind, new)):
+    wanted, path = TypeName(old.package, old.kind, new), declared.source.path
+    if index.find_or_none(wanted):
         raise InterfaceError(Problem(f"'{old.package}/{old.kind}/{new}' already exists"))
-    path = declared.source.path
+    for file, other in index.same_outputs(wanted).items():
+        if file != path:
+            raise InterfaceError(same_output(wanted, other, file))
     in_cmake = tuple(_in_cmake(index, declared, old.name, new))
     edits = [
         *(Edit(user, Span(use.line, use.stem, use.end), new) for user, use in uses(index, old)),

@@ -6,7 +6,7 @@ import logging
 import os
 import re
 import sys
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
@@ -28,7 +28,7 @@ from forge.editor.navigation import definition, references
 from forge.editor.rename import renamable, rename
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from forge.editor.completion import Proposal
     from forge.editor.index import Index
@@ -65,6 +65,15 @@ class _RefusedError(JsonRpcException):
     """The answer to a request that cannot be met."""
 
     CODE = lsp.LSPErrorCodes.RequestFailed.value
+
+
+@contextmanager
+def _refusing() -> Iterator[None]:
+    """Answer a request with the problems that make it impossible."""
+    try:
+        yield
+    except ForgeError as error:
+        raise _RefusedError("; ".join(each.message for each in error.problems)) from None
 
 
 class InterfaceServer(LanguageServer):
@@ -191,24 +200,28 @@ class InterfaceServer(LanguageServer):
 
     def _prepare_rename(self, params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
         asked = self._cursor(params)
-        found = renamable(*asked) if asked else None
+        with _refusing():
+            found = renamable(*asked) if asked else None
         if asked is None or found is None:
             return None
+        self._require_moves(moves=found.file is not None)
         return lsp.PrepareRenamePlaceholder(self._range(asked[0], asked[1], found.span), found.name)
 
     def _rename(self, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
         asked = self._cursor(params)
         if asked is None:
             return None
-        try:
+        with _refusing():
             found = rename(*asked, params.new_name)
-        except ForgeError as error:
-            raise _RefusedError("; ".join(each.message for each in error.problems)) from None
-        if found.moves and not self._can_rename_files():
-            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
+        self._require_moves(moves=bool(found.moves))
         if found.remark:
             self.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, found.remark))
         return self._workspace_edit(asked[0], found)
+
+    def _require_moves(self, *, moves: bool) -> None:
+        """Refuse a renaming with moves of files if the editor cannot move them."""
+        if moves and not self._can_rename_files():
+            raise _RefusedError("this editor cannot rename files, which renaming a type requires")
 
     def _can_rename_files(self) -> bool:
         capabilities = self.client_capabilities.workspace

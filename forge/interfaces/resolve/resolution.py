@@ -20,12 +20,13 @@ from forge.interfaces.resolve.cycles import cycle_problems
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+    from pathlib import Path
 
     from forge.interfaces.model import Field, Source
     from forge.interfaces.read.parsing import Parsed
     from forge.interfaces.resolve.dependencies import DefinitionLookup
 
-_MAX_EXPLAINED = 20
+MAX_EXPLAINED = 20
 """The maximum number of unknown types with a suggestion, which is expensive to compute."""
 
 
@@ -89,11 +90,15 @@ def _unique(parsed: Iterable[Parsed]) -> tuple[dict[TypeName, Parsed], list[Prob
         output = snake_case(name.name)
         other = outputs.setdefault((name.kind, output), each)
         if other is not each:
-            names = f"'{name.name}' and '{other.interface.name.name}'"
-            message = f"{names} would both be generated into '{output}'"
-            hint = "rename one of them: the names of generated files are in lower case"
-            problems.append(Problem(message, Location(each.source.path), hint))
+            problems.append(same_output(name, other.interface.name, each.source.path))
     return unique, problems
+
+
+def same_output(name: TypeName, other: TypeName, path: Path) -> Problem:
+    """Return the problem of two interfaces of a package whose generated files have one name."""
+    message = f"'{name.name}' and '{other.name}' would both be generated into '{snake_case(name.name)}'"
+    hint = "rename one of them: the names of generated files are in lower case"
+    return Problem(message, Location(path), hint)
 
 
 @dataclass(slots=True)
@@ -152,7 +157,7 @@ class _Search:
         if name.package == self.package and name.name in self.unlisted:
             hint = f'add "{self.unlisted[name.name]}" to rosidl_generate_interfaces() in CMakeLists.txt'
             return Problem(f"unknown type '{written}'", member.place, hint)
-        if len(self.problems) >= _MAX_EXPLAINED:
+        if len(self.problems) >= MAX_EXPLAINED:
             return Problem(f"unknown type '{written}'", member.place)
         if elsewhere := self.known.distribution_hint(name):
             return Problem(f"unknown type '{written}'", member.place, elsewhere)

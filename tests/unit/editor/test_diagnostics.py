@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -132,3 +133,22 @@ def test_a_cycle_is_shown_in_each_of_its_files(index: Index) -> None:
 
 def test_a_file_that_is_not_known_has_no_problems(index: Index, tmp_path: Path) -> None:
     assert diagnose(index, tmp_path / "src/nav/msg/Nowhere.msg") == ()
+
+
+def test_files_whose_output_would_be_the_same_are_shown(index: Index) -> None:
+    same = "0:0-6 warning: 'GOAL' and 'Goal' would both be generated into 'goal'"
+    assert told(index, "msg/GOAL.msg", "int8 x\n") == [same]
+    assert told(index, "srv/GOAL.srv", "---\n") == []
+    index.close(index.root / "src/nav/msg/GOAL.msg")
+    assert told(index, "msg/Goal.msg", "int8 x\n") == []
+    again = "module nav { module msg { struct Goal { long x; }; }; };"
+    assert told(index, "msg/Goal.idl", again) == [
+        "0:0-56 warning: 'nav/msg/Goal' is also defined in 'src/nav/msg/Goal.msg'"
+    ]
+
+
+def test_thousands_of_unknown_types_do_not_stop_the_editor(index: Index) -> None:
+    text = "".join(f"std_msgs/Strin{number} f{number}\n" for number in range(3000))
+    began = time.process_time()
+    assert len(told(index, "msg/Many.msg", text)) == 3000
+    assert time.process_time() - began < 3

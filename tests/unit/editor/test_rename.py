@@ -122,6 +122,7 @@ def test_a_member_is_renamed(workspace: Pointer, file: str, word: str, new: str,
         ("shapes/msg/Point.msg", "FLAT", "flat", "invalid constant name 'flat'"),
         ("nav/msg/Path.msg", "Point", "point", "invalid interface name 'point'"),
         ("nav/msg/Path.msg", "Point", "Box", "'shapes/msg/Box' already exists"),
+        ("nav/msg/Path.msg", "Point", "BOX", "'BOX' and 'Box' would both be generated into 'box'"),
         ("nav/package.xml", "shapes", "forms", "there is no name of a type, field or constant here"),
     ],
 )
@@ -137,6 +138,8 @@ def test_a_type_outside_of_the_workspace_is_not_renamed(workspace: Pointer) -> N
     workspace.index.open(workspace.path("nav/msg/Path.msg"), "std_msgs/Header header\n")
     with pytest.raises(InterfaceError, match=r"'std_msgs/msg/Header' is not part of the workspace"):
         rename(*workspace.at("nav/msg/Path.msg", "Header"), "Head")
+    with pytest.raises(InterfaceError, match=r"'std_msgs/msg/Header' is not part of the workspace"):
+        renamable(*workspace.at("nav/msg/Path.msg", "Header"))
 
 
 def test_what_can_be_renamed_is_known_beforehand(workspace: Pointer) -> None:

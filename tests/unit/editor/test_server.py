@@ -120,6 +120,9 @@ def test_an_editor_that_cannot_rename_files_is_told(root: Path, caplog: pytest.L
         client.open(path, "shapes/Point[] points\n")
         with pytest.raises(AssertionError, match="this editor cannot rename files"):
             client.at("textDocument/rename", path, "0:8", newName="Spot")
+        with pytest.raises(AssertionError, match="this editor cannot rename files"):
+            client.at("textDocument/prepareRename", path, "0:8")
+        assert client.at("textDocument/prepareRename", path, "0:16")["placeholder"] == "points"
         with pytest.raises(AssertionError, match="'code': -32803"):
             client.at("textDocument/rename", path, "0:8", newName="spot")
     assert not [record for record in caplog.records if record.exc_info]
