@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from forge.base.files import BYTECODE, delete_tree, listed_paths
+from forge.base.layout import LAYOUT_MARKER
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -59,6 +60,26 @@ def listed_files(build: Path) -> Iterator[str]:
     """Yield the absolute paths in the install manifests of a build folder; duplicates are possible."""
     for name in MANIFESTS:
         yield from listed_paths(build / name)
+
+
+def without_other_installs(paths: Iterable[str], install: Path) -> Iterator[str]:
+    """Yield listed paths, except those in the install folder of another workspace or build.
+
+    A copied build folder lists the files of the original workspace.
+    """
+    base, own = f"{install}/", {str(install): True, "/": True}
+
+    def is_own(folder: str) -> bool:
+        if folder not in own:
+            if os.path.lexists(f"{folder}/{LAYOUT_MARKER}"):
+                own[folder] = install.is_dir() and os.path.samefile(folder, install)  # noqa: PTH121
+            else:
+                own[folder] = is_own(os.path.dirname(folder))  # noqa: PTH120  (each installed file: no Path for each)
+        return own[folder]
+
+    for path in paths:
+        if path.startswith(base) or is_own(os.path.dirname(path)):  # noqa: PTH120
+            yield path
 
 
 def installed_links(prefix: Path, homes: Mapping[str, str]) -> dict[str, tuple[str, ...]]:

@@ -11,6 +11,7 @@ from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, ordered_names, weak_edges_on_cycles
 from forge.base.lazy import LazyTuple
 from forge.build.build_types import build_type_of, unknown_type, unknown_types
+from forge.build.install_manifests import without_other_installs
 from forge.build.model import BuildInputs, Fingerprint
 from forge.build.tasks import BuildPlan, StepKind, Task
 from forge.build.up_to_date import (
@@ -216,7 +217,8 @@ def _task(
     name = package.name
     record = snapshot.records.get(name)
     recipe = cache(partial(build_type_of(package).recipe, package, context.of(package)))
-    earlier = tuple(sorted({*(record.files if record else ()), *snapshot.listed.get(name, ())}))
+    listed = {*(record.files if record else ()), *snapshot.listed.get(name, ())}
+    earlier = tuple(sorted(without_other_installs(listed, context.layout.install)))
     return Task(
         name=name,
         package=package,

@@ -288,6 +288,35 @@ def test_a_link_in_place_of_an_installed_folder_is_not_followed(
     assert (precious / "f").read_text() == "mine"
 
 
+@MERGED
+@pytest.mark.parametrize("copied", [True, False], ids=["copied workspace", "second install folder"])
+def test_what_a_build_folder_lists_elsewhere_stays(
+    forge: Forge, tree: Tree, options: tuple[str, ...], *, copied: bool
+) -> None:
+    """A copied build folder lists the links of the original workspace, which the next build leaves there."""
+    python = {path: text for path, text in sources().items() if path.startswith("src/p/")}
+    files = {**python, **plain("install(FILES d/f DESTINATION share/a)")}
+    root = tree({f"first/{path}": text for path, text in files.items()}) / "first"
+    options = ("--symlink-install", *options)
+    assert forge("build", *options, cwd=root).code == 0
+    first = installed(root)
+    second = root
+    if copied:
+        second = root.with_name("second")
+        shutil.copytree(root, second, symlinks=True)
+    else:
+        options = (*options, "--install-base", "other")
+    for name in ("x", "d/f"):
+        (second / "src/a" / name).write_text("3")
+    (second / "src/p/p/one.py").write_text("x = 1\n")
+    for more in ((), ("--force",)):
+        assert forge("build", *options, *more, cwd=second).code == 0
+        assert installed(root) == first
+    (second / "src/a/CMakeLists.txt").write_text("no\n")
+    assert forge("build", *options, cwd=second).code == 1
+    assert installed(root) == first
+
+
 def test_an_edited_file_that_is_no_longer_installed_stays(forge: Forge, tree: Tree) -> None:
     root = tree(plain("install(FILES d/f DESTINATION share/a)"))
     assert forge("build", cwd=root).code == 0

@@ -92,7 +92,7 @@ def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
 
 def _run_setup(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
     """Let setuptools install the package; return the installed files and the output."""
-    _remove_links(options.build / MANIFEST)
+    _remove_links(options.build / MANIFEST, options.prefix)
     executable = TARGET_PYTHON if options.target else ""
     setup = SetupInstall(
         options.source,
@@ -145,7 +145,7 @@ def _unpack(wheel: Path, options: WheelInstall, schemes: dict[str, str]) -> tupl
     """Install the wheel's files into the prefix and return their paths."""
     site = options.prefix / options.site_packages
     with _Wheel.open(wheel) as source:
-        _remove_links(options.build / MANIFEST)
+        _remove_links(options.build / MANIFEST, options.prefix)
         destination = _Prefix(
             schemes,
             interpreter=TARGET_PYTHON if options.target else options.python,
@@ -222,10 +222,13 @@ def _option(path: Path, command: str, name: str) -> str:
     return str(section.get(name) or section.get(name.replace("_", "-")) or "")
 
 
-def _remove_links(manifest: Path) -> None:
-    """Remove the links of an earlier build, since writing through them would change the sources."""
+def _remove_links(manifest: Path, prefix: Path) -> None:
+    """Remove the links of an earlier build, since writing through them would change the sources.
+
+    The manifest of a copied build folder lists the files of the original workspace.
+    """
     for path in _recorded(manifest):
-        if path.is_symlink():
+        if path.is_relative_to(prefix) and path.is_symlink():
             path.unlink()
 
 
