@@ -25,6 +25,7 @@ from forge.base.errors import (
 )
 from forge.base.graph import closure, closures, ordered_names
 from forge.base.layout import NO_CODE, PACKAGE, own_folders
+from forge.base.text import listed
 from forge.build.build_types import leave_out
 from forge.build.certain_failures import CMakeSearch
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
@@ -364,8 +365,9 @@ def _rust_toolchain(
     from forge.toolchain.rust import require_cargo, rust_toolchain  # noqa: PLC0415  (few workspaces have Rust)
 
     if cross is not None:
-        hint = f"build without '--target', or pass --packages-skip {needy[0].name}"
-        raise EnvironmentFault(Problem(f"'--target' does not support Rust: '{needy[0].name}'", hint=hint))
+        names = tuple(package.name for package in needy)
+        hint = f"build without '--target', or pass --packages-skip {' '.join(names)}"
+        raise EnvironmentFault(Problem(f"'--target' does not support Rust: {listed(names)}", hint=hint))
     require_cargo(needy[0], variables)
     return f"{RUST} {rust_toolchain(root, variables)}"
 

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import os
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from forge.base.errors import ForgeError, Problem, WorkspaceError
@@ -19,14 +20,16 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
+def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[float]:
     """Lock a build folder, waiting for another forge if necessary; the lock ends with the process.
 
-    Leaving by an interrupt or an internal error terminates all processes started in the folder, in any group.
+    Yields the seconds waited. Leaving by an interrupt or an internal error terminates all processes started
+    in the folder, in any group.
     Raises WorkspaceError if the folder is locked and `wait` is False, OSError if it is not writable.
     """
     descriptor = os.open(build / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
     with os.fdopen(descriptor, "r+", encoding="utf-8", errors="replace") as lock:
+        waited = 0.0
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -36,7 +39,9 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
                 message = f"the build folder '{build}' is locked by {holder}"
                 raise WorkspaceError(Problem(message, hint=hint)) from None
             sys.stderr.write(f"waiting for {holder} to release the lock on the build folder '{build}'\n")
+            began = time.monotonic()
             fcntl.flock(lock, fcntl.LOCK_EX)
+            waited = time.monotonic() - began
         started = StartedProcesses(build)
         lock.seek(0)
         if lock.read():
@@ -45,7 +50,7 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[None]:
         with naming(build / LOCK_FILE):
             _write_holder(lock.fileno(), str(os.getpid()))
         try:
-            yield
+            yield waited
         except ForgeError:
             raise
         except BaseException:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
-from forge.base.names import is_word
+from forge.base.names import did_you_mean, is_word
 from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
@@ -156,8 +156,11 @@ def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
         build_types = (folder.type,) if assigned else ()
     if not build_types:
         return None
-    from forge.workspace.finders import identify_with  # noqa: PLC0415  (it looks for plugins)
+    from forge.workspace.finders import identify_with, plugin  # noqa: PLC0415  (it looks for plugins)
 
+    if folder.type is not None and plugin(folder.type) is None:
+        why = "no installed distribution provides this build type"
+        return _incomplete(folder, why, did_you_mean(folder.type, OWN_TYPES))
     return next(filter(None, (identify_with(name, folder) for name in build_types)), None)
 
 
@@ -192,10 +195,10 @@ def _ros_package(folder: Folder, variables: Mapping[str, str]) -> Package:
     return replace(package, path=folder.path, manifest=manifest)
 
 
-def _incomplete(folder: Folder, why: str) -> Identity:
+def _incomplete(folder: Folder, why: str, hint: str | None = None) -> Identity:
     assigned = f"type '{folder.type}'" if folder.type else f"name '{folder.name}'"
     note = Problem(
-        f"the folder was assigned the {assigned}, but is not a package: {why}", Location(folder.path)
+        f"the folder was assigned the {assigned}, but is not a package: {why}", Location(folder.path), hint
     )
     return Identity(descend=True, notes=(note,))
 

@@ -155,7 +155,12 @@ def test_build_types_of_a_workspace_must_be_installed(forge: Forge, tree: Tree) 
     assert "forge.toml: error: 'build-types' is not a list of names\n" in forge("list", cwd=root).err
     (root / "forge.toml").unlink()
     (root / "src/x/colcon.pkg").write_text("type: make")
-    assert "the folder was assigned the type 'make', but is not a package" in forge("list", cwd=root).err
+    warning = "warning: the folder was assigned the type '{}', but is not a package: "
+    absent = "no installed distribution provides this build type\n"
+    assert warning.format("make") + absent in forge("list", cwd=root).err
+    (root / "src/x/colcon.pkg").write_text("type: cmke")
+    hinted = f"{warning.format('cmke')}{absent}hint: did you mean 'cmake'?\n"
+    assert hinted in forge("list", cwd=root).err
 
 
 @pytest.mark.parametrize(

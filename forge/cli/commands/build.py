@@ -103,9 +103,10 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
     create_output_folders(layout)
     keep_compiled(*compiled_templates(os.environ, layout.build / TEMPLATES_DIR))
     with (
-        lock_build_dir(layout.build, wait=not options.folders.no_wait),
+        lock_build_dir(layout.build, wait=not options.folders.no_wait) as waited,
         closing(open_state(root, layout, interpreter)) as state,
     ):
+        began += waited
         plan, announcements = _make_plan(options, loaded, names, context, variables, state)
         check_plan(plan, loaded, context, variables, mode.warn)
         if not mode.quiet:

@@ -192,7 +192,7 @@ def _load(options: argparse.Namespace, root: Path, layout: Layout) -> LoadedWork
     return loaded
 
 
-def _locked(layout: Layout, *, wait: bool) -> AbstractContextManager[None]:
+def _locked(layout: Layout, *, wait: bool) -> AbstractContextManager[object]:
     """Return a lock of the build folder, or a null context for a folder that forge did not create."""
     return lock_build_dir(layout.build, wait=wait) if is_own_build_base(layout.build) else nullcontext()
 

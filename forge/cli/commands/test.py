@@ -107,13 +107,13 @@ def run(namespace: argparse.Namespace) -> int:
             layout,
             reports,
             query=query,
-            began=began,
+            began=began + waited,
             needs=needs,
             origin=namespace.origin,
         )
 
     with (
-        lock_build_dir(layout.build, wait=not folders.no_wait),
+        lock_build_dir(layout.build, wait=not folders.no_wait) as waited,
         closing(open_test_job_pool(jobs, variables)) as job_pool,
     ):
         restored = plan_restored(built, loaded, layout)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import threading
 import time
 from typing import TYPE_CHECKING
+
+import pytest
 
 from forge.base.layout import LOCK_FILE, PROCESSES_FILE
 from forge.execution.lock import lock_build_dir
 from forge.execution.started import StartedProcesses
+from tests.testable import cmake_package
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
+    from tests.conftest import Forge, Tree
 
 HOLD = """
 import sys, time
@@ -77,3 +82,19 @@ def test_what_one_that_ended_by_itself_left_running_may_stay(tmp_path: Path) -> 
         with lock_build_dir(tmp_path):
             assert daemon.poll() is None
         daemon.kill()
+
+
+@pytest.mark.needs("cmake")
+def test_the_time_waited_is_not_part_of_the_summary(tree: Tree, forge: Forge) -> None:
+    root = tree(cmake_package("a", "add_test(NAME t COMMAND sh -c true)"))
+    assert forge("build", cwd=root).code == 0
+    for command in ("build", "test"):
+        with holder(root / "build") as first:
+            release = threading.Timer(6, first.communicate, ("go\n",))
+            release.start()
+            ran = forge(command, cwd=root)
+            release.join()
+        found = re.search(r"^Summary: .*\[([\d.]+)s\]$", ran.out, re.MULTILINE)
+        assert (ran.code, "waiting for process" in ran.err) == (0, True)
+        assert found
+        assert float(found[1]) < 5
