@@ -435,3 +435,11 @@ def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: T
     assert "has changed since" not in forge("test", "--packages-select", "p", cwd=root).err
     assert forge("build", cwd=root).code == 0
     assert "changed since its last build" not in forge("test", "--packages-select", "above", cwd=root).err
+
+
+def test_a_package_without_configuration_of_ctest_has_no_errors_about_it(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("a", "add_test(NAME t COMMAND sh -c true)"))
+    assert forge("build", cwd=root).code == 0
+    ran = forge("test", cwd=root)
+    assert (ran.code, ran.err) == (0, "")
+    assert "1 test, 0 errors" in ran.out

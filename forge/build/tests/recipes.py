@@ -100,7 +100,10 @@ def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> 
     stale = [build / "Testing" / "TAG"]
     if not context.options.ctest_args:
         stale += [build / "Testing" / "[0-9]*-[0-9]*", build / "test_results" / package.name / "*.xml"]
-    return Recipe((step, *(again,) * context.options.retest_until_pass), clean=tuple(stale))
+    # CTest prints two errors without this file, which only `include(CTest)` creates.
+    dart = build / "DartConfiguration.tcl"
+    files = () if dart.exists() else ((dart, ""),)
+    return Recipe((step, *(again,) * context.options.retest_until_pass), files, tuple(stale))
 
 
 def python_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
