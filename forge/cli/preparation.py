@@ -45,7 +45,7 @@ from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_warnings import suspicious_arguments, unset_definitions
 from forge.toolchain.compiler_launchers.choice import selected_launcher
 from forge.toolchain.interpreter import find_interpreter, other_than_recorded, own_command
-from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, condensed, find_tools, identities
+from forge.toolchain.programs import CARGO_TYPES, CMAKE_TYPES, PYTHON_TYPES, condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.resolve import INTERFACE_GROUP
@@ -266,16 +266,34 @@ def check_plan(
     warn(warnings)
     own = [task for task in plan.tasks.values() if not task.embedded]
     raise_if_any((*_unfit_generators(own, context), *errors), WorkspaceError)
-    # Tools would block on a named pipe, and CMake installs a file into an existing folder of the same name.
-    raise_if_any((p for task in own for p in special_files(context.root, task.package.path)), WorkspaceError)
+    _check_special_files([task.package for task in own], context.root, warn)
     if plan.tasks:
         from forge.build.prefix import blocking_paths  # noqa: PLC0415  (not needed if all is up to date)
         from forge.toolchain.python_modules import require_modules  # noqa: PLC0415  (as above)
 
         if any(INTERFACE_GROUP in task.package.manifest.groups for task in plan.tasks.values()):
             require_modules(context.python, ("numpy",))
+        # CMake installs a file into an existing folder of the same name.
         found = (p for task in plan.tasks.values() for p in blocking_paths(task, context.layout))
         raise_if_any(found, WorkspaceError)
+
+
+def _check_special_files(packages: Iterable[Package], root: Path, warn: WarningReporter) -> None:
+    """Raise WorkspaceError for named pipes and devices that a build certainly opens; warn about others."""
+    errors: list[Problem] = []
+    warnings: list[Problem] = []
+    for package in packages:
+        names = _OF_PYTHON if package.build_type in PYTHON_TYPES else ("CMakeLists.txt",)
+        opened = {package.path / name for name in names}
+        for problem in special_files(root, package.path):
+            is_opened = problem.location is not None and problem.location.path in opened
+            (errors if is_opened else warnings).append(problem)
+    raise_if_any(errors, WorkspaceError)
+    hint = "a program that opens it would wait or read without end"
+    warn(replace(problem, hint=hint) for problem in warnings)
+
+
+_OF_PYTHON = ("setup.py", "setup.cfg", "pyproject.toml")
 
 
 def _unfit_generators(tasks: Iterable[Task], context: BuildContext) -> Iterator[Problem]:

@@ -119,17 +119,32 @@ def test_a_folder_that_only_such_a_file_would_make_a_package_is_left_out_and_tol
 
 
 @pytest.mark.parametrize(
-    "name", ["CMakeLists.txt", "part/CMakeLists.txt", "setup.py", "setup.cfg", "options.cmake", "part/x.cpp"]
+    ("name", "build_type"),
+    [("CMakeLists.txt", "cmake"), ("setup.py", "ament_python"), ("setup.cfg", "ament_python")],
 )
-def test_what_a_build_tool_would_wait_for_is_refused(root: Path, name: str) -> None:
+def test_what_a_build_certainly_waits_for_is_refused(root: Path, name: str, build_type: str) -> None:
     assert run(root, "build")[0] == 0
+    (root / "src/a/package.xml").write_text(manifest_text("a", build_type=build_type))
     (root / "src/a" / name).unlink(missing_ok=True)
-    (root / "src/a/part").mkdir()
     os.mkfifo(root / "src/a" / name)
     code, said = run(root, "build")
     assert code == 2
     assert f"src/a/{name}: error: cannot read the file: it is a named pipe" in said
     assert (root / "install/a/share/a/said.txt").is_file()
+
+
+@pytest.mark.parametrize(
+    "name", ["part/CMakeLists.txt", "setup.py", "setup.cfg", "options.cmake", "part/x.cpp", "msg/X.msg"]
+)
+def test_what_no_build_step_opens_is_a_warning(root: Path, name: str) -> None:
+    """CMake opens the files that CMakeLists.txt names, and no others."""
+    (root / "src/a" / name).parent.mkdir(exist_ok=True)
+    os.mkfifo(root / "src/a" / name)
+    code, said = run(root, "build")
+    assert code == 0
+    assert f"src/a/{name}: warning: cannot read the file: it is a named pipe, not a regular file\n" in said
+    assert "hint: a program that opens it would wait or read without end\n" in said
+    assert "1 package unchanged" in run(root, "build")[1]
 
 
 def test_what_no_tool_opens_may_lie_in_a_package(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
