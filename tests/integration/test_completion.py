@@ -135,7 +135,7 @@ OFFERS: dict[tuple[str, ...], list[str]] = {
     ("build", "--cmake-args", "-DX", "--merge-install", "--jo"): ["--jobs"],
     ("test", "--pytest-args", "--strict", "x", "--st"): [],
     ("test", "--pytest-args", "--strict", "--packages-select", "be"): ["beta"],
-    ("test", "--pytest-args", "--strict", "--packages-select=", "be"): ["beta"],
+    ("test", "--pytest-args", "--strict", "--packages-select=be"): ["beta"],
 }
 
 
