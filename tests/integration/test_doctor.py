@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -169,6 +170,10 @@ def test_what_another_dependency_brings_along_is_only_a_note(forge: Forge, tree:
         }
     )
     assert [f["severity"] for f in of_topic(findings(forge, root), "declared")] == ["note"]
+    out = forge("doctor", cwd=root).out
+    assert re.search(
+        r"^ok +declared +1 used that only other dependencies declare \(--all\)$", out, re.MULTILINE
+    )
 
 
 def test_imports_of_python_are_compared_with_the_manifest(forge: Forge, tree: Tree) -> None:

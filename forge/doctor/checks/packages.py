@@ -56,10 +56,14 @@ def declarations(subject: CheckContext) -> CheckResult:
         notes += unused(package, around.known, partial(_mentions, subject, package))
     errors = tuple(problem for grades in found for problem in grades.errors)
     warnings = tuple(problem for grades in found for problem in grades.warnings)
-    notes = [*(problem for grades in found for problem in grades.notes), *notes]
+    implied = tuple(problem for grades in found for problem in grades.notes)
     forgotten = len(errors) + len(warnings)
-    summary = f"{forgotten} used but not declared" if forgotten else "packages declare what they use"
-    return CheckResult("declared", summary, errors, warnings, tuple(notes))
+    parts = (
+        f"{forgotten} used but not declared" if forgotten else "",
+        f"{len(implied)} used that only other dependencies declare (--all)" if implied else "",
+    )
+    summary = ", ".join(filter(None, parts)) or "packages declare what they use"
+    return CheckResult("declared", summary, errors, warnings, (*implied, *notes))
 
 
 def shadows(subject: CheckContext) -> CheckResult:
