@@ -139,6 +139,10 @@ class WorkspaceError(ForgeError):
     """The workspace, a manifest or an existing install does not allow the command."""
 
 
+class ForeignManifestError(WorkspaceError):
+    """A package.xml is invalid, and its namespace says that it belongs to another tool."""
+
+
 class SelectionError(ForgeError):
     """The command line names packages that cannot be selected."""
 

@@ -205,7 +205,13 @@ def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
     added, removed = (
         [option for option in options if not option.startswith(_DIGESTED)] for options in (added, removed)
     )
-    texts = [_NEGATIVE.get(option, (f"the option '{option}' was added",))[0] for option in added]
+    values = {option.partition("=")[0]: option for option in removed if "=" in option}
+    texts = [
+        f"the option '{values[name]}' changed to '{option}'"
+        if (name := option.partition("=")[0]) in values
+        else _NEGATIVE.get(option, (f"the option '{option}' was added",))[0]
+        for option in added
+    ]
     texts += [_NEGATIVE.get(option, ("", f"the option '{option}' was removed"))[1] for option in removed]
     if not texts:
         text = f"{digested.rpartition(' ')[0]} changed" if digested else "the order of its options changed"

@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, Several
+from forge.base.files import text_or_nothing
+from forge.base.layout import BUILD_RESULT
 from forge.build.build_dir import empty_build_dir
 from forge.build.deferred import read_deferred, tests_need_build, write_deferred
 from forge.build.journal import open_journal
@@ -85,10 +87,13 @@ def not_runnable(
                     "",
                 )
         elif loaded.packages[name].build_type in CMAKE_TYPES:
-            if not (build / "CMakeCache.txt").is_file():
-                message = "its build folder is missing"
-            elif not (build / "cmake_install.cmake").is_file():
+            cached = (build / "CMakeCache.txt").is_file()
+            generated = (build / "cmake_install.cmake").is_file()
+            failed = text_or_nothing(build / BUILD_RESULT).strip() not in {"", "0"}
+            if (cached or failed) and not generated:
                 message, hint = "CMake failed in the last build", f"forge build --packages-select {name}"
+            elif not cached:
+                message = "its build folder is missing"
         if message:
             several = Several(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")
             found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, several=several)

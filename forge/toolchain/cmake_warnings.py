@@ -42,7 +42,9 @@ def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
     """Yield arguments that CMake treats as a path, but that look like definitions."""
     for before, word in zip(("", *words), words, strict=False):
         if _WITHOUT_D.match(word) and before not in _WANTING:
-            hint = f"write -D{word}"
+            name = re.split("[:=]", word[1:])[0]
+            meant = word[0] == "D" and (name in _WELL_KNOWN or name.startswith("CMAKE_"))
+            hint = f"write -{word}" if meant else f"write -D{word}"
             yield Problem(f"--cmake-args contains '{word}', which CMake treats as a path", hint=hint)
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError
 from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
 from forge.base.names import did_you_mean, is_word
@@ -131,7 +131,11 @@ def _claim(
 
 def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[str, ...]) -> Identity:
     claimed = folder.type or folder.name
-    identity = _as_ros(folder, variables)
+    foreign: tuple[Problem, ...] = ()
+    try:
+        identity = _as_ros(folder, variables)
+    except ForeignManifestError as error:
+        identity, foreign = None, _relative(error.problems, folder)
     if identity is None and not PLAIN.isdisjoint(folder.entries):
         # Imported lazily, because few workspaces have plain packages.
         from forge.workspace.plain_packages import identify_plain  # noqa: PLC0415
@@ -139,11 +143,10 @@ def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[s
         identity = identify_plain(folder)
     if identity is None:
         identity = _as_other(folder, build_types)
-    if identity is not None:
-        return identity
-    return (
-        _incomplete(folder, "its files do not provide the missing name or type") if claimed else NOT_A_PACKAGE
-    )
+    if identity is None:
+        missing = "its files do not provide the missing name or type"
+        identity = _incomplete(folder, missing) if claimed else NOT_A_PACKAGE
+    return replace(identity, notes=(*foreign, *identity.notes)) if foreign else identity
 
 
 def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:

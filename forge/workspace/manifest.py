@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import ForeignManifestError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean, is_word
 from forge.base.xml import Element, parse_xml
@@ -87,8 +87,16 @@ def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> 
     """Return the manifest with its conditions evaluated under `variables`.
 
     Raises WorkspaceError with all structural errors or, if there are none, all semantic errors.
+    Raises ForeignManifestError if the document also declares a namespace, as those of PEAR do.
     """
-    return _Reader(parse_xml(content, path), content, path, variables).read()
+    root = parse_xml(content, path)
+    try:
+        return _Reader(root, content, path, variables).read()
+    except WorkspaceError as error:
+        if namespace := root.attributes.get("xmlns"):
+            message = f"the file is not a manifest of ROS, but belongs to '{namespace}'; it is ignored"
+            raise ForeignManifestError(Problem(message, Location(path))) from error
+        raise
 
 
 def declaration(path: Path, name: str) -> Location:

@@ -193,6 +193,35 @@ def test_what_the_page_says_of_builds_is_so(twins: Twins, line: str) -> None:
     assert f"| {line} |" in (ROOT / "docs/reference/from-colcon.md").read_text(encoding="utf-8")
 
 
+PEAR = """<package packagerversion="1.9.5" version="2.0" xmlns="http://pear.php.net/dtd/package-2.0">
+<name>grpc</name><channel>pecl.php.net</channel><version><release>1.0.0</release></version></package>
+"""
+"""The package.xml that gRPC and other sources have for PHP."""
+
+
+@pytest.mark.parametrize("file", ["CMakeLists.txt", "setup.py", "README"])
+def test_the_package_xml_of_another_tool_makes_no_folder_a_ros_package(twins: Twins, file: str) -> None:
+    contents = {
+        "CMakeLists.txt": "cmake_minimum_required(VERSION 3.5)\nproject(grpc NONE)\ninstall(CODE [[]])\n",
+        "setup.py": "from setuptools import setup\nsetup(name='grpc', packages=[])\n",
+        "README": "",
+    }
+    twins.package("a")
+    twins.write("src/vendor/package.xml", PEAR)
+    twins.write(f"src/vendor/{file}", contents[file])
+    ours, theirs = twins.build(*ONE)
+    assert (ours.code, theirs.code) == (0, 0)
+    assert told(ours) == told(theirs)
+    assert "vendor/package.xml: warning: the file is not a manifest of ROS" in ours.err
+
+
+def test_warnings_of_cmake_about_forge_itself_fail_no_build(twins: Twins) -> None:
+    twins.package("a")
+    ours, theirs = twins.build("--cmake-args", "--warn-uninitialized", "-Werror=dev")
+    assert (ours.code, theirs.code) == (0, 0)
+    assert ours.err == ""
+
+
 def test_folders_of_another_layout_are_refused_by_both(twins: Twins) -> None:
     twins.package("a")
     assert twins.build()[0].code == 0

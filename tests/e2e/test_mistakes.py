@@ -244,3 +244,11 @@ def test_a_definition_without_its_d(forge: Forge, tree: Tree) -> None:
         "hint: write -DCMAKE_BUILD_TYPE=Debug\n"
     )
     assert ran.err.count("hint: write") == 1
+
+
+def test_a_definition_without_its_dash(forge: Forge, tree: Tree) -> None:
+    """The D belongs to the option, unless the rest is no variable that CMake knows."""
+    words = ("DCMAKE_BUILD_TYPE=Debug", "DBUILD_TESTING:BOOL=OFF", "DEPTH=1")
+    ran = forge("build", "--cmake-args", *words, cwd=tree(LIBRARY))
+    for word in ("-DCMAKE_BUILD_TYPE=Debug", "-DBUILD_TESTING:BOOL=OFF", "-DDEPTH=1"):
+        assert f"hint: write {word}\n" in ran.err

@@ -344,6 +344,16 @@ def test_a_package_whose_configuration_failed_has_no_tests(forge: Forge, tree: T
     assert forge("test", "--return-code-on-test-failure", cwd=root).code == 1
 
 
+def test_a_package_that_cmake_refused_to_configure_has_a_build_folder(forge: Forge, tree: Tree) -> None:
+    root = tree(cmake_package("c_good", GOOD))
+    assert forge("build", cwd=root).code == 0
+    assert forge("build", "--cmake-args", "-j4", cwd=root).code == 1
+    ran = forge("test", cwd=root)
+    assert "warning: 'c_good' cannot be tested: CMake failed in the last build" in ran.err
+    assert forge("build", "--packages-select", "c_good", cwd=root).code == 0
+    assert "cannot be tested" not in forge("test", cwd=root).err
+
+
 def test_a_broken_manifest_stops_testing(forge: Forge, tree: Tree) -> None:
     root = tree({"src/a/package.xml": "<package/>", "src/b/package.xml": manifest_text("b")})
     assert forge("test", cwd=root).code == 2

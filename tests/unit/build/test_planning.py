@@ -270,6 +270,12 @@ def test_an_option_less(before: BuildInputs, reason: str) -> None:
     assert change.text.startswith(reason)
 
 
+def test_an_option_with_another_value() -> None:
+    change = changed_input(inputs("-DX=2"), inputs("-DX=1"))
+    text = "the option '-DX=1' changed to '-DX=2'"
+    assert change == InputChange(InputKind.OPTION, text, ("-DX=2",))
+
+
 def test_interfaces_are_generated_in_another_way() -> None:
     fast = replace(inputs(), options=(*inputs().options, "fast rosidl"))
     kind, word = InputKind.OPTION, "--no-fast-rosidl"
