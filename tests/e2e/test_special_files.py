@@ -355,6 +355,30 @@ PYTHON = {
 }
 
 
+@pytest.mark.parametrize("options", [(), ("--merge-install",), ("--symlink-install",)])
+def test_an_empty_folder_of_a_python_package_is_no_installed_file(
+    tree: Tree, options: tuple[str, ...]
+) -> None:
+    root = tree(PYTHON)
+    setup = root / "src/p/setup.py"
+    launch = "data_files=[('share/p/launch', glob('launch/*'))])"
+    setup.write_text("from glob import glob\n" + setup.read_text().replace("})\n", f"}}, {launch}\n"))
+    folder = root / "install" / ("" if "--merge-install" in options else "p") / "share/p/launch"
+    assert run(root, "build", *options)[0] == 0
+    assert folder.is_dir()
+    (folder / "precious").touch()
+    file = root / "src/p/launch/a.py"
+    file.parent.mkdir()
+    file.touch()
+    assert run(root, "build", *options)[0] == 0
+    assert {path.name for path in folder.iterdir()} == {"a.py", "precious"}
+    file.unlink()
+    assert run(root, "build", *options)[0] == 0
+    setup.write_text(f"{setup.read_text()}# changed\n")
+    assert run(root, "build", *options)[0] == 0
+    assert [path.name for path in folder.iterdir()] == ["precious"]
+
+
 def test_a_wheel_with_line_breaks_in_names_is_installed_and_removed(tree: Tree) -> None:
     root = tree(PYTHON)
     names = ("a\nb.txt", 'c,d "q".txt')

@@ -161,12 +161,18 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
         # After a failure, too: what was installed is removed again.
         traced = trace.finish()
         found = {*traced.written, *map(os.path.normpath, listed_paths(log))}
-        installed = sorted(filter(os.path.lexists, _respelled(found, options.prefix)))
+        # setuptools also lists folders: those of `data_files` without files.
+        installed = sorted(path for path in _respelled(found, options.prefix) if _is_file(path))
         for path in installed:
             note_written(path)
         for started in traced.started:
             note_unobserved(started.program)
     return tuple(map(Path, installed)), trace.output
+
+
+def _is_file(path: str) -> bool:
+    """Return True if something lies at a path that is not a folder: a file, or a link to anything."""
+    return os.path.lexists(path) and (os.path.islink(path) or not os.path.isdir(path))  # noqa: PTH112, PTH114  (each installed file: no Path for each)
 
 
 def _setup_fault(code: int, outside: str, options: SetupInstall) -> EnvironmentFault | WorkspaceError:
