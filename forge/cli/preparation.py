@@ -38,7 +38,7 @@ from forge.build.up_to_date import RUST, relevant_environment
 from forge.cli.build_mode import has_many_wheels
 from forge.cli.output_checks import output_problems
 from forge.environment.install_state import recorded_python, recorded_rosdistro, recorded_underlays
-from forge.environment.prefixes import PACKAGES, find_underlays, spellings
+from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
 from forge.environment.underlay_python import lacks_modules
 from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.execution.makeflags import read_make_flags
@@ -75,7 +75,7 @@ def build_variables(
     shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`, else
     that of the environment, else that of an underlay, else that of an earlier build.
     """
-    own = without_own(surroundings, layout)
+    own = tidy_prefixes(without_own(surroundings, layout))
     sourced, recorded = find_underlays(own, layout.install).chain, recorded_underlays(layout.install)
     known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
     variables = {**ROS_DEFAULTS, "COLCON": "1", **own, **({VARIABLE: known} if known else {})}

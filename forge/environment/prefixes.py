@@ -32,6 +32,9 @@ class Underlays:
     overlays: tuple[Path, ...] = ()
 
 
+_VARIABLES = ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+
+
 @frozen
 class InstalledPackage:
     """A package in an install tree with its run dependencies."""
@@ -67,11 +70,24 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     return Underlays(tuple(reversed(chain)), tuple(dict.fromkeys(prefixes)), tuple(overlays.values()))
 
 
+def tidy_prefixes(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables with each prefix once, without empty entries and superfluous slashes and dots.
+
+    These make no difference to a build, but a changed variable rebuilds every package.
+    """
+    paths = {name: variables[name].split(os.pathsep) for name in _VARIABLES if variables.get(name)}
+    tidied = {
+        name: os.pathsep.join(dict.fromkeys(str(Path(entry)) for entry in entries if entry))
+        for name, entries in paths.items()
+    }
+    return {**variables, **tidied}
+
+
 def spellings(root: Path, variables: Mapping[str, str]) -> frozenset[str]:
     """Return the paths by which `variables` name an install tree: through links, '..' or repeated slashes."""
     real = os.path.realpath(root)
     found = {str(root)}
-    for name in ("COLCON_PREFIX_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"):
+    for name in _VARIABLES:
         for entry in variables.get(name, "").split(os.pathsep):
             path = os.path.realpath(entry)
             if entry and f"{path}/".startswith(f"{real}/") and entry.rstrip("/").endswith(path[len(real) :]):

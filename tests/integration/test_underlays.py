@@ -82,6 +82,27 @@ def test_embedded_interfaces_join_embedded_generators_of_an_underlay(
 
 
 @pytest.mark.needs("cmake")
+def test_the_spelling_of_sourced_prefixes_rebuilds_nothing(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            "ws/src/a/package.xml": manifest_text("a", build_type="cmake"),
+            "ws/src/a/CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(a NONE)\n",
+            "below/share/x": "",
+            "other/share/x": "",
+        }
+    )
+    below, other = f"{root}/below", f"{root}/other"
+
+    def build(path: str) -> str:
+        env = {"AMENT_PREFIX_PATH": path, "CMAKE_PREFIX_PATH": path}
+        return forge("build", cwd=root / "ws", env=env).out
+
+    assert "Finished <<< a" in build(f"{below}:{other}")
+    for path in (f"{below}/:{other}//", f":{below}::{other}:", f"{root}/./below:{other}:{below}"):
+        assert "0 packages finished, 1 package unchanged" in build(path)
+    assert "Finished <<< a" in build(f"{other}:{below}")
+
+
 def test_a_build_tells_and_can_forget(forge: Forge, tmp_path: Path) -> None:
     """While an underlay is recorded and gone, each build says so; what was overridden, when it is built."""
     below = make_install(tmp_path / "below", [Made("base"), Made("user", ("base",))]).install
