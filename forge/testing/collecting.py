@@ -79,7 +79,7 @@ def _candidates(base: Path) -> Iterator[_Candidate]:
         home = _home(folder, str(base), homes, "Testing" in names)
         if os.path.basename(folder) == "Testing" and "TAG" in files:  # noqa: PTH119  (a walk is text)
             tag = f"{folder}/TAG"
-            result = _last_run(tag)
+            result = last_run(tag)
             if os.path.lexists(result):
                 yield _Candidate(result, home, tag, expected=True)
         within = Path(folder).relative_to(base).parts
@@ -106,7 +106,7 @@ def _home(folder: str, base: str, homes: list[str], has_testing: bool) -> str:  
     return os.path.join(base, first)  # noqa: PTH118
 
 
-def _last_run(tag: str) -> str:
+def last_run(tag: str) -> str:
     """Return the result of the last CTest run, which may be missing; `tag` itself if it names no run."""
     lines = text_or_nothing(tag).splitlines()
     return f"{Path(tag).parent}/{lines[0]}/Test.xml" if lines and is_word(lines[0]) else tag

@@ -140,7 +140,19 @@ def changed_since_build(
     problems = []
     for name in sorted(used):
         record, package = records.get(name), loaded.packages.get(name)
-        if package is None or package.embedded or record is None or not record.complete:
+        if package is None or package.embedded or record is None:
+            continue
+        if not record.complete:
+            if name not in needs:  # otherwise it is not tested
+                message = (
+                    f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
+                )
+                several = Several(
+                    "the last builds of {} failed or were stopped, so that tests use outdated files",
+                    name,
+                    "forge build",
+                )
+                problems.append(Problem(message, Location(package.path), "forge build", several))
             continue
         home = str(loaded.workspace.root / package.path)
         if fingerprint_tree(home, table, record.sources).digest != record.sources.digest:

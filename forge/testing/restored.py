@@ -72,8 +72,9 @@ def restored_lifecycle(variables: Mapping[str, str]) -> TaskLifecycle:
 def not_runnable(
     names: Sequence[str], loaded: LoadedWorkspace, layout: Layout, ran: BuildPlan
 ) -> dict[str, Problem]:
-    """Return a problem for each package whose tests are not built; `ran` tried to build some."""
+    """Return a problem for each package whose tests are not built or outdated; `ran` tried to build some."""
     restored, found = _restored(names, loaded, layout), {}
+    records = open_journal(layout.build).records
     for name in names:
         build, message = layout.build_dir(name), ""
         hint = f"forge build --force --packages-select {name}"
@@ -94,6 +95,9 @@ def not_runnable(
                 message, hint = "CMake failed in the last build", f"forge build --packages-select {name}"
             elif not cached:
                 message = "its build folder is missing"
+        if not message and name in records and not records[name].complete:
+            # What it installed and its test programs may be those of an earlier build.
+            message, hint = "its last build failed or was stopped", f"forge build --packages-select {name}"
         if message:
             several = Several(f"{{}} cannot be tested: {message}", name, hint and "forge build --force")
             found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, several=several)

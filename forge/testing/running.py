@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 from dataclasses import field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.files import replace_file
@@ -18,14 +19,13 @@ from forge.build.tests.recipes import error_result
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import ProcessRunner, TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
-from forge.testing.collecting import collect
+from forge.testing.collecting import collect, last_run
 from forge.testing.failures import Failure, first_lines, last_lines
-from forge.testing.outcomes import Counts, counted_once, find_junit, unreadable
+from forge.testing.outcomes import Counts, counted_once, find_junit
 from forge.testing.restored import restored_lifecycle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from forge.base.errors import Problem
     from forge.build.events import Event
@@ -60,26 +60,53 @@ class TestSetup:
         started = StartedProcesses(self.context.layout.build)
         return ProcessRunner(restored_lifecycle(self.variables), job_pool, started)
 
-    def results_of(self, task: Task) -> tuple[Outcome, ...]:
-        """Return the results of a package's tests in this run."""
+    def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
+        """Return the results of a package's tests in this run.
+
+        They contain an error if the run left no result, or for `fault`, what its program did, if none tells
+        of a failure.
+        """
+        if not task.steps:
+            return ()
         if task.name not in self.results:
-            kind, before = task.steps[-1].kind if task.steps else None, self.before.get(task.name, {})
-            folder = self.context.results_of(task.name)
-            own = str(folder / f"{kind.value}.xml") if kind else ""
-            found = list(collect(folder).outcomes)
-            if folder != task.build_dir:
-                # CTest's own results were copied from there.
-                ctest = str(task.build_dir / "Testing")
-                found += [one for one in collect(task.build_dir).outcomes if not one.path.startswith(ctest)]
-            if kind in {StepKind.PYTEST, StepKind.UNITTEST} and all(one.path != own for one in found):
-                found.append(unreadable(own, "", "the result is missing"))
-            self.results[task.name] = tuple(
-                outcome
-                for outcome in found
-                if outcome.path == own
-                or (kind is StepKind.CTEST and before.get(outcome.path) != _state(outcome.path))
-            )
+            self._note_missing_result(task)
+            self.results[task.name] = self._found(task)
+        if fault and not any(outcome.counts.bad for outcome in self.results[task.name]):
+            program = task.steps[-1].kind.value
+            result = error_result(task.name, program, f"{program} {fault}")
+            replace_file(self.context.not_run(task.name), result.encode())
+            self.results[task.name] = self._found(task)
         return self.results[task.name]
+
+    def _note_missing_result(self, task: Task) -> None:
+        """Write the placeholder of the result again if both are gone; remove one that is no longer true."""
+        own, not_run = self._own(task), self.context.not_run(task.name)
+        for path, text in task.files:
+            if path == own and not own.exists():
+                replace_file(path, text.encode())
+            elif path == not_run and _result_of_ctest(task).exists():
+                path.unlink(missing_ok=True)
+            elif path == not_run:
+                replace_file(path, text.encode())
+
+    def _own(self, task: Task) -> Path:
+        """Return the result file of a package's test program, other than CTest."""
+        return self.context.results_of(task.name) / f"{task.steps[-1].kind.value}.xml"
+
+    def _found(self, task: Task) -> tuple[Outcome, ...]:
+        folder, before = self.context.results_of(task.name), self.before.get(task.name, {})
+        found = list(collect(folder).outcomes)
+        if folder != task.build_dir:
+            # CTest's own results were copied from there.
+            ctest = str(task.build_dir / "Testing")
+            found += [one for one in collect(task.build_dir).outcomes if not one.path.startswith(ctest)]
+        own = {str(self._own(task)), str(self.context.not_run(task.name))}
+        runs_ctest = task.steps[-1].kind is StepKind.CTEST
+        return tuple(
+            one
+            for one in found
+            if one.path in own or (runs_ctest and before.get(one.path) != _state(one.path))
+        )
 
     def _folders(self, task: Task) -> Iterable[Path]:
         """Return the folders with results: ament's tests may write to others than CTest."""
@@ -122,11 +149,12 @@ def write_results_of_untested(
 ) -> None:
     """Write a JUnit file for each package that cannot be tested; remove those of an earlier run."""
     for name in names:
-        path = context.results_of(name) / "test_results" / name / "not_run.xml"
+        path = context.not_run(name)
         if name in untested:
-            result = error_result(name, "not_run", untested[name].message)
-            replace_file(path, result.encode(errors="surrogateescape"))
+            result = error_result(name, path.stem, untested[name].message)
+            # First the marker, without which the folder would not be forge's.
             replace_file(context.layout.build_dir(name) / RESULT, b"1\n")
+            replace_file(path, result.encode(errors="surrogateescape"))
         else:
             path.unlink(missing_ok=True)
 
@@ -145,6 +173,10 @@ def total_counts(tasks: Iterable[Task], setup: TestSetup) -> Counts | None:
 def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] = str) -> Iterator[Failure]:
     """Yield the failed tests of a package in its last run."""
     results, step = setup.results_of(task), task.steps[-1]
+    not_run = str(setup.context.not_run(task.name))
+    for case in (case for outcome in results if outcome.path == not_run for case in outcome.cases):
+        yield _failure(task, case.name, first_lines([case]), step, displayed)
+    results = tuple(outcome for outcome in results if outcome.path != not_run)
     if step.kind is StepKind.CTEST:
         runs = [outcome for outcome in results if outcome.by_name]
         others = [outcome for outcome in results if not outcome.by_name]
@@ -218,15 +250,16 @@ def _state(path: str | Path) -> object:
     return status.st_ino, status.st_mtime_ns, status.st_size
 
 
+def _result_of_ctest(task: Task) -> Path:
+    """Return the result of CTest's last run, which may be missing."""
+    return Path(last_run(str(task.build_dir / "Testing" / "TAG")))
+
+
 def _copy_last_run(task: Task, context: TestContext) -> None:
     """Copy the files of the last CTest run to the folder for results."""
-    tag = task.build_dir / "Testing" / "TAG"
-    if not tag.is_file():
-        return
-    lines = tag.read_text(encoding="utf-8").splitlines()
-    result = tag.parent / lines[0] / "Test.xml" if lines else tag
-    if lines and result.is_file():
-        target = context.results_of(task.name) / "Testing"
-        (target / lines[0]).mkdir(parents=True, exist_ok=True)
-        shutil.copy2(tag, target / "TAG")
-        shutil.copy2(result, target / lines[0] / "Test.xml")
+    result, target = _result_of_ctest(task), context.results_of(task.name) / "Testing"
+    is_there = result.name == "Test.xml" and result.is_file()
+    if is_there and not (target.exists() and target.samefile(result.parent.parent)):
+        (target / result.parent.name).mkdir(parents=True, exist_ok=True)
+        shutil.copy2(result.parent.with_name("TAG"), target / "TAG")
+        shutil.copy2(result, target / result.parent.name / result.name)

@@ -246,6 +246,37 @@ def unreadable_results(twins: Twins) -> None:
     assert (ours.code, theirs.code) == (1, 0)
 
 
+TEST = "enable_testing()\nadd_test(NAME t COMMAND ${{CMAKE_COMMAND}} -E {command})\n"
+
+
+def tests_of_a_failed_build(twins: Twins) -> None:
+    twins.package("a", more=TEST.format(command="true"))
+    twins.run("build")
+    twins.package("a", more=TEST.format(command="true") + "add_custom_target(x ALL COMMAND false)")
+    twins.run("build")
+    ours, theirs = twins.run("test", "--return-code-on-test-failure")
+    assert (ours.code, theirs.code) == (1, 0)
+
+
+def failed_runs_in_results(twins: Twins) -> None:
+    twins.package("a", more=TEST.format(command="rm -r Testing"))
+    twins.run("build")
+    twins.run("test")
+    ours, theirs = twins.run("test-result")
+    assert (ours.code, theirs.code) == (1, 0)
+
+
+def results_of_tests_that_are_gone(twins: Twins) -> None:
+    twins.package("a", more=TEST.format(command="false"))
+    twins.run("build")
+    twins.run("test")
+    twins.package("a")
+    twins.run("build")
+    twins.run("test")
+    ours, theirs = twins.run("test-result")
+    assert (ours.code, theirs.code) == (0, 1)
+
+
 def wrong_numbers_in_results(twins: Twins) -> None:
     twins.write(
         "build/a/test_results/a/r.xml",
@@ -324,6 +355,9 @@ SHOWN: dict[str, Callable[[Twins], None]] = {
     "reports a missing package": missing_packages_are_reported_first,
     "a CMake argument that is no longer": forgotten_arguments,
     "ignores result files": unreadable_results,
+    "tests a package whose last build failed": tests_of_a_failed_build,
+    "without a result that says so": failed_runs_in_results,
+    "keeps the results of tests": results_of_tests_that_are_gone,
     "trusts the numbers": wrong_numbers_in_results,
     "creates a log folder": only_some_commands_write_logs,
     "each package that does not use": unused_variables,

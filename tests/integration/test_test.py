@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -177,6 +178,109 @@ def test_tests_of_python_without_a_readable_result_fail(forge: Forge, tree: Tree
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
     assert "1 test, 1 error, 0 failures" in ran.out
+
+
+CONFTEST = "import os\ndef pytest_{hook}:\n    {statement}\n"
+
+
+@pytest.mark.parametrize(
+    ("hook", "statement", "told"),
+    [
+        ("sessionfinish(session)", "session.exitstatus = 3", "pytest exited with code 3"),
+        ("sessionfinish(session)", "session.exitstatus = 1", "pytest reported failed tests"),
+        ("unconfigure(config)", "os.unlink(config.option.xmlpath)", "pytest exited without writing a result"),
+    ],
+)
+def test_a_failed_run_of_pytest_is_an_error_in_the_results(
+    forge: Forge, tree: Tree, hook: str, statement: str, told: str
+) -> None:
+    """Though the tests that ran passed: CI systems and `forge test-result` read nothing else."""
+    files = python_package("p", "def test_a(): pass", pytest=True)
+    root = tree({**files, "src/p/conftest.py": CONFTEST.format(hook=hook, statement=statement)})
+    assert forge("build", cwd=root).code == 0
+    assert_the_run_failed(forge, root, told)
+    (root / "src/p/conftest.py").unlink()
+    assert forge("test", "--return-code-on-test-failure", cwd=root).code == 0
+    assert forge("test-result", cwd=root).out == "Summary: 1 test, 0 errors, 0 failures, 0 skipped\n"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "set_directory_properties(PROPERTIES TEST_INCLUDE_FILES ${CMAKE_BINARY_DIR}/none.cmake)",
+        "add_test(NAME rm COMMAND ${CMAKE_COMMAND} -E rm -r ${CMAKE_BINARY_DIR}/Testing)",
+        "add_test(NAME rm COMMAND ${CMAKE_COMMAND} -E rm -r ${CMAKE_BINARY_DIR})",
+    ],
+)
+def test_a_run_of_ctest_without_a_result_is_an_error_in_the_results(
+    forge: Forge, tree: Tree, line: str
+) -> None:
+    root = tree(cmake_package("p", GOOD, BAD, line))
+    assert forge("build", cwd=root).code == 0
+    assert_the_run_failed(forge, root, "ctest exited without writing a result")
+
+
+def test_a_run_of_ctest_whose_arguments_run_nothing_is_an_error(forge: Forge, workspace: Path) -> None:
+    options = ("--packages-select", "c_bad", "--ctest-args", "-D", "ContinuousTest")
+    ran = forge("test", "--return-code-on-test-failure", *options, cwd=workspace)
+    assert ran.code == 1
+    assert "ctest exited without writing a result" in ran.out
+
+
+def assert_the_run_failed(forge: Forge, root: Path, told: str) -> None:
+    """Assert that one package with failing tests is one in the summary and in all results."""
+    ran = forge("test", "--return-code-on-test-failure", cwd=root)
+    assert ran.code == 1
+    assert told in ran.out
+    summary = next(line for line in ran.out.splitlines() if ", 1 error, 0 failures, " in line).strip()
+    ran = forge("test-result", "--verbose", cwd=root)
+    assert ran.code == 1
+    assert told in ran.out
+    assert f"Summary: {summary}\n" in ran.out
+    summary = json.loads(forge("test", "--json", cwd=root).out.splitlines()[-1])
+    assert summary["tests"]["errors"] + len(summary["not_tested"]) == 1
+
+
+def test_a_run_that_was_killed_with_forge_is_an_error(forge: Forge, tree: Tree) -> None:
+    root = tree(
+        {
+            **cmake_package("c", 'add_test(NAME a COMMAND sh -c "touch ../c_began && sleep 60")'),
+            **python_package("p", "import time\ndef test_a():\n    time.sleep(60)\n", pytest=True),
+        }
+    )
+    assert forge("build", cwd=root).code == 0
+    killed = subprocess.Popen(
+        [sys.executable, "-m", "forge", "test", "-j2"],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    began = (root / "build/c_began", root / "build/p/pytest.xml")
+    end = time.monotonic() + 60
+    while not all(path.exists() for path in began) and time.monotonic() < end:
+        time.sleep(0.05)
+    killed.kill()
+    killed.wait()
+    ran = forge("test-result", cwd=root)
+    assert ran.code == 1
+    assert ran.out.endswith("Summary: 2 tests, 2 errors, 0 failures, 0 skipped\n")
+    # The next forge stops the programs of the killed one.
+    assert forge("build", cwd=root).code == 0
+
+
+def test_results_of_tests_that_are_gone_are_gone(forge: Forge, tree: Tree) -> None:
+    root = tree({**cmake_package("c", GOOD), **python_package("p", "def test_a(): pass", pytest=True)})
+    assert forge("build", cwd=root).code == 0
+    for base in ("build", "results"):
+        assert "  2 tests, 0 errors" in forge("test", "--test-result-base", base, cwd=root).out
+    lists = root / "src/c/CMakeLists.txt"
+    lists.write_text(lists.read_text().replace(GOOD, ""))
+    assert forge("build", cwd=root).code == 0
+    for base in ("build", "results"):
+        forge("test", "--python-testing", "unittest", "--test-result-base", base, cwd=root)
+        ran = forge("test-result", "--test-result-base", base, cwd=root)
+        assert ran.out == "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n"
 
 
 def test_the_frameworks_get_their_arguments(forge: Forge, workspace: Path) -> None:
@@ -352,6 +456,35 @@ def test_a_package_that_cmake_refused_to_configure_has_a_build_folder(forge: For
     assert "warning: 'c_good' cannot be tested: CMake failed in the last build" in ran.err
     assert forge("build", "--packages-select", "c_good", cwd=root).code == 0
     assert "cannot be tested" not in forge("test", cwd=root).err
+
+
+@pytest.mark.parametrize("name", ["c", "p"])
+def test_a_package_whose_last_build_failed_is_not_tested(forge: Forge, tree: Tree, name: str) -> None:
+    """The test programs and the installed files of the build before it would pass."""
+    fails = "add_custom_target(x ALL COMMAND sh -c 'test ! -e ${CMAKE_SOURCE_DIR}/fail')"
+    root = tree(
+        {
+            **cmake_package("c", GOOD, fails),
+            **python_package("p", "def test_a(): pass", pytest=True),
+            **cmake_package("user", GOOD, needs="<depend>c</depend><depend>p</depend>"),
+        }
+    )
+    setup = root / "src/p/setup.py"
+    setup.write_text(f"import os\nassert not os.path.exists('fail')\n{setup.read_text()}")
+    assert forge("build", cwd=root).code == 0
+    (root / "src" / name / "fail").write_text("")
+    assert forge("build", cwd=root).code == 1
+    ran = forge("test", "--return-code-on-test-failure", "--packages-select", "c", "p", cwd=root)
+    assert ran.code == 1
+    assert f"warning: '{name}' cannot be tested: its last build failed or was stopped" in ran.err
+    assert f"1 package not tested: {name}" in ran.out
+    assert forge("test-result", cwd=root).code == 1
+    ran = forge("test", "--packages-select", "user", cwd=root)
+    assert f"the last build of '{name}' failed or was stopped, so that tests use outdated files" in ran.err
+    (root / "src" / name / "fail").unlink()
+    assert forge("build", cwd=root).code == 0
+    assert forge("test", "--return-code-on-test-failure", cwd=root).code == 0
+    assert forge("test-result", cwd=root).code == 0
 
 
 def test_a_broken_manifest_stops_testing(forge: Forge, tree: Tree) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from forge.base.layout import PACKAGE
 from forge.build.recipes.context import Recipe, common_options, install_tree
 from forge.build.tasks import TEST_FAILURES, Step, StepKind
+from forge.build.tests.recipes import missing_result
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,7 +54,7 @@ def tests(package: Package, context: TestContext) -> Recipe:
     )
     argv = (*_PROGRAM, "test", package.name, str(source), str(build), str(result), *cargo)
     step = Step(StepKind.TEST, argv, build, meanings=((1, TEST_FAILURES),))
-    return Recipe((step,), clean=(result,))
+    return Recipe((step,), ((result, missing_result(package, "cargo")),))
 
 
 def _cargo(verb: str, source: Path, build: Path) -> tuple[str, ...]:

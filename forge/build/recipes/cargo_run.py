@@ -40,6 +40,9 @@ _CARGO_ROOT = re.compile(r"""^\s*workspace\s*=\s*["']([^"']+)["']""", re.MULTILI
 _STATUS = re.compile(r"(?=.{12} ) *[A-Z][a-z-]+ ")
 """A line that says what cargo does: a verb, right-aligned to 12 columns."""
 _TEST = re.compile(r"^test (\S.*?) \.\.\. (ok|FAILED|ignored)\b", re.MULTILINE)
+_BEGIN = re.compile(r"^running \d+ tests?$", re.MULTILINE)
+_END = re.compile(r"^test result: ", re.MULTILINE)
+"""The first and the last line of each test program and of the documentation tests."""
 _PANIC = re.compile(
     r" panicked at (?:'(.*?)', (\S+:\d+:\d+)|(\S+:\d+:\d+):\n(.*?))\s*(?=^(?:note|stack backtrace):|\Z)",
     re.MULTILINE | re.DOTALL,
@@ -81,6 +84,9 @@ def test(name: str, source: Path, folder: Path, result: Path, command: list[str]
     with _own_lock_file(source, folder), _cargo(command, source, name, stderr=subprocess.PIPE) as cargo:
         output = _forward(cargo)
     tests = _TEST.findall(output)
+    if len(_BEGIN.findall(output)) > len(_END.findall(output)):
+        # A test called exit(), with any code, or killed its program.
+        tests.append(("a test program ended before its last test", "FAILED"))
     result.parent.mkdir(parents=True, exist_ok=True)
     result.write_bytes(_junit(name, tests, dict(_OUTPUT.findall(output))))
     return TESTS_FAILED if any(outcome == "FAILED" for _, outcome in tests) else cargo.returncode

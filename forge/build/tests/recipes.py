@@ -67,6 +67,10 @@ class TestContext:
         """Return the folder for results of a package."""
         return (self.options.test_result_base or self.layout.build) / name
 
+    def not_run(self, name: str) -> Path:
+        """Return the result file that says why the tests of a package did not run, or not to the end."""
+        return self.results_of(name) / "test_results" / name / "not_run.xml"
+
 
 @frozen
 class PackageTests:
@@ -82,9 +86,15 @@ class PackageTests:
 
 def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> Recipe:
     """Return the CTest run with colcon's options; no steps without tests."""
-    if not look.configuration:
-        return Recipe()
     build = context.layout.build_dir(package.name)
+    folders = tuple(dict.fromkeys((build, context.results_of(package.name))))
+    stale = [folder / "Testing" / "TAG" for folder in folders]
+    if not (context.options.ctest_args and look.configuration):
+        # Each run gets a new name; a full run also removes results of deleted tests.
+        stale += [folder / "Testing" / "[0-9]*-[0-9]*" for folder in folders]
+        stale += [folder / "test_results" / package.name / "*.xml" for folder in folders]
+    if not look.configuration:
+        return Recipe(clean=tuple(stale))
     until_fail = context.options.retest_until_fail
     named = any(word in {"-C", "--build-config"} for word in context.options.ctest_args)
     argv = (
@@ -96,13 +106,10 @@ def ctest_recipe(package: Package, context: TestContext, look: PackageTests) -> 
     )
     step = Step(StepKind.CTEST, argv, build, meanings=_OF_CTEST)
     again = replace(step, argv=(*argv, "--rerun-failed"), condition=StepCondition.TESTS_FAILED)
-    # Each run gets a new name; a full run also removes results of deleted tests.
-    stale = [build / "Testing" / "TAG"]
-    if not context.options.ctest_args:
-        stale += [build / "Testing" / "[0-9]*-[0-9]*", build / "test_results" / package.name / "*.xml"]
     # CTest prints two errors without this file, which only `include(CTest)` creates.
     dart = build / "DartConfiguration.tcl"
-    files = () if dart.exists() else ((dart, ""),)
+    missing = (context.not_run(package.name), missing_result(package, "ctest"))
+    files = (missing,) if dart.exists() else ((dart, ""), missing)
     return Recipe((step, *(again,) * context.options.retest_until_pass), files, tuple(stale))
 
 
@@ -144,7 +151,8 @@ def pytest_recipe(package: Package, context: TestContext, look: PackageTests) ->
     env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
     step = Step(StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON)
     further = 0 if repeats or reruns else options.retest_until_fail or options.retest_until_pass
-    return Recipe((step, *(_again(step, context),) * further), ((junit, missing_result(package, "pytest")),))
+    missing = (junit, missing_result(package, "pytest"))
+    return Recipe((step, *(_again(step, context),) * further), (missing,), (junit.with_name("unittest.xml"),))
 
 
 def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> Recipe:
@@ -164,7 +172,8 @@ def unittest_recipe(package: Package, context: TestContext, _: PackageTests) -> 
     further = (_again(step, context),) * (
         context.options.retest_until_fail or context.options.retest_until_pass
     )
-    return Recipe((step, *further), ((junit, missing_result(package, "unittest")),))
+    missing = (junit, missing_result(package, "unittest"))
+    return Recipe((step, *further), (missing,), (junit.with_name("pytest.xml"),))
 
 
 def missing_result(package: Package, program: str) -> str:

@@ -184,10 +184,14 @@ def _report_coverage(covered: Sequence[CoveredLines], session: Session, origin: 
 def _record(event: Event, task: Task, setup: TestSetup, session: Session) -> None:
     """Record how the tests of a package ended, before this is reported.
 
-    A result may contain failures, or be unreadable, although its program exited with 0.
+    A result may contain failures, or be unreadable, although its program exited with 0, and the reverse.
     """
-    if isinstance(event, Finished) and any(outcome.counts.bad for outcome in setup.results_of(task)):
-        session.report.note_test_failures(task.name)
+    if isinstance(event, Finished):
+        fault = f"exited with code {event.code}" if event.code else ""
+        if task.name in session.report.failed_tests:
+            fault = "reported failed tests, but there is no result of one"
+        if any(outcome.counts.bad for outcome in setup.results_of(task, fault)):
+            session.report.note_test_failures(task.name)
     write_result_file(event, task, session.report.failed_tests)
 
 

@@ -137,6 +137,21 @@ def test_results_of_tests_become_junit(tree: Tree, monkeypatch: pytest.MonkeyPat
     assert (root / "src/Cargo.lock").exists()
 
 
+def test_a_test_program_that_ends_before_its_last_test_has_failed(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`exit(0)` in a test ends it and its program, and cargo takes that for success."""
+    root = write_cargo(
+        tree, "\nrunning 1 test\ntest a ... ok\n\ntest result: ok. 1 passed;\n\nrunning 2 tests\n"
+    )
+    monkeypatch.setenv("CODE", "0")
+    assert cargo_run.main(command_of_tests(root)) == cargo_run.TESTS_FAILED
+    result = root / "results/test.xml"
+    outcome = read_junit(parse_xml(result.read_bytes(), result), str(result), "")
+    assert outcome.counts == Counts(tests=2, failures=1)
+    assert [case.name for case in outcome.cases] == ["a test program ended before its last test"]
+
+
 @pytest.mark.parametrize(
     ("output", "message"),
     [
