@@ -171,9 +171,7 @@ def test_results_of_tests_are_not_waited_for(root: Path) -> None:
     os.mkfifo(root / "build/a/result.xml")
     os.mkfifo(root / "build/a/CTestTestfile.cmake")
     assert run(root, "test")[0] == 0
-    code, said = run(root, "test-result")
-    assert code == 0
-    assert "build/a/result.xml: warning: cannot read the result: it is a named pipe" in said
+    assert run(root, "test-result") == (0, "Summary: 0 tests, 0 errors, 0 failures, 0 skipped\n")
 
 
 def test_a_source_may_be_larger_than_the_memory(root: Path) -> None:
@@ -381,7 +379,7 @@ def test_an_empty_folder_of_a_python_package_is_no_installed_file(
 
 def test_a_wheel_with_line_breaks_in_names_is_installed_and_removed(tree: Tree) -> None:
     root = tree(PYTHON)
-    names = ("a\nb.txt", 'c,d "q".txt')
+    names = ("a\nb.txt", 'c,d "q".txt', "e\u2028f.txt")
     for name in names:
         (root / "src/p/p" / name).write_text("x")
     code, said = run(root, "build")
@@ -399,14 +397,6 @@ def test_a_name_that_no_wheel_can_hold_is_refused(tree: Tree) -> None:
     code, said = run(root, "build")
     assert code == 1
     assert r"src/p: error: the file name b'p/\xff.txt' is not UTF-8" in said
-
-
-def test_a_name_that_no_list_of_a_wheel_can_hold_is_refused(tree: Tree) -> None:
-    root = tree(PYTHON)
-    (root / "src/p/p" / "e\u2028f.txt").touch()
-    code, said = run(root, "build")
-    assert code == 1
-    assert "src/p: error: the package's build backend produced an invalid wheel" in said
 
 
 def test_what_a_package_removes_after_it_was_installed_is_not_missed(root: Path) -> None:
