@@ -103,7 +103,7 @@ class TaskLifecycle:
         task.build_dir.mkdir(parents=True, exist_ok=True)
         for path, text in task.files:
             write_if_changed(path, text)
-        exports = [f"export {name}={shlex.quote(value)}" for name, value in lasting_variables(environment)]
+        exports = [f"export {name}={shlex.quote(value)}" for name, value in changed_variables(environment)]
         write_if_changed(environment_file(task), "\n".join(exports) + "\n", mode=0o600)
         return environment
 
@@ -355,11 +355,12 @@ def _exit_descriptor(process: subprocess.Popen[bytes]) -> Iterator[int | None]:
         os.close(descriptor)
 
 
-def lasting_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """Return the variables that differ from forge's own environment and that are valid after this build."""
-    return tuple(pair for pair in changed_variables(variables) if pair[0] not in _OF_THIS_BUILD)
-
-
 def changed_variables(variables: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """Return the variables that differ from forge's own environment."""
-    return tuple(sorted((name, value) for name, value in variables.items() if os.environ.get(name) != value))
+    """Return the variables that differ from forge's own environment and that are valid after this build."""
+    return tuple(
+        sorted(
+            (name, value)
+            for name, value in variables.items()
+            if os.environ.get(name) != value and name not in _OF_THIS_BUILD
+        )
+    )

@@ -17,7 +17,7 @@ from forge.build.prefix import PrefixExchange
 from forge.build.up_to_date import FOR_COMPILERS
 from forge.environment.config_folders import config_folders, config_variables
 from forge.environment.sourcing import build_environment, package_edits
-from forge.execution.runner import ProcessRunner, TaskLifecycle, lasting_variables, unwrapped
+from forge.execution.runner import ProcessRunner, TaskLifecycle, changed_variables, unwrapped
 from forge.execution.started import BUILD_FOLDER_VARIABLE, StartedProcesses
 from forge.toolchain.interpreter import own_command
 from forge.toolchain.programs import CMAKE_TYPES
@@ -142,7 +142,7 @@ class TaskSetup:
             record = self.recorder.restored_record(task, found.build, files, empty)
             if tests_need_build(task.package):
                 has_tests = found.build.has_tests
-                variables = lasting_variables(self._environment(task)) if has_tests else ()
+                variables = changed_variables(self._environment(task)) if has_tests else ()
                 defer_build(task, variables, has_tests=has_tests)
         self._commit(task)
         return record

@@ -59,7 +59,7 @@ class ReferencedInputs:
         self._path_variables = frozenset(name for name in variables if name.endswith(("_ROOT", "_DIR")))
         self._lookup = ProgramLookup(variables)
         prefixes = (variables.get(name, "") for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"))
-        self._stamp = "\n".join((forge, self._lookup.stamp(), *prefixes))
+        self._stamp = digest_of_text("\n".join((forge, self._lookup.stamp(), *prefixes)))
         self._entries: dict[str, Entry] = {}
         self._files: dict[str, NamedFiles] = {}
         self._known: tuple[Mapping[str, Entry], Mapping[str, NamedFiles]] | None = None

@@ -89,6 +89,7 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
         ),
         ('Cannot specify link libraries for target "x" which is not built by', "defines 'x'"),
         ("can't copy 'launch/go.launch.py': doesn't exist", "did you mean 'launch/robot/go.launch.py'?"),
+        ("can't copy 'go.launch.py': doesn't exist", "did you mean 'launch/robot/go.launch.py'?"),
         ("was given\n  '/w/src/mine/msg/Oter.msg', which does\n  not exist", "did you mean 'msg/Other.msg'?"),
         (
             "Could not find the compiler specified in the environment variable CXX:\n  gxx.",
