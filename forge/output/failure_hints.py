@@ -234,6 +234,9 @@ def _no_such_file(path: str, context: FailureContext) -> str | None:
         return f"'{name}' is a folder, where files are expected: name its files, as with {example}"
     folders = {str(parent) for file in context.files for parent in PurePosixPath(file).parents}
     near = did_you_mean(name, {*context.files, *folders}, _SURE)
+    moved = [file for file in context.files if PurePosixPath(file).name == PurePosixPath(name).name]
+    if not near and len(moved) == 1:
+        return f"did you mean '{moved[0]}'?"
     return near or f"the package has no '{name}': create it, or remove the reference to it"
 
 
