@@ -74,7 +74,8 @@ class _Candidate:
 
 def _candidates(base: Path) -> Iterator[_Candidate]:
     homes: list[str] = []
-    for folder, names, files in os.walk(base):
+    denied: list[OSError] = []
+    for folder, names, files in os.walk(base, onerror=denied.append):
         names[:] = sorted(name for name in names if not name.startswith("."))
         home = _home(folder, str(base), homes, "Testing" in names)
         if os.path.basename(folder) == "Testing" and "TAG" in files:  # noqa: PTH119  (a walk is text)
@@ -89,6 +90,9 @@ def _candidates(base: Path) -> Iterator[_Candidate]:
                 is_expected = expected or (name in _OF_PYTHON and len(within) <= 1)
                 if is_expected or name in files:
                     yield _Candidate(f"{folder}/{name}", home, expected=is_expected)
+    for error in denied:
+        if isinstance(error, PermissionError):  # other folders were removed meanwhile
+            yield _Candidate(error.filename, str(base), expected=True)
 
 
 _OF_AMENT, _OF_PYTHON = "test_results", ("pytest.xml", "unittest.xml")

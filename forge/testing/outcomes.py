@@ -100,7 +100,7 @@ class BrokenResultError(ValueError):
 
 def read_junit(root: Element, path: str, home: str) -> Outcome:
     """Parse a JUnit file; raises NotAResultError if it is not one, BrokenResultError for invalid numbers."""
-    if root.tag not in {"testsuite", "testsuites"}:
+    if root.tag not in _SUITES:
         raise NotAResultError(f"the root element is '{root.tag}', not 'testsuite' or 'testsuites'")
     counts, elements = _suite_counts(root), list(_test_cases(root))
     failed = tuple(case for case in map(_junit_case, elements) if case.errors or case.failures)
@@ -168,8 +168,8 @@ def _suite_counts(suite: Element) -> Counts:
     A writer that dies or is wrong about its numbers hides no failed test.
     """
     numbers = {name: _number(suite.attributes, name) for name in _NUMBERS}
-    nested = sum(map(_suite_counts, suite.all("testsuite")), Counts())
-    cases = list(suite.all("testcase"))
+    nested = sum((_suite_counts(child) for child in suite.children if child.tag in _SUITES), Counts())
+    cases = list(_own_cases(suite))
     verdicts = [{child.tag for child in case.children} for case in cases]
     return Counts(
         max(numbers["tests"], nested.tests + len(cases)),
@@ -185,6 +185,7 @@ def _suite_counts(suite: Element) -> Counts:
     )
 
 
+_SUITES = ("testsuite", "testsuites")
 _SKIPPED = ("skip", "skipped", "disabled")
 _NUMBERS = ("tests", "errors", "failures", *_SKIPPED)
 
@@ -202,9 +203,17 @@ def _number(attributes: Mapping[str, str], name: str) -> int:
 
 def _test_cases(suite: Element) -> Iterator[Element]:
     """Yield the test cases of a suite and of the suites in it."""
+    yield from _own_cases(suite)
+    for child in suite.children:
+        if child.tag in _SUITES:
+            yield from _test_cases(child)
+
+
+def _own_cases(suite: Element) -> Iterator[Element]:
+    """Yield the test cases of a suite; one that has itself an error, for example in its setup, is another."""
     yield from suite.all("testcase")
-    for nested in suite.all("testsuite"):
-        yield from _test_cases(nested)
+    if any(child.tag in {"error", "failure"} for child in suite.children):
+        yield suite
 
 
 def _junit_case(case: Element) -> Case:

@@ -118,7 +118,7 @@ def test_values_of_variables_are_not_written_down(
     forge: Forge, tree: Tree, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tree(
-        cmake("a", "set(x $ENV{TOKEN})\n")
+        cmake("a", "set(x $ENV{TOKEN})\nenable_testing()\nadd_test(NAME t COMMAND true)\n")
         | {
             "src/p/package.xml": manifest_text("p", build_type="ament_python"),
             "src/p/setup.py": "import os\nfrom setuptools import setup\nos.environ.get('TOKEN')\n"
@@ -131,8 +131,13 @@ def test_values_of_variables_are_not_written_down(
     monkeypatch.setenv("CXXFLAGS", "-DTOKEN=geheim-8")
     monkeypatch.setenv("PYTHONPATH", "/geheim-9")
     monkeypatch.setenv("FORGE_CACHE_TOKEN", "geheim-10")
-    ran = forge("build", *options, cwd=root)
-    assert ran.code == 0, ran.err
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/geheim-11")
+    monkeypatch.setenv("CMAKE_PREFIX_PATH", "/geheim-12")
+    for _ in range(2):  # the second time from the cache
+        for folder in ("build", "install"):
+            shutil.rmtree(root / folder, ignore_errors=True)
+        ran = forge("build", *options, cwd=root)
+        assert ran.code == 0, ran.err
     for words in (("test",), ("build", *options, "--force"), ("info", "--json"), ("doctor",)):
         forge(*words, cwd=root)
     leaks = [

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import shutil
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from forge.testing.collecting import collect
 from tests.packages import manifest_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tests.conftest import Forge, Tree
 
 GOOD = '<testsuite name="a" tests="1" failures="0" errors="0" skipped="0"/>\n'
@@ -172,6 +173,25 @@ def test_results_are_read_in_their_encoding(forge: Forge, tree: Tree, encoding: 
     assert (ran.code, ran.err) == (1, "")
     assert "93 °C" in ran.out
     assert "Summary: 1 test, 0 errors, 1 failure" in ran.out
+
+
+def test_a_folder_that_cannot_be_read_may_contain_failures(
+    tree: Tree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = tree({"build/p/test_results/p/r.xml": "<testsuite failures='1'/>"})
+    folder = root / "build/p/test_results/p"
+    folder.chmod(0)
+    root.chmod(0o755)
+    monkeypatch.chdir(root)
+    user = os.geteuid()
+    os.seteuid(user or 65534)
+    try:
+        found = collect(Path("build")).outcomes
+    finally:
+        os.seteuid(user)
+        folder.chmod(0o755)
+    assert [(outcome.path, outcome.counts.errors) for outcome in found] == [("build/p/test_results/p", 1)]
+    assert "permission denied" in found[0].cases[0].errors[0].lower()
 
 
 def test_a_place_without_results_is_a_mistake(forge: Forge, tree: Tree) -> None:

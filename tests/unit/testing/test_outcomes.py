@@ -118,6 +118,8 @@ FAILED = "<testcase name='t'><failure message='no'/></testcase>"
         f"<testsuite tests='1' failures='0'><testsuite>{FAILED}</testsuite></testsuite>",
         "<testsuites tests='1' failures='1'><testsuite name='s'/></testsuites>",
         "<testsuites><testsuite><testsuite tests='1' failures='1'/></testsuite></testsuites>",
+        f"<testsuites><testsuites><testsuite>{FAILED}</testsuite></testsuites></testsuites>",
+        "<testsuite tests='0' errors='0' failures='0'><failure message='in its setup'/></testsuite>",
     ],
 )
 def test_no_failed_test_is_lost_if_the_numbers_disagree(text: str) -> None:
