@@ -42,7 +42,8 @@ def collect(base: Path) -> Collection:
     outcomes: list[Outcome] = []
     files: list[str] = []
     problems: list[Problem] = []
-    for found in _candidates(base):
+    denied: list[OSError] = []
+    for found in _candidates(base, denied):
         files += [found.tag] if found.tag else []
         try:
             outcomes.append(_read(found))
@@ -54,6 +55,11 @@ def collect(base: Path) -> Collection:
             outcomes.append(unreadable(found.path, found.home, reason))
         else:
             files.append(found.path)
+    for fault in denied:
+        if isinstance(fault, PermissionError):  # others were removed meanwhile
+            reason = f"cannot read the folder: {fault.strerror}"
+            problems.append(Problem(reason, Location(Path(fault.filename))))
+            outcomes.append(unreadable(fault.filename, str(base), reason))
     return Collection(
         tuple(sorted(outcomes, key=lambda outcome: outcome.path)), tuple(sorted(files)), tuple(problems)
     )
@@ -72,9 +78,9 @@ class _Candidate:
     expected: bool = False
 
 
-def _candidates(base: Path) -> Iterator[_Candidate]:
+def _candidates(base: Path, denied: list[OSError]) -> Iterator[_Candidate]:
+    """Yield what may be a result; append to `denied` why folders cannot be read."""
     homes: list[str] = []
-    denied: list[OSError] = []
     for folder, names, files in os.walk(base, onerror=denied.append):
         names[:] = sorted(name for name in names if not name.startswith("."))
         home = _home(folder, str(base), homes, "Testing" in names)
@@ -90,9 +96,6 @@ def _candidates(base: Path) -> Iterator[_Candidate]:
                 is_expected = expected or (name in _OF_PYTHON and len(within) <= 1)
                 if is_expected or name in files:
                     yield _Candidate(f"{folder}/{name}", home, expected=is_expected)
-    for error in denied:
-        if isinstance(error, PermissionError):  # other folders were removed meanwhile
-            yield _Candidate(error.filename, str(base), expected=True)
 
 
 _OF_AMENT, _OF_PYTHON = "test_results", ("pytest.xml", "unittest.xml")
