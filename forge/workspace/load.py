@@ -84,7 +84,8 @@ def load_workspace(  # noqa: PLR0913  (three are options)
     found = find_packages(root, query.search, variables)
     every = found.packages.keys() | {broken.name for broken in found.broken}
     query = _with_literal_names(query, found, every)
-    workspace = _without(found, ignored(query, every))
+    hidden = ignored(query, every)
+    workspace = _without(found, hidden)
     broken = _placeholders(workspace)
     whole = resolve_workspace(
         replace(workspace, packages={**workspace.packages, **broken}),
@@ -95,7 +96,7 @@ def load_workspace(  # noqa: PLR0913  (three are options)
             name for name, each in workspace.packages.items() if query.no_test_dependencies or untested(each)
         ),
     )
-    resolution, cycle_warnings = break_test_cycles(whole)
+    resolution, cycle_warnings = break_test_cycles(replace(whole, ignored=hidden))
     listing = install is None
     duplicates = workspace.duplicates if listing else ()
     packages = {

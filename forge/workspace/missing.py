@@ -89,7 +89,11 @@ def _together(
     known = tuple(resolution.known()) if found else ()
     problems: list[Problem] = []
     groups: dict[tuple[tuple[str, ...], str, str | None, str | None], list[str]] = {}
+    ignored: dict[tuple[str, ...], list[str]] = {}
     for dependency, users in sorted(found.items()):
+        if dependency in resolution.ignored:
+            ignored.setdefault(tuple(sorted(users)), []).append(dependency)
+            continue
         reason = resolution.withheld.get(dependency, "")
         if hint := resolution.elsewhere.get(dependency):
             problems.append(_of_another_distribution(dependency, users, resolution, hint))
@@ -103,7 +107,16 @@ def _together(
         )
         for (users, reason, near, place), names in groups.items()
     )
+    problems += (_ignored(names, users, resolution) for users, names in ignored.items())
     return tuple(problems)
+
+
+def _ignored(names: Sequence[str], users: Sequence[str], resolution: DependencyResolution) -> Problem:
+    which, them = ("which is", "it") if len(names) == 1 else ("which are", "them")
+    message = f"{_dependents(users)} {quoted_names(names)}, {which} in the workspace, but ignored"
+    location = declaration(resolution.packages[users[0]].manifest.path, names[0])
+    hint = f"if the build needs {them}, remove {them} from --packages-ignore and --packages-ignore-regex"
+    return Problem(message, location, hint)
 
 
 def _of_another_distribution(

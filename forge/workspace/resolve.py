@@ -63,8 +63,9 @@ class DependencyResolution:
     unresolved dependencies that look like ROS packages. `superseded` are embedded packages that must not be
     installed, because another package provides their names. `postponed` are test dependencies left out of
     `needs` to avoid cycles. `withheld` maps names of embedded packages whose family is not used to the
-    reason, `elsewhere` missing packages to a hint on the ROS distributions that have them. `known` returns
-    the names of all packages that a dependency can be resolved to, for suggestions.
+    reason, `elsewhere` missing packages to a hint on the ROS distributions that have them. `ignored` are
+    packages of the workspace that options ignore. `known` returns the names of all packages that a dependency
+    can be resolved to, for suggestions.
     """
 
     packages: Mapping[str, Package]
@@ -74,6 +75,7 @@ class DependencyResolution:
     postponed: Mapping[str, frozenset[str]] = field(default_factory=dict)
     withheld: Mapping[str, str] = field(default_factory=dict)
     elsewhere: Mapping[str, str] = field(default_factory=dict)
+    ignored: frozenset[str] = frozenset()
     known: Callable[[], Iterable[str]] = tuple
 
 

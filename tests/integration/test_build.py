@@ -70,6 +70,23 @@ SEEMS_REQUIRED = {
 """Ways to mention a package that CMake does without."""
 
 
+def test_a_dependency_that_is_ignored_is_not_called_absent(forge: Forge, tree: Tree) -> None:
+    made = {**files("rcl_a"), **files("warned", "<depend>rcl_a</depend>")}
+    made |= files("failing", "<depend>rcl_a</depend>")
+    made["src/failing/CMakeLists.txt"] = "project(failing NONE)\nfind_package(rcl_a REQUIRED)\ninstall()\n"
+    root = tree(made)
+    hint = "if the build needs it, remove it from --packages-ignore and --packages-ignore-regex"
+    for arguments in (("--packages-ignore", "rcl_a"), ("--packages-ignore-regex", "rcl")):
+        ran = forge("build", *arguments, cwd=root)
+        assert ran.code == 2
+        assert "error: 'failing' needs 'rcl_a', which is in the workspace, but ignored" in ran.err
+        ran = forge("build", *arguments, "--packages-skip", "failing", cwd=root)
+        assert ran.code == 0, ran.err
+        assert "warning: 'warned' needs 'rcl_a', which is in the workspace, but ignored" in ran.err
+        assert hint in ran.err
+        shutil.rmtree(root / "build")
+
+
 def test_what_only_seems_to_be_required_stops_no_build(forge: Forge, tree: Tree) -> None:
     made: dict[str, str] = {"src/Findrclcpp.cmake": "set(rclcpp_FOUND TRUE)\n"}
     for name, more in SEEMS_REQUIRED.items():
