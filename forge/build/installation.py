@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.files import read_file, replace_file, tree_below, write_if_changed
+from forge.base.files import BYTECODE, read_file, replace_file, tree_below, write_if_changed
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALL_STATE_FILE
 from forge.build.inputs.depfiles import written_by_backend
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from forge.base.layout import Layout
+    from forge.build.observed_writes import ObservedWrites
     from forge.toolchain.interpreter import Interpreter
     from forge.workspace.model import Package
 
@@ -96,9 +97,9 @@ def own_files(package: Package, layout: Layout) -> Iterator[str]:
 def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
     """Return what the steps of a package have just installed.
 
-    These are the files in install manifests. In an isolated prefix, so are files and folders that its steps
-    were observed to write there. If some process could not be observed, all that has appeared during the
-    build counts, and so does what an earlier build counted.
+    These are the files in install manifests, and files and folders that its steps were observed to write. If
+    some process could not be observed, all that has appeared in an isolated prefix during the build counts,
+    and so does what an earlier build counted.
     Raises WorkspaceError if a file of somebody else lay where the package has installed one.
     """
     name, prefix = package.name, layout.prefix(package.name)
@@ -108,9 +109,13 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     listed = {*listed_files(build), *(path for path in written_by_backend(build) if path.startswith(below))}
     raise_if_any(exchange.overwritten(listed), WorkspaceError)
     # A listed file may be missing: the package's own code can remove files that CMake installed.
-    if layout.merged:
-        return InstalledFiles(tuple(sorted(path for path in listed if os.path.lexists(path))))
     others, writes = exchange.others(), exchange.writes()
+    if layout.merged:
+        observed, made = _observed(writes, below)
+        observed.update(filter(os.path.lexists, listed))
+        raise_if_any(exchange.overwritten(observed), WorkspaceError)
+        made_folders = sorted(f"{path}/" for path in made if path not in others)
+        return InstalledFiles(tuple(sorted(observed)), tuple(made_folders))
     knows_all = writes.complete or package.build_type in CARGO_TYPES
     claimed, unclaimed = [path for path in listed if not path.startswith(below) and os.path.lexists(path)], []
     files, folders = tree_below(str(prefix))
@@ -126,6 +131,24 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
         if path not in others and (path in writes.folders or writes.contain(path) or not knows_all)
     ]
     return InstalledFiles(tuple(sorted((*claimed, *unclaimed))), tuple(sorted(empty)), frozenset(unclaimed))
+
+
+def _observed(writes: ObservedWrites, below: str) -> tuple[set[str], set[str]]:
+    """Return the observed files and empty folders that still exist below a merged prefix."""
+    files, empty = set[str](), set[str]()
+    for path in writes.files | writes.folders:
+        hidden = BYTECODE in path or path.startswith(f"{below}.forge")
+        if hidden or not path.startswith(below) or not os.path.lexists(path):
+            continue
+        if os.path.islink(path) or not os.path.isdir(path):  # noqa: PTH112, PTH114
+            files.add(path)
+        elif path in writes.files:
+            found, folders = tree_below(path)
+            files.update(inner for inner, _ in found)
+            empty.update(folders)
+        elif not os.listdir(path):  # noqa: PTH208
+            empty.add(path)
+    return files, empty
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:

@@ -25,23 +25,32 @@ _COUNTERS = struct.Struct("=QQ")
 
 @frozen
 class ObservedWrites:
-    """What the steps wrote, as absolute paths; a renamed folder stands for all that is in it.
+    """What the steps wrote and `removed`, as absolute paths; a renamed folder stands for all that is in it.
 
     `complete` is False if some process could not be observed.
     """
 
     files: frozenset[str] = frozenset()
     folders: frozenset[str] = frozenset()
+    removed: frozenset[str] = frozenset()
     complete: bool = False
 
     def contain(self, path: str) -> bool:
         """Return True if a step wrote this file or link, or renamed a folder that contains it."""
-        while path not in self.files:
-            parent = os.path.dirname(path)  # noqa: PTH120  (each installed file: no Path for each)
-            if parent == path:
-                return False
-            path = parent
-        return True
+        return _is_in(path, self.files)
+
+    def take_away(self, path: str) -> bool:
+        """Return True if a step removed this path, or removed or renamed a folder that contains it."""
+        return _is_in(path, self.removed)
+
+
+def _is_in(path: str, places: frozenset[str]) -> bool:
+    while path not in places:
+        parent = os.path.dirname(path)  # noqa: PTH120  (each installed file: no Path for each)
+        if parent == path:
+            return False
+        path = parent
+    return True
 
 
 def read_log(log: Path, prefix: Path) -> ObservedWrites:
@@ -53,7 +62,7 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
         return ObservedWrites()
     records = content[_COUNTERS.size :].split(b"\0")
     below, real = f"{prefix}/", ""
-    words: dict[bytes, set[str]] = {b"W": set(), b"D": set()}
+    words: dict[bytes, set[str]] = {b"W": set(), b"D": set(), b"U": set()}
     steps, complete = 0, records.pop() == b""
     for record in records:
         kind, word = record[:1], os.fsdecode(record[1:])
@@ -67,7 +76,8 @@ def read_log(log: Path, prefix: Path) -> ObservedWrites:
         else:
             complete = False
     complete = complete and steps > 0 and loaded == executed + steps
-    return ObservedWrites(frozenset(words[b"W"]), frozenset(words[b"D"]), complete)
+    files, folders, removed = (frozenset(words[kind]) for kind in (b"W", b"D", b"U"))
+    return ObservedWrites(files, folders, removed, complete)
 
 
 def begin_log(log: Path) -> None:

@@ -33,7 +33,7 @@ from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from forge.base.layout import Layout
     from forge.build.tasks import Task
@@ -225,19 +225,31 @@ class PrefixExchange:
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
         """Give back files of others that lay where the package has installed some; yield a problem for each.
 
+        What the steps were observed to remove without installing something there is given back as well.
+
         Of a package that another tool or an older forge installed, nobody knows which files are whose.
         """
         others = self.others() if self._noted("state").get("listed") else {}
-        copies = {path: self._others / number for number, path, *_ in _listed(self._others)} if others else {}
-        for path in sorted(set(installed)) if others else ():
-            if path in others and _stats(path) != others[path]:
-                if os.path.lexists(copies[path]):
-                    _restore_copy(copies[path], Path(path))
+        if not others:
+            return
+        copies = {path: self._others / number for number, path, *_ in _listed(self._others)}
+        known = _read_list(self._list, str(self._layout.install))
+        unclaimed = known.unclaimed if known else frozenset()
+        for path in sorted(set(installed)):
+            if path in others and path not in unclaimed and _stats(path) != others[path]:
+                _give_back(path, others[path], copies[path])
                 yield self._problem(path, path)
             elif os.path.isdir(path) and not os.path.islink(path):  # noqa: PTH112, PTH114
                 below = next((other for other in sorted(others) if other.startswith(f"{path}/")), None)
                 if below:
                     yield self._problem(path, below)
+        writes = self.writes()
+        for path in sorted(others) if writes.removed else ():
+            if not os.path.lexists(path) and writes.take_away(path):
+                blocking = next((p for p in _parents(path, self._prefix) if _is_no_folder(p)), None)
+                _give_back(path, others[path], copies[path])
+                if blocking:
+                    yield self._problem(blocking, path)
 
     def commit(self) -> tuple[Problem, ...]:
         """Drop the backup, once the new files are listed.
@@ -343,9 +355,10 @@ class PrefixExchange:
             if path not in others and path.startswith(f"{self._prefix}/"):
                 _remove_empty(f"{path}/x", self._prefix, others)
         for number, path, *status in _listed(self._others):
-            copy = self._others / number
-            if writes.contain(path) and _stats(path) != status and os.path.lexists(copy):
-                _restore_copy(copy, Path(path))
+            if _stats(path) != status and (
+                writes.contain(path) or (not os.path.lexists(path) and writes.take_away(path))
+            ):
+                _give_back(path, status, self._others / number)
 
     def _of_other_packages(self) -> dict[str, list[int]]:
         """Return the files that other packages have installed into the same prefix."""
@@ -470,7 +483,9 @@ def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
     """
     base, folder = str(layout.install), _shared_others(layout)
     lists = (layout.install / INSTALLED_LISTS_DIR).glob("*.json")
-    listed = {path for file in lists if (found := _read_list(file, base)) for path in found.files}
+    listed = {
+        path for file in lists if (found := _read_list(file, base)) for path in (*found.files, *found.folders)
+    }
     files, empty = foreign_entries(base) if listed or not (layout.install / PACKAGES).is_dir() else ([], [])
     listed.update(owned)
     foreign = [
@@ -552,6 +567,10 @@ def _status(path: str) -> os.stat_result | None:
         return None
 
 
+_MODE = 3
+"""The index of the mode in `_stats`."""
+
+
 def _stats(path: str) -> list[int]:
     """Return what tells whether a file was written: time, size, inode and mode."""
     status = _status(path)
@@ -570,6 +589,9 @@ def _copy_all(folder: Path, paths: Iterable[str], *, all_kinds: bool = False) ->
             status = os.lstat(path)
             if stat.S_ISREG(status.st_mode) or stat.S_ISLNK(status.st_mode):
                 _copy(Path(path), folder / str(number), linked=status.st_size > _SMALL)
+            elif all_kinds and not stat.S_ISDIR(status.st_mode):
+                with contextlib.suppress(OSError):  # another file system: no copy of a socket or pipe
+                    os.link(path, folder / str(number))
             elif not all_kinds:
                 continue  # not installed by a build: the installed file is gone
             kept.append((str(number), path, *_stats(path)))
@@ -631,6 +653,19 @@ def _copy(source: Path, target: Path, *, linked: bool) -> None:
             target.hardlink_to(source)
             return
     shutil.copy2(source, target, follow_symlinks=False)
+
+
+def _is_no_folder(path: str) -> bool:
+    return os.path.lexists(path) and not os.path.isdir(path)  # noqa: PTH112
+
+
+def _give_back(path: str, status: Sequence[int], kept: Path) -> None:
+    """Restore an entry of somebody else; of a folder, only its path and mode are known."""
+    if os.path.lexists(kept):
+        _restore_copy(kept, Path(path))
+    elif stat.S_ISDIR(status[_MODE]):
+        os.makedirs(path, exist_ok=True)  # noqa: PTH103
+        os.chmod(path, stat.S_IMODE(status[_MODE]))  # noqa: PTH101
 
 
 def _restore_copy(kept: Path, path: Path) -> None:

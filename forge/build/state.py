@@ -62,9 +62,9 @@ class BuildState:
     def begin(self) -> None:
         """Copy the files of others in a merged prefix, which a package could overwrite."""
         if self.layout.merged:
-            copy_others_of_merged(
-                self.layout, (path for record in self.journal.records.values() for path in record.files)
-            )
+            records = self.journal.records.values()
+            owned = (path.rstrip("/") for record in records for path in (*record.files, *record.folders))
+            copy_others_of_merged(self.layout, owned)
 
     def recover(self) -> None:
         """Remove partially written files if the last build was killed."""

@@ -12,6 +12,7 @@
  *
  *   W path   a file or link was written, or renamed to this path; a renamed folder with all that is in it
  *   D path   a folder was created
+ *   U path   a file, link or folder was removed, or renamed to another path
  *   P pid    forge has started a step
  *
  * The log is opened for each record, since programs close descriptors that they do not know.
@@ -249,16 +250,20 @@ int __openat64_2(int folder, const char *path, int flags) { return openat64(fold
 int rename(const char *old, const char *path)
 {
     int result = NEXT(rename)(old, path);
-    if (!result)
+    if (!result) {
+        written('U', AT_FDCWD, old);
         written('W', AT_FDCWD, path);
+    }
     return result;
 }
 
 int renameat(int from, const char *old, int folder, const char *path)
 {
     int result = NEXT(renameat)(from, old, folder, path);
-    if (!result)
+    if (!result) {
+        written('U', from, old);
         written('W', folder, path);
+    }
     return result;
 }
 
@@ -266,11 +271,34 @@ int renameat(int from, const char *old, int folder, const char *path)
 int renameat2(int from, const char *old, int folder, const char *path, unsigned int flags)
 {
     int result = NEXT(renameat2)(from, old, folder, path, flags);
-    if (!result)
+    if (!result) {
+        written('U', from, old);
         written('W', folder, path);
+    }
     return result;
 }
 #endif
+
+#define REMOVE(name)                                                    \
+    int name(const char *path)                                          \
+    {                                                                   \
+        int result = NEXT(name)(path);                                  \
+        if (!result)                                                    \
+            written('U', AT_FDCWD, path);                               \
+        return result;                                                  \
+    }
+
+REMOVE(unlink)
+REMOVE(rmdir)
+REMOVE(remove)
+
+int unlinkat(int folder, const char *path, int flags)
+{
+    int result = NEXT(unlinkat)(folder, path, flags);
+    if (!result)
+        written('U', folder, path);
+    return result;
+}
 
 int link(const char *old, const char *path)
 {

@@ -7,6 +7,7 @@ a compiler nothing is observed, and `forge.build.prefix` decides by the install 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import subprocess
@@ -95,6 +96,7 @@ def _library(folder: Path, variables: Mapping[str, str]) -> Path | None:
         )
         draft.replace(library)
     except (OSError, subprocess.SubprocessError):
-        draft.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            draft.unlink()
         return None
     return library

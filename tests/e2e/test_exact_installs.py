@@ -149,7 +149,14 @@ def test_files_folders_and_links_take_each_others_place(forge: Forge, tree: Tree
         assert before == clean[name]
 
 
-@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["isolated", "linked"])
+WITH_CODE = pytest.mark.parametrize(
+    "options",
+    [(), (LINKED,), (MERGED,), (MERGED, LINKED)],
+    ids=["isolated", "linked", "merged", "merged-linked"],
+)
+
+
+@WITH_CODE
 def test_what_code_of_a_package_installs_is_its_own(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
@@ -161,7 +168,7 @@ def test_what_code_of_a_package_installs_is_its_own(
     )
     root = tree(cmake("a", code.replace("{0}", "one")))
     build(forge, root, *options)
-    prefix = root / "install/a"
+    prefix = root / "install" / ("" if MERGED in options else "a")
     for path in ("share/one.txt", "share/one.link"):
         (prefix / path).unlink()
         hold_against_clean(forge, root, *options)
@@ -191,7 +198,7 @@ setup(name="a", version="1", cmdclass={"install": Hook})
 """
 
 
-@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["isolated", "linked"])
+@WITH_CODE
 def test_what_code_of_a_python_package_installs_is_its_own(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
@@ -199,7 +206,7 @@ def test_what_code_of_a_python_package_installs_is_its_own(
     manifest = manifest_text("a", build_type="ament_python")
     root = tree({"src/a/package.xml": manifest, "src/a/setup.py": SETUP.replace("NAME", "one")})
     build(forge, root, *options)
-    prefix = root / "install/a"
+    prefix = root / "install" / ("" if MERGED in options else "a")
     for path in ("one.copied", "one.started", "one.opened"):
         (prefix / path).unlink()
         hold_against_clean(forge, root, *options)

@@ -251,8 +251,6 @@ def test_a_package_does_not_install_over_files_of_others(
 ) -> None:
     """The build fails with both paths, and everything is as it was; without that file it succeeds."""
     body, mine, theirs = case
-    if options and body.startswith("install(CODE"):
-        pytest.skip("who wrote a file that no manifest lists is unknown in a merged prefix")
     root = tree(plain(""))
     assert forge("build", *options, cwd=root).code == 0
     prefix = root / "install" / ("" if options else "a")
@@ -270,6 +268,64 @@ def test_a_package_does_not_install_over_files_of_others(
         path.parent.rmdir()
     assert forge("build", *options, cwd=root).code == 0
     assert (prefix / theirs).read_text() == "2"
+
+
+@MERGED
+def test_a_pipe_and_a_folder_in_the_place_of_a_file_stay(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """CMake replaces the pipe, and changes the permissions of the folder."""
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    share = root / "install" / ("" if options else "a") / "share/a"
+    os.mkfifo(share / "pipe")
+    (share / "folder").mkdir(mode=0o750)
+    then = [(share / name).lstat() for name in ("pipe", "folder")]
+    lists = root / "src/a/CMakeLists.txt"
+    for name, status in zip(("pipe", "folder"), then, strict=True):
+        (root / "src/a" / name).write_text("2")
+        lists.write_text(f"{plain('')['src/a/CMakeLists.txt']}install(FILES {name} DESTINATION share/a)\n")
+        refuse(forge("build", *options, cwd=root), str(share / name))
+        assert (share / name).lstat()[:3] == status[:3]
+
+
+@MERGED
+@pytest.mark.parametrize(
+    "command", ["rm -r SHARE/mine", "mv SHARE/mine SHARE/theirs", "rm -r SHARE/mine; touch SHARE/mine"]
+)
+@pytest.mark.parametrize("end", ["", "install(CODE [[message(FATAL_ERROR no)]])\n"], ids=["well", "failing"])
+def test_what_code_of_a_package_removes_is_given_back(
+    forge: Forge, tree: Tree, options: tuple[str, ...], command: str, end: str
+) -> None:
+    root = tree(plain(""))
+    assert forge("build", *options, cwd=root).code == 0
+    share = root / "install" / ("" if options else "a") / "share/a"
+    for path in ("mine/deep/file", "mine/large"):
+        (share / path).parent.mkdir(parents=True, exist_ok=True)
+        (share / path).write_text("mine" * (50_000 if path.endswith("large") else 1))
+    (share / "mine/empty").mkdir()
+    before = {path: text for path, text in installed(root).items() if "mine" in path}
+    lists = root / "src/a/CMakeLists.txt"
+    script = command.replace("SHARE", "${CMAKE_INSTALL_PREFIX}/share/a")
+    code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
+    lists.write_text(f"{lists.read_text()}{code}\n{end}")
+    ran = forge("build", *options, cwd=root)
+    assert ran.code == (1 if end else 2 if "touch" in command else 0), ran.out + ran.err
+    after = installed(root)
+    assert {path: after.get(path) for path in before} == before
+    assert (share / "mine/empty").is_dir()
+
+
+def test_a_file_that_nobody_claimed_may_be_written_by_the_package_later(forge: Forge, tree: Tree) -> None:
+    """At first, the program that writes it is not observed."""
+    write = "sh -c 'echo 2 > ${CMAKE_INSTALL_PREFIX}/share/a/f'"
+    root = tree(plain(f"install(CODE [[execute_process(COMMAND env -i {write})]])"))
+    assert forge("build", cwd=root).code == 0
+    for text in (f"execute_process(COMMAND {write.replace('2', '3')})", "", "message(FATAL_ERROR no)"):
+        lists = plain(f"install(CODE [[{text}]])")["src/a/CMakeLists.txt"]
+        (root / "src/a/CMakeLists.txt").write_text(lists.replace("'", '"'))
+        ran = forge("build", cwd=root)
+        assert ran.code == (1 if "ERROR" in text else 0), ran.out + ran.err
 
 
 @MERGED
@@ -352,8 +408,7 @@ def test_nothing_is_lost_behind_a_mount(tree: Tree) -> None:
     """A volume in a prefix is left alone, in an install folder that is being rebuilt."""
     if shutil.which("unshare") is None or subprocess.run((*MOUNT, "true"), check=False).returncode:
         pytest.skip("no mounts in a namespace on this machine")
-    root = tree({**plain(""), "precious/p.txt": "mine", "install/a/data/.keep": ""})
-    (root / "install/a/data/.keep").unlink()
+    root = tree({**plain(""), "precious/p.txt": "mine"})
     script = f"""set -e
 {sys.executable} -m forge build
 mkdir -p install/a/data

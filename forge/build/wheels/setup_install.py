@@ -75,6 +75,9 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
     """Set the default folders, write fast scripts, and check where files are installed."""
     from distutils.command.install import install
     from distutils.dist import Distribution
+    from types import SimpleNamespace
+
+    from setuptools.command import install_egg_info
 
     select_scheme, run_command = install.select_scheme, Distribution.run_command
 
@@ -107,6 +110,8 @@ def _adapt(request: "dict[str, Any]", outside: str) -> None:
                     sys.exit(1)
         run_command(self, command)
 
+    # The prefix has no files of an earlier build: what is in the folder belongs to somebody else.
+    install_egg_info.dir_util = SimpleNamespace(remove_tree=lambda *_, **__: None)  # type: ignore[attr-defined]
     install.select_scheme = select_own_scheme  # type: ignore[method-assign]
     Distribution.run_command = run_checked  # type: ignore[method-assign]
     try:

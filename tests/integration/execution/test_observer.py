@@ -88,6 +88,30 @@ def test_everything_that_a_step_writes_is_observed(
     ] == []
 
 
+REMOVERS = {
+    "rm": "rm a; rm -r d",
+    "mv": "mv a ../moved; mv d ../gone",
+    "find": "find . -mindepth 1 -delete",
+    "python": 'python3 -c \'import os, shutil; os.remove("a"); shutil.rmtree("d")\'',
+    "cmake": "cmake -E rm a; cmake -E rm -r d",
+    "perl": "perl -e 'unlink q(a); unlink q(d/f); rmdir q(d)'",
+}
+
+
+@pytest.mark.parametrize("remover", REMOVERS)
+def test_everything_that_a_step_removes_is_observed(
+    observed: tuple[Layout, Task, Observer], remover: str
+) -> None:
+    prefix = observed[1].prefix
+    (prefix / "d").mkdir()
+    for name in ("a", "d/f"):
+        (prefix / name).write_text("x")
+    writes = run(REMOVERS[remover], observed)
+    assert writes.complete
+    assert all(writes.take_away(f"{prefix}/{name}") for name in ("a", "d", "d/f"))
+    assert not writes.take_away(f"{prefix}/b")
+
+
 def test_nothing_is_observed_that_others_write(observed: tuple[Layout, Task, Observer]) -> None:
     prefix = observed[1].prefix
     writes = run(f"cat /etc/passwd > {prefix.parent.parent}/out; ls > /dev/null; echo x > a", observed)
