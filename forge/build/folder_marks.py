@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from forge.build.model import BuildRecord
 
 BUILDERS = ("colcon", "forge")
+_OTHER_BUILDERS = ("ament_tools", "catkin build", "catkin_make", "catkin_make_isolated")
+"""Tools that write the same mark; any other word in a folder with forge's journal was damaged."""
 _OWN_MARKS = (SCRATCH_DIR, TEST_SCRATCH_DIR)
 _COLCON_MARKS = (BUILD_RESULT, TEST_RESULT, "cmake_args.last", "colcon_command_prefix_*.sh")
 _BASE_MARKS = (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK, INSTALLED_LISTS_DIR)
@@ -51,12 +53,14 @@ def builder(build: Path) -> str | None:
     """Return the tool that created a build folder; None without a mark, or with one that was damaged."""
     word = text_or_nothing(build / BUILT_BY).strip()
     damaged = not _WORD.fullmatch(word) or (build / JOURNAL_FILE).is_file()
-    return word if word in BUILDERS or not damaged else None
+    return word if word in {*BUILDERS, *_OTHER_BUILDERS} or not damaged else None
 
 
 def is_own_build_base(build: Path) -> bool:
     """Tell whether forge or colcon created the build folder of a workspace."""
-    return builder(build) in BUILDERS or ((build / BUILT_BY).is_file() and (build / JOURNAL_FILE).is_file())
+    tool = builder(build)
+    marked = (build / BUILT_BY).is_file() and (build / JOURNAL_FILE).is_file()
+    return tool in BUILDERS or (tool is None and marked)
 
 
 def is_own_install_base(install: Path) -> bool:
