@@ -12,6 +12,7 @@ import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from forge.base.files import naming
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
@@ -119,6 +120,7 @@ def append(log: str | None, *records: bytes) -> None:
         descriptor = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC) if log else -1
         if descriptor >= 0:
             try:
-                os.write(descriptor, b"".join(b"%s\0" % record for record in records))
+                with naming(Path(log or "")):
+                    os.write(descriptor, b"".join(b"%s\0" % record for record in records))
             finally:
                 os.close(descriptor)

@@ -117,7 +117,7 @@ def test_programs_of_the_build_and_of_tests_run_under_qemu(tree: Tree, forge: Fo
     assert tested.code == 0, tested.err
     assert "2 tests, 0 errors, 0 failures, 0 skipped" in tested.out
     cleaned = forge("clean", "workspace", "--yes", cwd=root)
-    assert f"- build/{TARGET} (build folder for '{TARGET}')" in cleaned.out
+    assert f"(build folder of 'ament_cmake', for '{TARGET}')" in cleaned.out
     assert not (root / "build").exists()
     assert not (root / "install").exists()
 

@@ -102,6 +102,7 @@ def test_modules_on_the_path_and_in_the_folder_are_left_out(tree: Tree, foreign:
         (root / name).symlink_to(foreign / name)
         (root / f"build/own/{name}").parent.mkdir(parents=True, exist_ok=True)
         (root / f"build/own/{name}").symlink_to(foreign / name)
+    (root / "build/own/.forge").mkdir()  # the mark of forge's build folders
     run(root, str(COMMAND), "build", python_path=f"{foreign}:")
     said = run(root, str(COMMAND), "interface", "show", "std_msgs/msg/String", python_path=foreign)
     assert "string data" in said

@@ -23,7 +23,7 @@ from forge.base.errors import EnvironmentFault, Location, Problem, WorkspaceErro
 from forge.base.files import delete_tree, listed_paths, read_file, replace_file
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
-from forge.base.layout import SCRATCH_DIR
+from forge.base.layout import PACKAGE, SCRATCH_DIR
 from forge.build.inputs.depfiles import READ_BY_BACKEND, WRITTEN_BY_BACKEND, external_inputs
 from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_unobserved, note_written
@@ -167,6 +167,10 @@ def run_setup_install(options: SetupInstall) -> tuple[tuple[Path, ...], str]:
             note_written(path)
         for started in traced.started:
             note_unobserved(started.program)
+    if source.is_relative_to(PACKAGE):
+        # The path from an embedded package to the build folder depends on where both are.
+        for listing in filter(lambda path: path.name == "SOURCES.txt", map(Path, installed)):
+            replace_file(listing, read_file(listing).replace(os.fsencode(f"{egg_base}/"), b""))
     return tuple(map(Path, installed)), trace.output
 
 
