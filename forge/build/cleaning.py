@@ -137,9 +137,11 @@ def workspace_removables(
         ("build", layout.build, is_own_build_base, BUILD_BASE_FILES),
         ("install", layout.install, is_own_install_base, _INSTALL_FILES),
     ):
-        if base in bases and is_own(chosen):
+        targets = tuple(_targets(layout))
+        # The install folder around those of targets has no mark but them.
+        if base in bases and (is_own(chosen) or any(target.install.parent == chosen for target in targets)):
             yield from (removable for removable in found if removable.base == chosen)
-            for target in _targets(layout):
+            for target in targets:
                 below = open_journal(target.build).records
                 for removable in workspace_removables(target, below, (base,)):
                     yield replace(removable, label=f"{removable.label}, for '{target.target}'")
